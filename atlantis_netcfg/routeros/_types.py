@@ -1,0 +1,168 @@
+"""The value objects of the RouterOS engine: what was observed, what would change, and what did."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Self
+
+from atlantis_netcfg.secret import MASK
+
+__all__ = [
+    "Action",
+    "Drift",
+    "Facts",
+    "Layer",
+    "Observed",
+    "Owner",
+    "Plan",
+    "Row",
+    "Verb",
+    "Version",
+]
+
+Row = Mapping[str, str]
+"""One item of a menu as the device's API returned it: property name to the device's own string, `.id` included."""
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Version:
+    """A RouterOS version, `MAJOR.MINOR[.PATCH][betaN|rcN]`; a stable one is above its rc, an rc above its beta."""
+
+    major: int
+    minor: int
+    patch: int = 0
+    maturity: int = 2
+    build: int = 0
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read `7.18.2 (stable)` as `/system/resource` prints it. Raises ValueError on anything else."""
+        match = re.fullmatch(r"(\d+)\.(\d+)(?:\.(\d+))?(?:(beta|rc)(\d+))?(?: \(.+\))?", text.strip())
+        if match is None:
+            raise ValueError(f"not a RouterOS version: {text!r}")
+        major, minor, patch, stage, build = match.groups()
+        return cls(int(major), int(minor), int(patch or 0), {"beta": 0, "rc": 1}.get(stage, 2), int(build or 0))
+
+    def __str__(self) -> str:
+        patch = f".{self.patch}" if self.patch else ""
+        stage = ("beta", "rc", "")[self.maturity]
+        return f"{self.major}.{self.minor}{patch}{stage}{self.build if stage else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the preflight read about the device and about our own session on it."""
+
+    identity: str
+    version: Version
+    board: str
+    architecture: str
+    device_mode: Mapping[str, str]
+    packages: tuple[str, ...]
+    policies: frozenset[str]
+    has_safe_mode: bool
+    safe_mode_owner: str | None
+    """Who holds safe mode now, or None when nobody does (or the device has no safe mode)."""
+    session_address: str
+    """The address from which the device sees our session (`/user/active`)."""
+    history: int
+    """Entries in `/system/history` before the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """The device as it was read in one go: facts, and the rows of every menu that was asked for, in device order."""
+
+    facts: Facts
+    rows: Mapping[str, tuple[Row, ...]]
+
+
+class Verb(StrEnum):
+    """What an action does to a menu."""
+
+    ADD = "add"
+    SET = "set"
+    MOVE = "move"
+    REMOVE = "remove"
+
+
+class Layer(IntEnum):
+    """Order of dependence: a row may only name rows of lower layers, and removal comes after everything is in place."""
+
+    FOUNDATION = 0
+    """Names that others refer to: bridges, interface lists, routing tables, pools, address lists, profiles, settings."""
+    ATTACHMENT = 1
+    """What hangs on them: bridge ports, addresses, list members, DHCP servers, VPN clients."""
+    POLICY = 2
+    """What uses those: firewall, NAT, queues, leases, routes, routing rules."""
+    CLEANUP = 3
+    """What closes doors or takes things away: removals, services, default routes that move traffic."""
+
+
+class Owner(StrEnum):
+    """Whose a row is, read off the device."""
+
+    OURS = "ours"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One change of one menu, complete enough to be sent, shown, journalled and counted without looking anything up."""
+
+    number: int
+    layer: Layer
+    menu: str
+    """API path, e.g. `/ip/firewall/filter`."""
+    verb: Verb
+    subject: str
+    """What a person calls the row, e.g. `10.64.1.1/24 on bridge-lan`."""
+    ids: tuple[str, ...] = ()
+    """`.id`s of existing rows for set, move and remove; empty for add and for a set of a settings menu."""
+    values: tuple[tuple[str, str], ...] = ()
+    """Properties to write; a name that starts with `!` is unset."""
+    before: str | None = None
+    """add, move: the `.id` of the existing row to stand before; None is the end of the menu."""
+    secrets: frozenset[str] = frozenset()
+    """Names in `values` that are never shown."""
+    inert: bool = False
+    """Cannot by itself change traffic, access or the management path (a pool, an address-list entry of a new list)."""
+
+    @property
+    def weight(self) -> int:
+        """Entries that this action takes in the device's history; counted per row, the cautious reading."""
+        return max(1, len(self.ids))
+
+    def shown(self) -> tuple[tuple[str, str], ...]:
+        """`values` with secrets masked: the only form for plans, journals and logs."""
+        return tuple((name, MASK if name in self.secrets else value) for name, value in self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """A row that differs from the declaration and is not ours to change, or that somebody changed behind our back."""
+
+    menu: str
+    subject: str
+    owner: Owner
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Everything that would change on one device, in the order in which it would be sent."""
+
+    device: str
+    actions: tuple[Action, ...]
+    diff: str
+    """The same in the device's own export language with `+`, `-` and ` ` margins; secrets masked; empty if nothing changes."""
+    drift: tuple[Drift, ...] = ()
+    notes: Sequence[str] = field(default_factory=tuple)
+
+    @property
+    def weight(self) -> int:
+        """Entries in the device's history that the whole plan takes."""
+        return sum(action.weight for action in self.actions)
