@@ -1,4 +1,4 @@
-"""What happens during a run, told to whoever subscribes: progress line, journal, JSON. The engine itself never prints."""
+"""What happens during a run, told to whoever subscribes: progress line, journal, JSON. The engine never prints."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ class Layer(IntEnum):
     """Order of dependence: a row may only name rows of lower layers, and removal comes after everything is in place."""
 
     FOUNDATION = 0
-    """Names that others refer to: bridges, interface lists, routing tables, pools, address lists, profiles, settings."""
+    """Names that others refer to: bridges, interface lists, routing tables, pools, address lists, settings."""
     ATTACHMENT = 1
     """What hangs on them: bridge ports, addresses, list members, DHCP servers, VPN clients."""
     POLICY = 2
@@ -158,7 +158,7 @@ class Plan:
     device: str
     actions: tuple[Action, ...]
     diff: str
-    """The same in the device's own export language with `+`, `-` and ` ` margins; secrets masked; empty if nothing changes."""
+    """The same in the device's own export language with margins `+`, `-`; secrets masked; empty: nothing changes."""
     drift: tuple[Drift, ...] = ()
     notes: Sequence[str] = field(default_factory=tuple)
 

@@ -1,0 +1,208 @@
+"""The boxes of a site, told apart by `kind`. `host_vars/<host>.yml`, key `device`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from atlantis_netcfg.site.model._base import Address, HostName, MacAddress, Model, Name, SecretText
+from atlantis_netcfg.site.model.pilot import Transport
+
+__all__ = [
+    "Access",
+    "ControlCentre",
+    "Cpe",
+    "Device",
+    "Forward",
+    "Gateway",
+    "LteRouter",
+    "Poe",
+    "PoeMode",
+    "Port",
+    "PortUse",
+    "PowerSource",
+    "Ptp",
+    "PtpMode",
+    "PtpProtocol",
+    "Router",
+    "SatelliteTerminal",
+    "VpnClient",
+    "VpnServer",
+]
+
+
+class PowerSource(Model):
+    """The PoE port that feeds a device."""
+
+    device: HostName
+    port: str
+
+
+class _Box(Model):
+    model: str | None = None
+    """What is printed on it; null until the partner has told."""
+    mac: MacAddress | None = None
+    powered_by: PowerSource | None = None
+
+
+class Access(Model):
+    """How the toolkit reaches a RouterOS device."""
+
+    address: Address
+    port: Annotated[int, Field(ge=1, le=65535)] = 8729
+    """Of service `api-ssl`."""
+    user: str = "provision"
+    password: SecretText
+    via: Name = "lan"
+    """`lan` from the management port, or the bearer over which the technician works."""
+
+
+class PoeMode(StrEnum):
+    """RouterOS' words (MikroTik manual, PoE-Out)."""
+
+    AUTO_ON = "auto-on"
+    FORCED_ON = "forced-on"
+    OFF = "off"
+
+
+class Poe(Model):
+    """Power on a port; 0 is the last to be cut when power is short."""
+
+    out: PoeMode = PoeMode.AUTO_ON
+    priority: Annotated[int, Field(ge=0, le=99)] = 10
+
+
+class PortUse(StrEnum):
+    """What a port of the router is for."""
+
+    LAN = "lan"
+    LINK = "link"
+    MANAGEMENT = "management"
+    OFF = "off"
+
+
+class Port(Model):
+    """One Ethernet port of the router."""
+
+    name: Annotated[str, Field(pattern=r"^(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?$")]
+    """The factory name (`default-name`), like ether1."""
+    use: PortUse
+    link: Name | None = None
+    """With `use: link`: the bearer or served link on it."""
+    poe: Poe | None = None
+    """Only for ports that can feed power."""
+
+
+class VpnClient(Model):
+    """The router itself is the site's end of the VPN."""
+
+    certificate: str
+    """Name of the client certificate on the device."""
+    user: Annotated[str, Field(max_length=27)]
+    """RouterOS sends one even with certificates, 27 characters at most (MikroTik manual, OpenVPN)."""
+    password: SecretText
+    address: Address
+    """Its fixed tunnel address, inside the infrastructure pool."""
+
+
+class Forward(Model):
+    """A port of the public address that leads to a host of the LAN."""
+
+    transport: Transport
+    port: Annotated[int, Field(ge=1, le=65535)]
+    to: HostName
+
+
+class Router(_Box):
+    """The MikroTik router of a site."""
+
+    kind: Literal["router"]
+    access: Access
+    ports: Annotated[tuple[Port, ...], Field(min_length=2)]
+    vpn_client: VpnClient | None = None
+    forwards: tuple[Forward, ...] = ()
+
+
+class PtpMode(StrEnum):
+    """Which end of the bridge."""
+
+    ACCESS_POINT = "access_point"
+    STATION = "station"
+
+
+class PtpProtocol(StrEnum):
+    """RouterOS' words for `wireless-protocol`."""
+
+    IEEE_80211 = "802.11"
+    NSTREME = "nstreme"
+    NV2 = "nv2"
+
+
+class Ptp(Model):
+    """Radio settings of one end; both ends must agree."""
+
+    peer: HostName
+    mode: PtpMode
+    ssid: Annotated[str, Field(min_length=1, max_length=32)]
+    protocol: PtpProtocol
+    standard: Literal["802.11a", "802.11g", "802.11n", "802.11ac", "802.11ax"]
+    band: Literal["2ghz", "5ghz"]
+    frequency_mhz: int
+    width_mhz: Literal[20, 40, 80] = 20
+    country: Literal["portugal", "belgium"]
+    outdoor: bool = True
+    key: SecretText
+
+
+class Cpe(_Box):
+    """One end of the directional Wi-Fi bridge."""
+
+    kind: Literal["cpe"]
+    access: Access
+    ptp: Ptp
+
+
+class LteRouter(_Box):
+    """The outdoor 3G/4G unit."""
+
+    kind: Literal["lte_router"]
+    address: Address
+
+
+class SatelliteTerminal(_Box):
+    """The Thales VesseLINK: no machine interface of it is documented, so its own settings are declared, not driven."""
+
+    kind: Literal["satellite_terminal"]
+    address: Address
+
+
+class _LanHost(_Box):
+    address: Address
+    """In the site's LAN."""
+    vpn_address: Address | None = None
+
+
+class Gateway(_LanHost):
+    """The data gateway computer."""
+
+    kind: Literal["gateway"]
+
+
+class VpnServer(_LanHost):
+    """Runs the OpenVPN server."""
+
+    kind: Literal["vpn_server"]
+
+
+class ControlCentre(_LanHost):
+    """Runs the control centre's services."""
+
+    kind: Literal["control_centre"]
+
+
+Device = Annotated[
+    Router | Cpe | LteRouter | SatelliteTerminal | Gateway | VpnServer | ControlCentre,
+    Field(discriminator="kind"),
+]

@@ -1,0 +1,113 @@
+"""What holds for the whole pilot: time, VPN, partners, vehicles. One file of `group_vars/all/` each."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from atlantis_netcfg.site.model._base import Address, HostName, Model, Name, Network
+
+__all__ = [
+    "Column",
+    "Partner",
+    "Pilot",
+    "TimeServer",
+    "Transport",
+    "Vehicle",
+    "VehicleKind",
+    "Vpn",
+]
+
+
+class Transport(StrEnum):
+    """What carries the tunnel."""
+
+    UDP = "udp"
+    TCP = "tcp"
+
+
+class TimeServer(Model):
+    """A time server by address: names do not resolve while the clock is wrong and the satellite filter is closed."""
+
+    name: str
+    address: Address
+
+
+class Vpn(Model):
+    """The OpenVPN that joins sites, robots and partners."""
+
+    server: HostName
+    """Host that runs the server; it stands at the SCC."""
+    endpoint: Address
+    """Public address at which every site reaches the server."""
+    endpoint_name: str
+    """DNS name in the server's certificate; RouterOS compares it with what it connects to."""
+    port: Annotated[int, Field(ge=1, le=65535)] = 1194
+    transport: Transport = Transport.UDP
+    network: Network
+    """All tunnel addresses; the pools below and those of the partners lie inside."""
+    infrastructure: Network
+    """Pool of routers, gateways and servers of the sites."""
+    cipher: Literal["aes256-gcm", "aes128-gcm"] = "aes256-gcm"
+    """RouterOS does not negotiate: both ends name the same (MikroTik manual, OpenVPN)."""
+
+
+class Partner(Model):
+    """An organisation that joins through the VPN."""
+
+    full_name: str
+    vpn_pool: Network
+
+
+class VehicleKind(StrEnum):
+    """The report's words for its robots."""
+
+    AUV = "auv"
+    ASV = "asv"
+    UAV = "uav"
+    ROV = "rov"
+
+
+class Column(StrEnum):
+    """The columns of the report's Table 3, in its order."""
+
+    WIFI = "wifi"
+    ACOUSTIC = "acoustic"
+    SATELLITE = "satellite"
+    USBL = "usbl"
+    RC_RF = "rc_rf"
+    LTE = "4g"
+    GPS = "gps"
+
+
+class Vehicle(Model):
+    """A robot of the report's Table 3, under its own inventory key."""
+
+    name: str
+    """As Table 3 prints it."""
+    kind: VehicleKind
+    aliases: tuple[str, ...] = ()
+    """Other names that the report uses; the partner confirms them."""
+    partner: Name | None = None
+    """Key in `partners`; null where the report does not say."""
+    table3: tuple[Column, ...]
+    """The X cells of its row."""
+    table3_deviation: str | None = None
+    """Why `table3` differs from the report; required if it does."""
+    ethernet: bool = False
+    """Our extension, not part of Table 3: the vehicle is also reached by cable."""
+
+
+class Pilot(Model):
+    """Values that every site shares."""
+
+    name: str
+    example_values: bool
+    """True while the inventory holds the shipped example values: only rehearsals may use them."""
+    country: Literal["portugal", "belgium"]
+    """Regulatory domain of the radios, RouterOS' own word."""
+    time_zone: str
+    time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]
+    vpn: Vpn

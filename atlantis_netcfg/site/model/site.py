@@ -1,0 +1,142 @@
+"""One site: its address plan and the bearers that carry it to the control centre.
+
+Stands in `group_vars/<site>.yml`, key `site`.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
+
+from atlantis_netcfg.site.model._base import Address, HostName, MacAddress, Model, Name, Network
+from atlantis_netcfg.site.model.pilot import Column, Transport
+
+__all__ = [
+    "AllowedTarget",
+    "Bearer",
+    "BearerKind",
+    "DhcpRange",
+    "Lan",
+    "LinkRate",
+    "LocationRow",
+    "Management",
+    "Reservation",
+    "ServedLink",
+    "Site",
+]
+
+
+class Reservation(Model):
+    """A DHCP address that always goes to the same network card."""
+
+    name: Name
+    mac: MacAddress
+    address: Address
+
+
+class DhcpRange(Model):
+    """Addresses that are handed to unknown devices."""
+
+    first: Address
+    last: Address
+    lease_minutes: Annotated[int, Field(ge=2, le=10080)] = 60
+
+
+class Lan(Model):
+    """The site's local network: robots, gateway, operator stations."""
+
+    network: Network
+    gateway: Address
+    """The router's own address in it."""
+    domain: str
+    dhcp: DhcpRange
+    reservations: tuple[Reservation, ...] = ()
+
+
+class Management(Model):
+    """The network of the router's management port, where a technician's laptop stands."""
+
+    network: Network
+    technician: Address
+    """Address of the laptop on that port."""
+    admit: Annotated[tuple[Network, ...], Field(min_length=1)]
+    """Prefixes from which the routers' own firewall admits management."""
+
+
+class BearerKind(StrEnum):
+    """What carries a site's traffic to the rest of the world."""
+
+    WIFI_PTP = "wifi_ptp"
+    LTE = "lte"
+    SATELLITE = "satellite"
+    ETHERNET = "ethernet"
+
+
+class LinkRate(Model):
+    """What a bearer can do, for estimates and rehearsals."""
+
+    rtt_ms: Annotated[float, Field(gt=0, le=5000)]
+    up_kbps: Annotated[float, Field(gt=0)]
+    down_kbps: Annotated[float, Field(gt=0)]
+
+
+class AllowedTarget(Model):
+    """A destination that may be reached over the satellite."""
+
+    name: str
+    address: Address
+    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """None admits every port; with a port, `transport` says of which protocol."""
+    transport: Transport = Transport.UDP
+
+
+class Bearer(Model):
+    """A long-haul link of the site. The order of the list is the order of preference."""
+
+    name: Name
+    kind: BearerKind
+    device: HostName | None = None
+    """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
+    metered: bool
+    network: Network
+    address: Address
+    """The router's own address in `network`."""
+    gateway: Address
+    canaries: tuple[Address, ...] = ()
+    """Two addresses beyond the link, pinged over it and used for nothing else; none: the link is not probed."""
+    rate: LinkRate
+    allow: tuple[AllowedTarget, ...] = ()
+    """Satellite only: everything else is dropped at the router."""
+
+
+class ServedLink(Model):
+    """A link that ends here and carries another site: the SCC's end of the Wi-Fi bridge."""
+
+    name: Name
+    device: HostName
+    network: Network
+    address: Address
+    """The router's own address in `network`."""
+    carries: Name
+    """The site at the other end."""
+
+
+class LocationRow(Model):
+    """The location's own row of the checklist; the report's location rows are lost, so it starts empty."""
+
+    table3: tuple[Column, ...] = ()
+    ethernet: bool = False
+    """Our extension, not part of Table 3."""
+
+
+class Site(Model):
+    """A place of the pilot."""
+
+    title: str
+    lan: Lan
+    management: Management
+    bearers: Annotated[tuple[Bearer, ...], Field(min_length=1)]
+    served_links: tuple[ServedLink, ...] = ()
+    location: LocationRow = LocationRow()
