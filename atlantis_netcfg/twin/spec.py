@@ -1,0 +1,116 @@
+"""What a router twin is made of: the box, its version and device-mode, its users, and the path by which we manage it.
+
+Everything here is data that survives a round trip through JSON
+(`RouterSpec.model_validate_json(spec.model_dump_json())`).
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from enum import StrEnum
+from ipaddress import IPv4Address, IPv4Interface
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+__all__ = ["DeviceMode", "Execute", "Management", "Mode", "RouterSpec", "User"]
+
+ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class User(_Spec):
+    """An account of the router; `group` names a row of `/user/group`."""
+
+    name: str
+    password: str = ""
+    group: str = "full"
+    disabled: bool = False
+    address: str = ""
+
+
+class Management(_Spec):
+    """The path by which the technician reaches the router: `technician` sends packets into `port` to `address`."""
+
+    address: str = "10.64.101.1/24"
+    port: str = "ether8"
+    technician: str = "10.64.101.10"
+
+    @property
+    def local(self) -> str:
+        """The router's own address, without its prefix length."""
+        return str(IPv4Interface(self.address).ip)
+
+    @model_validator(mode="after")
+    def _addresses(self) -> Self:
+        IPv4Interface(self.address)
+        IPv4Address(self.technician)
+        return self
+
+
+class Mode(StrEnum):
+    """Modes of `/system/device-mode` (Manual, Device-mode)."""
+
+    HOME = "home"
+    BASIC = "basic"
+    ADVANCED = "advanced"
+    ROSE = "rose"
+
+
+class DeviceMode(_Spec):
+    """`/system/device-mode`: a mode, features that were switched one by one (`{"scheduler": False}`), and the flag."""
+
+    mode: Mode = Mode.ADVANCED
+    features: dict[str, bool] = Field(default_factory=dict)
+    flagged: bool = False
+
+
+class Execute(StrEnum):
+    """What `/execute as-string` does when its script stops at an error, or that the router has no `/execute`."""
+
+    OUTPUT = "output"
+    """The error's text is the last line of the output."""
+    TRAP = "trap"
+    """The output is lost and the error comes as `!trap`."""
+    NONE = "none"
+    """`no such command`."""
+
+
+class RouterSpec(_Spec):
+    """One emulated router in its "adopted" state: the factory's rows without a default configuration, then `seed`."""
+
+    name: str
+    version: str = "7.18.2"
+    board: str = "RB5009UPr+S+"
+    architecture: str = "arm64"
+    serial_number: str = "HGX0A1B2C3D"
+    ports: tuple[str, ...] = ETHERNETS
+    poe_ports: tuple[str, ...] = ETHERNETS
+    device_mode: DeviceMode = DeviceMode()
+    packages: tuple[str, ...] = ("routeros",)
+    users: tuple[User, ...] = (User(name="provision"),)
+    management: Management = Management()
+    history_limit: int = Field(default=100, ge=1)
+    """Actions that `/system/history` keeps; one more in safe mode and the session leaves it without a word."""
+    unroll_delay_s: float = Field(default=2.15, ge=0)
+    """From a clean close of the session that holds safe mode until its changes are undone."""
+    silent_timeout_s: float = Field(default=540.0, ge=0)
+    """From a silent loss of that session until the router notices."""
+    clock: datetime = datetime(2026, 1, 1, 8, 0, tzinfo=UTC)
+    """What the router's clock shows when the twin starts; a box without battery wakes up in 1970."""
+    seed: str = ""
+    """Export-style text that was applied when the router was adopted; not in the history."""
+    certificates: tuple[str, ...] = ("atlantis-api",)
+    neighbours: tuple[str, ...] = ()
+    """Addresses that answer `/ping` when a route leads to them."""
+    execute: Execute = Execute.OUTPUT
+
+    @model_validator(mode="after")
+    def _ports(self) -> Self:
+        unknown = {self.management.port, *self.poe_ports} - set(self.ports)
+        if unknown:
+            raise ValueError(f"no such port on {self.name}: {', '.join(sorted(unknown))}")
+        return self
