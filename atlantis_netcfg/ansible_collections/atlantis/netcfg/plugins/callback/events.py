@@ -1,0 +1,33 @@
+"""Stdout callback `atlantis.netcfg.events`: says nothing but what went wrong, since `provision` shows progress itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible.plugins.callback import CallbackBase
+
+DOCUMENTATION = """
+name: events
+type: stdout
+short_description: Problems only
+description:
+  - Prints failed tasks and unreachable hosts in one line each and nothing else.
+  - Used by C(provision), which shows progress and results from the engine's own events.
+"""
+
+
+class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
+    """Failures only."""
+
+    CALLBACK_VERSION = 2.0
+    CALLBACK_TYPE = "stdout"
+    CALLBACK_NAME = "atlantis.netcfg.events"
+
+    def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
+        """One line a failed task."""
+        if not ignore_errors:
+            self._display.display(f"{result.host.get_name()}: {result.result.get('msg', 'failed')}", stderr=True)
+
+    def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
+        """One line an unreachable host."""
+        self._display.display(f"{result.host.get_name()}: {result.result.get('msg', 'unreachable')}", stderr=True)

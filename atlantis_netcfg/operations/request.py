@@ -1,0 +1,54 @@
+"""A request as the command line hands it to Ansible: one JSON file, given as extra variable `atlantis_request`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+__all__ = ["Mode", "Request", "Target"]
+
+
+class Mode(StrEnum):
+    """What is to be done with every device of the request."""
+
+    PLAN = "plan"
+    APPLY = "apply"
+    RESUME = "resume"
+    ROLLBACK = "rollback"
+    BACKUP = "backup"
+
+
+class _Data(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Target(_Data):
+    """Where a device of a rehearsal really listens."""
+
+    host: str
+    port: int
+    pin: str
+    """SHA-256 of its certificate, hex."""
+
+
+class Request(_Data):
+    """Everything that the declaration does not say about a run."""
+
+    state: Path
+    """Folder of journals, backups and pins."""
+    mode: Mode = Mode.APPLY
+    rehearsed: bool = False
+    targets: dict[str, Target] = {}
+    """Rehearsal: host name to twin; a device without a twin is not contacted."""
+    via: dict[str, str] = {}
+    """Host name to the bearer in use, where it differs from the declared one."""
+    plans: dict[str, str] | None = None
+    """Host name to the hash of the plan that a person has agreed to; a different plan is not applied."""
+    run: str | None = None
+    """Rollback: the run whose saved state is wanted. Resume: the run to go on with."""
+    events_fd: int | None = None
+    """File descriptor for events, one JSON object a line."""
+    command: str = "ansible-playbook"
+    """What the technician typed, for the journal and the site lock."""
