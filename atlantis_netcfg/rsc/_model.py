@@ -1,0 +1,67 @@
+"""The value objects of export text, and the one error that reading it can raise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["Export", "RscError", "Statement"]
+
+
+class RscError(UsageError):
+    """Text that is not export text; `line` and `column` (1-based) are those of the file as the person sees it."""
+
+    def __init__(self, message: str, *, source: str, line: int, column: int, hint: str | None = None) -> None:
+        super().__init__(f"{source}, line {line}, column {column}: {message}", hint=hint)
+        self.source = source
+        self.line = line
+        self.column = column
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One command of export text; equal to another when the device would do the same, wherever the text stands."""
+
+    menu: str
+    """In the form of the API: `/ip/firewall/filter`; the root is `/`."""
+    verb: str
+    """`add`, `set`, or another command word."""
+    values: tuple[tuple[str, str | None], ...] = ()
+    """Arguments in the order of the text, names in full (never `.mode`); None is `!name`: the property is unset."""
+    find: tuple[tuple[str, str], ...] | None = None
+    """The rows that `[ find default-name=ether1 ]` selects; () is `[ find ]`, every row."""
+    target: str | None = None
+    """The row that stands behind the verb by itself: `set telnet`, `set 0`, `set *3`."""
+    line: int = field(default=0, compare=False)
+    """First line in the text, 1-based; 0 when it was not read from a text."""
+    comments: tuple[str, ...] = ()
+    """Comment lines directly above, without `# `."""
+
+    def get(self, name: str) -> str | None:
+        """Return the last value given to argument `name`, as the device would take it; None if there is none."""
+        return dict(self.values).get(name)
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """A whole export: the comments that open it, its statements, and the menus that it opens."""
+
+    header: tuple[str, ...] = ()
+    """The comment lines at the very top, without `# `."""
+    statements: tuple[Statement, ...] = ()
+    menus: tuple[str, ...] = ()
+    """In order of first appearance, menus without statements included."""
+    trailer: tuple[str, ...] = ()
+    """Comment lines below the last statement."""
+
+    def remarks(self) -> Iterator[str]:
+        """Every comment line, from top to bottom."""
+        yield from self.header
+        for statement in self.statements:
+            yield from statement.comments
+        yield from self.trailer

@@ -1,0 +1,159 @@
+r"""Statements to export text, wrapped in the columns in which RouterOS wraps them.
+
+The rule, fitted to 1155 wrapped rows of public exports of RouterOS 6.33 to 7.4, all of which it prints to the letter:
+a word, a `name=` or a value is kept whole, and goes to the next line if it would end beyond column `width - 2` here but
+not there. A value that no line has room for stands in quotes and is cut at column `width - 1`. `\n` within a value
+always starts a line, as its escape. A space that would start one is written `\_`, because the indent of the next line
+is dropped on reading.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.rsc._values import in_quotes, quote
+from atlantis_netcfg.rsc._words import FLAGS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from atlantis_netcfg.rsc._model import Export, Statement
+
+__all__ = ["WIDTH", "console_path", "print_export", "print_statement"]
+
+WIDTH = 79
+_INDENT = "    "
+_ROUTEROS_6 = re.compile(r"\bRouterOS 6\.")
+_PIECE = re.compile(r"\\(?:[0-9A-F]{2}|.)|.")
+
+
+def console_path(menu: str) -> str:
+    """Write a menu as the console does: `/ip/firewall/filter` is `/ip firewall filter`."""
+    return "/" + menu.strip("/").replace("/", " ")
+
+
+def print_export(export: Export, *, width: int | None = WIDTH) -> str:
+    """Print the text that `parse` reads back to an equal export; with `width=None` every statement is one line."""
+    elide = not any(_ROUTEROS_6.search(line) for line in export.header)
+    lines = [_comment(line) for line in export.header]
+    pending = list(export.menus)
+    current: str | None = None
+    for statement in export.statements:
+        if statement.menu != current:
+            lines += map(console_path, _opened(pending, statement.menu))
+            current = statement.menu
+        lines += map(_comment, statement.comments)
+        lines.append(print_statement(statement, width=width, elide=elide))
+    lines += map(console_path, pending)
+    if export.trailer and not current and not export.menus:
+        lines.append("")
+    lines += map(_comment, export.trailer)
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _opened(pending: list[str], menu: str) -> Iterator[str]:
+    """Yield the menus that stand before `menu` for the first time, then `menu`; forget those."""
+    if menu in pending:
+        while (first := pending.pop(0)) != menu:
+            yield first
+    yield menu
+
+
+def _comment(text: str) -> str:
+    return f"# {text}".rstrip()
+
+
+def print_statement(statement: Statement, *, width: int | None = None, path: bool = False, elide: bool = False) -> str:
+    """Print one statement without its comments; `path` puts the menu in front, as `export terse` does.
+
+    `elide` shortens repeated prefixes (`configuration.country=X .mode=ap`) as RouterOS 7 prints them.
+    """
+    page = _Page(width)
+    if path:
+        page.put(_Atom(console_path(statement.menu)))
+    page.put(_Atom(statement.verb, spaced=path and statement.menu != "/"))
+    for atom in _atoms(statement, elide=elide):
+        page.put(atom)
+    return page.text()
+
+
+@dataclass(frozen=True, slots=True)
+class _Atom:
+    """What stays together as long as a line has room for it."""
+
+    text: str
+    spaced: bool = True
+    """A space goes before it; the space is no part of the text and ends the line if the atom starts the next one."""
+    cut: str | None = None
+    """The text to cut instead, if no line has room for the whole."""
+
+
+def _atoms(statement: Statement, *, elide: bool) -> Iterator[_Atom]:
+    if statement.find is not None:
+        yield from (_Atom("["), _Atom("find"))
+        yield from _arguments(statement.find, elide=False)
+        yield _Atom("]")
+    if statement.target is not None:
+        yield _Atom(quote(statement.target), cut=in_quotes(statement.target))
+    yield from _arguments(statement.values, elide=elide)
+
+
+def _arguments(values: Iterable[tuple[str, str | None]], *, elide: bool) -> Iterator[_Atom]:
+    before = ""
+    for name, value in values:
+        prefix, _, last = name.rpartition(".")
+        shown = f".{last}" if elide and prefix and prefix == before and value is not None else name
+        before = prefix if value is not None else ""
+        if value is None:
+            yield _Atom(f"!{name}")
+        elif value == "" and last in FLAGS:
+            yield _Atom(shown)
+        else:
+            yield _Atom(f"{shown}=")
+            yield _Atom(quote(value), spaced=False, cut=in_quotes(value))
+
+
+@dataclass(slots=True)
+class _Page:
+    """Lines of at most `width` columns, including the backslash that joins them."""
+
+    width: int | None
+    lines: list[str] = field(default_factory=list)
+    line: str = ""
+
+    def put(self, atom: _Atom) -> None:
+        """Add an atom where it belongs: on this line, on the next, or cut over several."""
+        space = " " if atom.spaced and self.line else ""
+        if self.width is None:
+            self.line += space + atom.text
+        elif self._room(len(self.line) + len(space), atom):
+            self.line += space
+            self._fill(atom.text, self.width)
+        else:
+            self._put_on_next(atom, space, self.width)
+
+    def _put_on_next(self, atom: _Atom, space: str, width: int) -> None:
+        whole = self._room(len(_INDENT), atom)
+        if (whole or space) and self.line.strip():
+            self._wrap(space)
+        self._fill(atom.text if whole or atom.cut is None else atom.cut, width)
+
+    def _room(self, column: int, atom: _Atom) -> bool:
+        return self.width is None or column + len(atom.text) <= self.width - 2
+
+    def _fill(self, text: str, width: int) -> None:
+        for piece in _PIECE.findall(text):
+            if self.line.strip() and (piece == r"\n" or len(self.line) + len(piece) > width - 1):
+                self._wrap()
+            starts_line = self.lines and self.line == _INDENT
+            self.line += r"\_" if starts_line and piece == " " else piece
+
+    def _wrap(self, tail: str = "") -> None:
+        self.lines.append(f"{self.line}{tail}\\")
+        self.line = _INDENT
+
+    def text(self) -> str:
+        """Return all lines, without a line end behind the last."""
+        return "\n".join([*self.lines, self.line])
