@@ -1,0 +1,164 @@
+"""From what was typed to `Arguments`; all mistakes of a line are told together, each with what to type instead."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import Arguments, Command, Flag, Word
+from atlantis_netcfg.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+__all__ = ["SeveralErrors", "nearest", "parse"]
+
+
+class SeveralErrors(UsageError):
+    """More than one mistake on one command line; `errors` holds them in the order typed."""
+
+    def __init__(self, errors: Sequence[UsageError]) -> None:
+        super().__init__("\n".join(str(error) for error in errors))
+        self.errors = tuple(errors)
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate that a person most likely meant, or None when nothing is near."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(name.lower(), list(candidates), n=1, cutoff=0.6)
+    return close[0] if close else None
+
+
+def parse(command: Command, typed: Sequence[str]) -> Arguments:
+    """Raise UsageError (several: SeveralErrors) unless every argument is understood and none is missing."""
+    reader = _Reader(command)
+    reader.read(list(typed))
+    if len(reader.errors) > 1:
+        raise SeveralErrors(reader.errors)
+    if reader.errors:
+        raise reader.errors[0]
+    return Arguments(command, {name: tuple(values) for name, values in reader.words.items()}, reader.flags)
+
+
+class _Reader:
+    """One pass over a command line."""
+
+    def __init__(self, command: Command) -> None:
+        self.command = command
+        self.words: dict[str, list[str]] = {}
+        self.flags: dict[str, str | None] = {}
+        self.errors: list[UsageError] = []
+        self._misspelt: set[str] = set()
+
+    def read(self, typed: list[str]) -> None:
+        rest = iter(typed)
+        for argument in rest:
+            if argument.startswith("-") and argument != "-":
+                self._read_flag(argument, rest)
+            elif "=" in argument.lstrip("="):
+                self._read_word(argument)
+            else:
+                self._refuse_bare(argument)
+        self._require()
+
+    def _error(self, message: str, hint: str) -> None:
+        self.errors.append(UsageError(message, hint=hint))
+
+    def _read_word(self, argument: str) -> None:
+        name, _, value = argument.partition("=")
+        word = self.command.word(name)
+        if word is None:
+            self._unknown_word(argument, name, value)
+        elif not value:
+            self._misspelt.add(name)
+            self._error(f"`{argument}` has no value", f"write it without spaces: `{word.typed}`")
+        else:
+            self._take(word, argument, value.split(",") if word.many else [value])
+
+    def _take(self, word: Word, argument: str, values: list[str]) -> None:
+        self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
+        if "" in values:
+            self._error(f"`{argument}` has an empty place in its list", f"no spaces around commas: `{word.typed},…`")
+        elif word.name in self.words and not word.many:
+            self._error(
+                f"`{word.name}=` is given twice", f"keep one of `{word.name}={self.words[word.name][0]}`, `{argument}`"
+            )
+        else:
+            self._check_choices(word, argument, values)
+            self.words.setdefault(word.name, []).extend(values)
+
+    def _check_choices(self, word: Word, argument: str, values: list[str]) -> None:
+        for value in values:
+            if word.choices and value not in word.choices:
+                near = nearest(value, word.choices)
+                known = f"it takes one of: {', '.join(word.choices)}"
+                self._error(f"`{argument}`: `{value}` is not known", _meant(near and f"{word.name}={near}", known))
+
+    def _unknown_word(self, argument: str, name: str, value: str) -> None:
+        near = nearest(name, [word.name for word in self.command.words])
+        if near is not None:
+            self._misspelt.add(near)
+        message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
+        self._error(message, _meant(near and f"{near}={value}", self._see_help()))
+
+    def _read_flag(self, argument: str, rest: Iterable[str]) -> None:
+        name, given, value = argument.lstrip("-").partition("=")
+        flag = self._find_flag(argument, name)
+        if flag is None:
+            self._unknown_flag(argument, name, value)
+        elif not flag.takes:
+            if given:
+                self._error(f"`{argument}`: `--{flag.name}` takes no value", f"type `--{flag.name}`")
+            self.flags[flag.name] = None
+        elif flag.name in self.flags:
+            self._error(f"`--{flag.name}` is given twice", "keep one")
+        else:
+            self._take_flag(flag, value if given else next(iter(rest), ""))
+
+    def _take_flag(self, flag: Flag, value: str) -> None:
+        if not value or value.startswith("--"):
+            self._error(f"`--{flag.name}` has no value", f"type `--{flag.name} {flag.takes}`")
+        self.flags[flag.name] = value
+
+    def _find_flag(self, argument: str, name: str) -> Flag | None:
+        if argument.startswith("--"):
+            return self.command.flag(name)
+        return next((flag for flag in self.command.flags if flag.short and flag.short == name), None)
+
+    def _unknown_flag(self, argument: str, name: str, value: str) -> None:
+        near = nearest(name, [flag.name for flag in self.command.flags])
+        hint = near and f"--{near}"
+        word = self.command.word(name)
+        if word is not None:
+            self._misspelt.add(name)
+            hint = f"{name}={value}" if value else word.typed
+        message = f"`{argument}`: `provision {self.command.name}` has no such flag"
+        self._error(message, _meant(hint, self._see_help()))
+
+    def _refuse_bare(self, argument: str) -> None:
+        name = argument.strip("=")
+        word = self.command.word(name)
+        near_flag = nearest(name, [flag.name for flag in self.command.flags])
+        if word is not None:
+            self._misspelt.add(name)
+            hint = f"write it without spaces: `{word.typed}`"
+        elif near_flag is not None:
+            hint = f"did you mean `--{near_flag}`?"
+        else:
+            hint = self._see_help()
+        self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
+
+    def _require(self) -> None:
+        for word in self.command.words:
+            if word.required and word.name not in self.words and word.name not in self._misspelt:
+                self._error(
+                    f"`{word.name}=` is missing: {word.help}",
+                    f"type `provision {self.command.name} {word.typed}`",
+                )
+
+    def _see_help(self) -> str:
+        return f"`provision {self.command.name} --help` lists what it takes"
+
+
+def _meant(near: str | None, otherwise: str) -> str:
+    return f"did you mean `{near}`?" if near else otherwise

@@ -1,0 +1,70 @@
+"""Where provision keeps what must outlive a run: journals, backups, pinned certificates, logs."""
+
+from __future__ import annotations
+
+import os
+import pwd
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["private_directory", "state_dir"]
+
+_HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
+
+
+def state_dir(environ: Mapping[str, str] | None = None) -> Path:
+    """The state directory, made with mode 0700 if it is missing; UsageError when there is no place for it.
+
+    `$ATLANTIS_STATE`, else `atlantis` under `$XDG_STATE_HOME` (absolute paths only, as the XDG Base Directory
+    Specification has it), else under `~/.local/state`.
+    """
+    return private_directory(_chosen(os.environ if environ is None else environ))
+
+
+def private_directory(path: Path) -> Path:
+    """Make a directory that only its owner can read, or correct the mode of the one that is there."""
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if path.stat().st_mode & 0o077:
+            path.chmod(0o700)
+    except OSError as error:
+        raise UsageError(f"no place to keep the journal: {path}: {error.strerror}", hint=_HINT) from error
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise UsageError(f"no place to keep the journal: {path} cannot be written by {_user()}", hint=_HINT)
+    return path
+
+
+def _chosen(environ: Mapping[str, str]) -> Path:
+    if own := environ.get("ATLANTIS_STATE"):
+        return Path(own).absolute()
+    state_home = environ.get("XDG_STATE_HOME", "")
+    if Path(state_home).is_absolute():
+        return Path(state_home) / "atlantis"
+    return _home(environ) / ".local" / "state" / "atlantis"
+
+
+def _home(environ: Mapping[str, str]) -> Path:
+    home = environ.get("HOME") or _home_on_record()
+    if not home or not Path(home).is_dir():
+        missing = f"the home directory {home} does not exist" if home else "there is no home directory"
+        raise UsageError(f"no place to keep the journal: {missing}", hint=_HINT)
+    return Path(home)
+
+
+def _home_on_record() -> str:
+    try:
+        return pwd.getpwuid(os.geteuid()).pw_dir
+    except KeyError:
+        return ""
+
+
+def _user() -> str:
+    try:
+        return pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return f"user {os.geteuid()}"
