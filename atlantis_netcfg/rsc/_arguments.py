@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.rsc._values import unquote
+from atlantis_netcfg.rsc._values import ValueTextError, unquote
 from atlantis_netcfg.rsc._words import FLAGS
 
 if TYPE_CHECKING:
@@ -150,8 +150,8 @@ class Arguments:
     def _unquoted(self, literal: str, start: int) -> str:
         try:
             return unquote(literal)
-        except ValueError as error:
-            raise self.line.error(start, str(error), hint=r"a backslash itself is written  \\") from None
+        except ValueTextError as error:
+            raise self.line.error(start + error.offset, str(error), hint=r"a backslash itself is written  \\") from None
 
     def _word(self) -> None:
         start = self.offset

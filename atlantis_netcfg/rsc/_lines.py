@@ -49,7 +49,7 @@ class LogicalLine:
 def logical_lines(text: str, source: str) -> Iterator[LogicalLine]:
     """Yield the lines of `text` without indent and line ends (LF or CRLF); empty ones too, as they end a header."""
     current: LogicalLine | None = None
-    for number, physical in enumerate(text.removeprefix("\ufeff").split("\n"), start=1):
+    for number, physical in enumerate(text.removeprefix("\ufeff").removesuffix("\n").split("\n"), start=1):
         content = physical.removesuffix("\r").lstrip(_INDENT)
         column = len(physical.removesuffix("\r")) - len(content) + 1
         joined = current or LogicalLine(source)

@@ -71,9 +71,9 @@ def print_statement(statement: Statement, *, width: int | None = None, path: boo
     `elide` shortens repeated prefixes (`configuration.country=X .mode=ap`) as RouterOS 7 prints them.
     """
     page = _Page(width)
-    if path:
-        page.put(_Atom(console_path(statement.menu)))
-    page.put(_Atom(statement.verb, spaced=path and statement.menu != "/"))
+    for word in console_path(statement.menu).split() if path else ():
+        page.put(_Atom(word))
+    page.put(_Atom(statement.verb, spaced=statement.menu != "/"))
     for atom in _atoms(statement, elide=elide):
         page.put(atom)
     return page.text()
@@ -87,7 +87,7 @@ class _Atom:
     spaced: bool = True
     """A space goes before it; the space is no part of the text and ends the line if the atom starts the next one."""
     cut: str | None = None
-    """The text to cut instead, if no line has room for the whole."""
+    """The text to cut instead, if no line has room for the whole; None is a word that must not be cut."""
 
 
 def _atoms(statement: Statement, *, elide: bool) -> Iterator[_Atom]:
@@ -130,7 +130,7 @@ class _Page:
             self.line += space + atom.text
         elif self._room(len(self.line) + len(space), atom):
             self.line += space
-            self._fill(atom.text, self.width)
+            self._fill(atom, atom.text, self.width)
         else:
             self._put_on_next(atom, space, self.width)
 
@@ -138,13 +138,13 @@ class _Page:
         whole = self._room(len(_INDENT), atom)
         if (whole or space) and self.line.strip():
             self._wrap(space)
-        self._fill(atom.text if whole or atom.cut is None else atom.cut, width)
+        self._fill(atom, atom.text if whole or atom.cut is None else atom.cut, width)
 
     def _room(self, column: int, atom: _Atom) -> bool:
         return self.width is None or column + len(atom.text) <= self.width - 2
 
-    def _fill(self, text: str, width: int) -> None:
-        for piece in _PIECE.findall(text):
+    def _fill(self, atom: _Atom, text: str, width: int) -> None:
+        for piece in [text] if atom.cut is None else _PIECE.findall(text):
             if self.line.strip() and (piece == r"\n" or len(self.line) + len(piece) > width - 1):
                 self._wrap()
             starts_line = self.lines and self.line == _INDENT

@@ -1,16 +1,16 @@
 r"""Values as export text prints them: bare when RouterOS prints them bare, else in double quotes with escapes.
 
 A value on the device is a string of bytes. Here it is text: bytes that are UTF-8 are decoded, any other byte (a comment
-typed in a Windows code page) survives as a lone surrogate (`surrogateescape`), so that nothing is lost between device and
-file. Source of the escapes: manual, Scripting, "Constant Escape Sequences"; of the bare characters: public exports of
-RouterOS 6 and 7.
+typed in a Windows code page) survives as a lone surrogate (`surrogateescape`), so that nothing is lost between device
+and file. Source of the escapes: manual, Scripting, "Constant Escape Sequences"; of the bare characters: public exports
+of RouterOS 6 and 7.
 """
 
 from __future__ import annotations
 
 import re
 
-__all__ = ["ENCODING", "ERRORS", "in_quotes", "quote", "unquote"]
+__all__ = ["ENCODING", "ERRORS", "ValueTextError", "in_quotes", "quote", "unquote"]
 
 ENCODING = "utf-8"
 ERRORS = "surrogateescape"
@@ -26,7 +26,9 @@ _ESCAPES = {
     "f": "\f",
     "v": "\v",
 }
-_ESCAPE = re.compile(r"\\([0-9A-F]{2}|[\s\S]|$)")
+_ESCAPE = re.compile(r"\\([0-9A-F]{2}|[\s\S])")
+_HEX = re.compile(r"[0-9A-F]{2}")
+_QUOTED = re.compile(r'"(?:[^"\\]|\\[\s\S])*"')
 _FIRST_PRINTABLE, _LAST_PRINTABLE = " ", "~"
 
 
@@ -48,26 +50,35 @@ def _escaped(char: str) -> str:
     return "".join(f"\\{byte:02X}" for byte in char.encode(ENCODING, ERRORS))
 
 
+class ValueTextError(ValueError):
+    """A value that cannot be read; the text is for a person, `offset` counts the characters before the mistake."""
+
+    def __init__(self, message: str, offset: int) -> None:
+        super().__init__(message)
+        self.offset = offset
+
+
 def unquote(text: str) -> str:
     """Read one value of export text, quoted or bare. The text of a ValueError says what is wrong, for a person."""
     if not text.startswith('"'):
         return _bare(text)
-    if len(text) == 1 or not re.fullmatch(r'"(?:[^"\\]|\\[\s\S])*"', text):
-        raise ValueError("the text must end with the one quote that closes it")
-    raw = _ESCAPE.sub(lambda match: _unescape(match[1]), text[1:-1])
+    if len(text) == 1 or not _QUOTED.fullmatch(text):
+        raise ValueTextError("the text must end with the one quote that closes it", len(text) - 1)
+    raw = _ESCAPE.sub(_unescape, text[1:-1])
     return raw.encode(ENCODING, ERRORS).decode(ENCODING, ERRORS)
 
 
 def _bare(text: str) -> str:
-    for char in '"\\$':
-        if char in text:
-            raise ValueError(f"{char} may only stand inside quotes")
+    for offset, char in enumerate(text):
+        if char in '"\\$':
+            raise ValueTextError(f"{char} may only stand inside quotes", offset)
     return text
 
 
-def _unescape(code: str) -> str:
+def _unescape(match: re.Match[str]) -> str:
+    code = match[1]
     if code in _ESCAPES:
         return _ESCAPES[code]
-    if len(code) == 2:  # noqa: PLR2004 - two hexadecimal digits
+    if _HEX.fullmatch(code):
         return bytes([int(code, 16)]).decode(ENCODING, ERRORS)
-    raise ValueError(f"\\{code} is not an escape that RouterOS knows")
+    raise ValueTextError(f"\\{code} is not an escape that RouterOS knows", match.start() + 1)

@@ -1,0 +1,4 @@
+/interface list
+add comment=\
+    "this line is wrapped, and the escape that is wrong stands in its \
+    continuation: \q" name=WAN

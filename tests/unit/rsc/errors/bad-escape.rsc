@@ -1,0 +1,2 @@
+/interface list
+add comment="50\% of it" name=WAN

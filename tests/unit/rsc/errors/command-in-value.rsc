@@ -1,0 +1,2 @@
+/ip address
+set [get 0 address] disabled=no

@@ -1,0 +1,2 @@
+/interface list
+add comment="the file ends in mid-air" \

@@ -1,0 +1,2 @@
+/interface list member
+set [ find interface~"^ether" ] list=LAN

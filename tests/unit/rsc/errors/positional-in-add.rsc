@@ -1,0 +1,2 @@
+/ip firewall filter
+add input action=accept

@@ -1,0 +1,2 @@
+/interface wifi
+set wifi1 .mode=ap

@@ -1,0 +1,2 @@
+/ip dns
+:local a 1

@@ -1,0 +1,2 @@
+/ip dns
+set servers=192.0.2.53;set allow-remote-requests=no

@@ -1,0 +1,1 @@
+/ip/dns/set/servers=192.0.2.53

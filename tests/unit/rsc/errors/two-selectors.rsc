@@ -1,0 +1,2 @@
+/interface ethernet
+set ether1 [ find default-name=ether1 ] mtu=1500

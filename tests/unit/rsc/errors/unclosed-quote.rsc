@@ -1,0 +1,3 @@
+/interface list
+add name=WAN comment="to the world
+add name=LAN

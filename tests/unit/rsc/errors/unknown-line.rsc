@@ -1,0 +1,2 @@
+/ip dns
+hello world

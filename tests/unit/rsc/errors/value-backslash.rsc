@@ -1,0 +1,2 @@
+/system note
+set note=C:\temp

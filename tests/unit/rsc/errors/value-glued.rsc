@@ -1,0 +1,2 @@
+/interface list
+add name="WAN"comment=x

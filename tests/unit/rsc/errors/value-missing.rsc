@@ -1,0 +1,2 @@
+/ip dns
+set servers= allow-remote-requests=no

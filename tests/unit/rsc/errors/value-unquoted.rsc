@@ -1,0 +1,2 @@
+/interface list
+add comment=towards the world name=WAN

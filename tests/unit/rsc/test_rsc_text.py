@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rsc_strategies import exports, statements
+
+from atlantis_netcfg.rsc import (
+    Export,
+    RscError,
+    Statement,
+    console_path,
+    drop_volatile,
+    is_volatile,
+    parse,
+    print_export,
+    print_statement,
+)
+
+HERE = Path(__file__).parent
+DEVICE_TEXTS = sorted(path for path in (HERE / "golden").glob("*.rsc") if ".in." not in path.name)
+OTHER_TEXTS = sorted((HERE / "golden").glob("*.in.rsc"))
+WRONG_TEXTS = sorted((HERE / "errors").glob("*.rsc"))
+
+
+def read(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def names(path: Path) -> str:
+    return path.name.partition(".")[0]
+
+
+@pytest.mark.parametrize("path", DEVICE_TEXTS, ids=names)
+def test_a_text_in_the_devices_form_is_printed_to_the_letter(path: Path) -> None:
+    assert print_export(parse(read(path))) == read(path)
+
+
+@pytest.mark.parametrize("path", OTHER_TEXTS, ids=names)
+def test_any_other_form_is_printed_in_the_devices_form(path: Path) -> None:
+    assert print_export(parse(read(path))) == read(path.with_name(f"{names(path)}.rsc"))
+
+
+@pytest.mark.parametrize("path", [*DEVICE_TEXTS, *OTHER_TEXTS], ids=lambda path: path.name)
+def test_line_ends_byte_order_mark_and_last_line_end_do_not_matter(path: Path) -> None:
+    text = read(path)
+    assert parse("\ufeff" + text.replace("\n", "\r\n")) == parse(text)
+    assert parse(text.rstrip("\n")) == parse(text)
+
+
+@pytest.mark.parametrize("path", WRONG_TEXTS, ids=names)
+def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
+    with pytest.raises(RscError) as caught:
+        parse(read(path), source=path.name)
+    error = caught.value
+    shown = f"{error}\n{error.hint}\n" if error.hint else f"{error}\n"
+    assert shown == read(path.with_suffix(".txt"))
+    assert f"line {error.line}, column {error.column}" in shown
+
+
+def test_texts_of_every_kind_are_there() -> None:
+    assert len(DEVICE_TEXTS) >= 4
+    assert len(OTHER_TEXTS) >= 2
+    assert len(WRONG_TEXTS) >= 15
+
+
+def test_a_statement_holds_what_the_line_says() -> None:
+    text = "/ip service\n# why\nset [ find name=api-ssl ] !address certificate=a tls-version=only-1.2\nset 0 port=22\n"
+    first, second = parse(text).statements
+    assert first == Statement(
+        menu="/ip/service",
+        verb="set",
+        values=(("address", None), ("certificate", "a"), ("tls-version", "only-1.2")),
+        find=(("name", "api-ssl"),),
+        comments=("why",),
+    )
+    assert (first.line, second.line, second.target, second.get("port"), second.get("name")) == (3, 4, "0", "22", None)
+
+
+def test_elided_names_are_read_in_full_and_shortened_for_routeros_7_only() -> None:
+    row = "add configuration=base configuration.country=Spain .mode=ap disabled=no security.ft=yes .ft-over-ds=yes\n"
+    export = parse(f"# by RouterOS 7.18.2\n/interface wifi\n{row}")
+    assert [name for name, _ in export.statements[0].values] == [
+        "configuration",
+        "configuration.country",
+        "configuration.mode",
+        "disabled",
+        "security.ft",
+        "security.ft-over-ds",
+    ]
+    assert print_export(export, width=None).endswith(row)
+    old = Export(("by RouterOS 6.49.18",), export.statements, export.menus)
+    assert " .mode=" not in print_export(old, width=None)
+
+
+def test_flags_have_the_empty_value_of_the_api_and_no_sign_of_equality() -> None:
+    (row,) = parse("/ip route\nadd blackhole comment=x dst-address=192.0.2.1/32").statements
+    assert row.values == (("blackhole", ""), ("comment", "x"), ("dst-address", "192.0.2.1/32"))
+    assert print_statement(row) == "add blackhole comment=x dst-address=192.0.2.1/32"
+
+
+def test_menus_are_listed_once_in_order_also_empty_ones() -> None:
+    text = "/ip dns\n/ip address add address=192.0.2.1/24\n/ip dns\nset servers=192.0.2.53\n/ip address\n/ip pool\n"
+    export = parse(text)
+    assert export.menus == ("/ip/dns", "/ip/address", "/ip/pool")
+    assert [row.menu for row in export.statements] == ["/ip/address", "/ip/dns"]
+    assert parse(print_export(export)) == export
+
+
+def test_comments_stay_where_they_were() -> None:
+    text = "# top\n\n# first\n/ip dns\n# second\nset servers=192.0.2.53\n# last\n"
+    export = parse(text)
+    assert (export.header, export.statements[0].comments, export.trailer) == (("top",), ("first", "second"), ("last",))
+    assert list(export.remarks()) == ["top", "first", "second", "last"]
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "poe-out status: short_circuit",
+        "managed by CAPsMAN",
+        "channel: 5220/20-Ce/ac/P(15dBm), SSID: x, CAPsMAN forwarding",
+        "Interface not active",
+        "pppoe-out1 not ready",
+        "inactive time",
+        "inactivated, not allowed by device-mode",
+        'error exporting "/ip/firewall/calea" (timeout)',
+    ],
+)
+def test_comments_on_the_state_of_the_moment_can_be_dropped(comment: str) -> None:
+    assert is_volatile(comment)
+    with_state = parse(f"/ip dns\n# ours\n# {comment}\nset servers=192.0.2.53\n# {comment}\n")
+    without = parse("/ip dns\n# ours\nset servers=192.0.2.53\n")
+    assert drop_volatile(with_state) == without
+
+
+def test_comments_of_people_are_not_volatile() -> None:
+    assert not any(map(is_volatile, ("atlantis:entire /ip firewall filter", "channel plan", "not ready", "")))
+
+
+@pytest.mark.parametrize(
+    ("menu", "path"),
+    [("/ip/firewall/filter", "/ip firewall filter"), ("/user", "/user"), ("/", "/")],
+)
+def test_menus_are_written_as_on_the_console(menu: str, path: str) -> None:
+    assert console_path(menu) == path
+
+
+@pytest.mark.parametrize(
+    ("menu", "text"),
+    [("/ip/dns/static", "/ip dns static add name=a"), ("/user", "/user add name=a"), ("/", "/add name=a")],
+)
+def test_one_statement_can_carry_its_menu(menu: str, text: str) -> None:
+    statement = Statement(menu, "add", (("name", "a"),))
+    assert print_statement(statement, path=True) == text
+    assert parse(text).statements == (statement,)
+
+
+@given(exports())
+@settings(deadline=None)
+def test_printing_loses_nothing(export: Export) -> None:
+    assert parse(print_export(export)) == export
+    assert parse(print_export(export, width=None)) == export
+
+
+@given(exports())
+@settings(deadline=None)
+def test_printing_is_stable(export: Export) -> None:
+    text = print_export(export)
+    assert print_export(parse(text)) == text
+
+
+@given(statements(), st.integers(min_value=1, max_value=140))
+@settings(deadline=None)
+def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None:
+    text = print_statement(statement, width=width, path=True)
+    (back,) = parse(text).statements
+    assert back == Statement(back.menu, back.verb, back.values, back.find, back.target, comments=())
+    assert (back.menu, back.verb, back.values, back.find, back.target) == (
+        statement.menu,
+        statement.verb,
+        statement.values,
+        statement.find,
+        statement.target,
+    )
+
+
+@given(statements(), st.integers(min_value=40, max_value=140))
+@settings(deadline=None)
+def test_no_line_is_wider_than_asked_but_for_the_backslash_of_a_cut_value(statement: Statement, width: int) -> None:
+    lines = print_statement(statement, width=width).split("\n")
+    assert all(line.startswith("    ") and line[4:5] != " " for line in lines[1:])
+    assert all(len(line) <= width + (line.endswith('" \\') and len(line) - width == 1) for line in lines)
+
+
+def test_a_row_on_one_line_stays_on_one_line_whatever_its_length() -> None:
+    row = Statement("/system/script", "add", (("source", "a\nb " * 200),))
+    assert "\n" not in print_statement(row)
+    assert parse(print_statement(row, path=True)).statements == (row,)
