@@ -1,0 +1,34 @@
+"""The table of menus: everything that the engine knows about RouterOS beyond its grammar. A new menu is a row here."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.menus import _address, _firewall, _interface, _routing, _service, _system
+from atlantis_netcfg.routeros.menus._model import MARK, Field, Menu, Shape
+from atlantis_netcfg.routeros.menus._values import Kind, canonical
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["MARK", "MENUS", "Field", "Kind", "Menu", "Shape", "canonical", "rank"]
+
+_ORDER = (
+    *_system.MENUS,
+    *_interface.MENUS,
+    *_address.MENUS,
+    *_firewall.MENUS,
+    *_routing.MENUS,
+    *_service.MENUS,
+)
+
+MENUS: Mapping[str, Menu] = MappingProxyType({menu.path: menu for menu in _ORDER})
+"""By API path, in the order in which rows of one layer are sent: what is named comes before what names it."""
+
+_RANKS = {path: number for number, path in enumerate(MENUS)}
+
+
+def rank(path: str) -> int:
+    """Return the place of a menu among those of its layer."""
+    return _RANKS[path]

@@ -1,0 +1,163 @@
+"""What the planner must know of a menu: how rows are recognised, what properties mean, when rows may be sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from functools import cached_property
+from string import Formatter
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.menus._values import Kind, canonical
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.routeros._types import Layer, Row, Version
+
+__all__ = ["MARK", "Field", "Menu", "Shape"]
+
+MARK = "atlantis"
+"""A row whose comment starts so is ours."""
+
+
+class Shape(Enum):
+    """Kind of a menu, as its commands tell: `add`, `set` with `numbers`, or `set` alone."""
+
+    LIST = auto()
+    FIXED = auto()
+    """Rows that the hardware or the system gives: they can be set, not added or removed."""
+    SINGLETON = auto()
+
+
+@dataclass(frozen=True)
+class Field:
+    """One argument of `add` or `set` that is also a property of the printed row."""
+
+    name: str
+    kind: Kind = Kind.TEXT
+    default: str | None = None
+    """What the device assumes when the argument is absent, as it prints it; None: the row then lacks the property."""
+    keep: bool = False
+    """No default can be told (the device computes it, or versions and boards differ): unnamed means untouched."""
+    secret: bool = False
+    unread: bool = False
+    """Can be written but never read, so that it is only sent with a new row."""
+    cosmetic: bool = False
+    """Neither matches nor decides: may change in place on a first-match row."""
+    board: bool = False
+    """Only where the hardware has it: a row that does not print it cannot take it."""
+    since: Version | None = None
+    """First version whose command tree has it; None if all of ours have."""
+    gone: Version | None = None
+    """First version whose command tree has it no more."""
+
+    @cached_property
+    def absent(self) -> str:
+        """The canonical form of a row without this property."""
+        if self.kind is Kind.FLAG:
+            return "no"
+        return canonical(self.kind, self.default or "")
+
+    def form(self, text: str | None) -> str:
+        """Return the canonical form of a value of this property; None is the property left out."""
+        return self.absent if text is None else canonical(self.kind, text)
+
+    def exists(self, version: Version) -> bool:
+        """Tell whether that version has the argument."""
+        return (self.since is None or version >= self.since) and (self.gone is None or version < self.gone)
+
+
+@dataclass(frozen=True)
+class Menu:
+    """One menu of the device: a row of the table."""
+
+    path: str
+    """In the form of the API: `/ip/firewall/filter`."""
+    shape: Shape
+    layer: Layer
+    fields: tuple[Field, ...]
+    keys: tuple[str, ...] = ()
+    """What tells one row from another; empty for settings and for first-match menus, where the whole content does."""
+    chain: str | None = None
+    """The property that splits a first-match menu into lists whose order matters only within each."""
+    ordered: bool = False
+    """The first row that matches decides, so that rows are told apart by content and place."""
+    unique: tuple[str, ...] = ()
+    """Besides the keys, properties of which the device allows a value only once."""
+    subject: str = ""
+    """What a person calls a row, with properties in braces; settings are called by their menu."""
+    flags: tuple[str, ...] = ()
+    """Properties that are read but never written."""
+    stock: tuple[tuple[str, ...], ...] = ()
+    """Rows (their keys) that come with the system, in its order: can be set, not removed, and are nobody's drift."""
+    row_defaults: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Defaults of single rows, by their first key, where they are not those of the menu."""
+    late: tuple[tuple[str, str], ...] = ()
+    """Rows with all of these values move traffic as soon as they are there: they go to the last layer."""
+    inert: bool = False
+    """A new row of this menu cannot by itself change traffic, access or the management path."""
+    named_by: tuple[str, ...] = ()
+    """With `inert`: properties of other rows that may already name the new row; then it is not inert."""
+    readonly: bool = False
+    """We look, and never write."""
+    exported: bool = True
+    """False: `export` leaves the menu out, so that a saved export says nothing about it."""
+    since: Version | None = None
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Field]:
+        """The fields by their names."""
+        return {each.name: each for each in self.fields}
+
+    @property
+    def secrets(self) -> frozenset[str]:
+        """Names of the properties that are never shown."""
+        return frozenset(each.name for each in self.fields if each.secret)
+
+    @property
+    def defaults(self) -> Mapping[str, str]:
+        """What the device assumes for arguments that are absent."""
+        return {each.name: each.default for each in self.fields if each.default is not None}
+
+    @property
+    def title(self) -> str:
+        """The path as the console and exports write it: `/ip firewall filter`."""
+        return "/" + self.path.strip("/").replace("/", " ")
+
+    def proplist(self, version: Version) -> tuple[str, ...]:
+        """Return the properties to ask for: all that `plan` and the guard look at, none of the counters."""
+        readable = (each.name for each in self.fields if each.exists(version) and not each.unread)
+        identity = () if self.shape is Shape.SINGLETON else (".id",)
+        return (*identity, *readable, *self.flags)
+
+    def identity(self, values: Mapping[str, str]) -> tuple[str, ...]:
+        """Return what tells the row apart, in canonical form."""
+        return tuple(self.by_name[key].form(values.get(key)) for key in self.keys)
+
+    def name_of(self, values: Mapping[str, str]) -> str:
+        """Return what a person calls the row with these values."""
+        if self.shape is Shape.SINGLETON:
+            return f"{self.title} settings"
+        names = {name for _, name, _, _ in Formatter().parse(self.subject) if name}
+        shown = {name: values.get(name) or self.by_name[name].default or "" for name in names}
+        if "comment" in shown:
+            shown["comment"] = shown["comment"].removeprefix(MARK).lstrip(": ")
+        return " ".join(self.subject.format_map(shown).split()) or self.title
+
+    def default_of(self, name: str, values: Mapping[str, str]) -> str | None:
+        """Return the default of a property in the row with these values."""
+        own = self.row_defaults.get(values.get(self.keys[0], ""), {}) if self.keys else {}
+        return own.get(name, self.by_name[name].default)
+
+    def is_ours(self, row: Row) -> bool:
+        """Tell whether the row carries our mark."""
+        return "comment" in self.by_name and row.get("comment", "").startswith(MARK)
+
+    def is_stock(self, row: Row) -> bool:
+        """Tell whether the row came with the system and cannot be removed."""
+        return canonical(Kind.BOOLEAN, row.get("default", "no")) == "yes" or self.identity(row) in self.stock
+
+    def is_touchable(self, row: Row) -> bool:
+        """Tell whether the device lets anybody change the row: dynamic and builtin ones refuse it."""
+        return not any(row.get(flag) in ("true", "yes") for flag in ("dynamic", "builtin"))

@@ -1,0 +1,99 @@
+"""`/ip route` and `/routing`: which way a packet leaves."""
+
+from __future__ import annotations
+
+from atlantis_netcfg.routeros._types import Layer
+from atlantis_netcfg.routeros.menus._fields import (
+    COMMENT,
+    DISABLED,
+    boolean,
+    flag,
+    gateway,
+    gone,
+    interface,
+    kept,
+    network,
+    number,
+    prefix,
+    since,
+    text,
+    time,
+)
+from atlantis_netcfg.routeros.menus._model import Menu, Shape
+
+__all__ = ["MENUS"]
+
+_TABLE = Menu(
+    "/routing/table",
+    Shape.LIST,
+    Layer.FOUNDATION,
+    keys=("name",),
+    subject="{name}",
+    flags=("dynamic", "invalid"),
+    stock=(("main",),),
+    inert=True,
+    fields=(text("name", None), COMMENT, DISABLED, flag("fib")),
+)
+
+_SETTINGS = Menu(
+    "/routing/settings",
+    Shape.SINGLETON,
+    Layer.FOUNDATION,
+    fields=(
+        *kept(boolean("single-process")),
+        *since("7.19", *kept(text("connected-in-chain"), text("dynamic-in-chain"))),
+        *since(
+            "7.21",
+            time("check-gateway-ping-interval", "10s"),
+            time("check-gateway-ping-timeout", "1s"),
+            number("check-gateway-ping-count", "2"),
+        ),
+    ),
+)
+
+_ROUTE = Menu(
+    "/ip/route",
+    Shape.LIST,
+    Layer.POLICY,
+    keys=("dst-address", "gateway", "routing-table"),
+    subject="{dst-address} via {gateway} {comment}",
+    flags=("dynamic", "active", "connect", "inactive", "immediate-gw"),
+    late=(("dst-address", "0.0.0.0/0"), ("routing-table", "main")),
+    fields=(
+        network("dst-address", "0.0.0.0/0"),
+        gateway("gateway"),
+        text("routing-table", "main"),
+        COMMENT,
+        DISABLED,
+        number("distance", "1"),
+        flag("blackhole"),
+        text("check-gateway", "none"),
+        number("scope", "30"),
+        number("target-scope", "10"),
+        prefix("pref-src", ""),
+        *kept(interface("vrf-interface")),
+        *gone("7.21", *kept(boolean("suppress-hw-offload"))),
+    ),
+)
+
+_RULE = Menu(
+    "/routing/rule",
+    Shape.LIST,
+    Layer.POLICY,
+    ordered=True,
+    subject="{action} {table} {src-address} {dst-address} {comment}",
+    flags=("dynamic", "inactive"),
+    fields=(
+        COMMENT,
+        DISABLED,
+        text("action", "lookup"),
+        text("table"),
+        prefix("src-address"),
+        prefix("dst-address"),
+        interface("interface"),
+        text("routing-mark"),
+        number("min-prefix"),
+    ),
+)
+
+MENUS = (_TABLE, _SETTINGS, _ROUTE, _RULE)

@@ -1,0 +1,151 @@
+"""How two texts of one value compare: what a person writes, what an export prints and what the API prints differ.
+
+`yes` is printed as `true`, `10m` as `00:10:00` by older versions, `10.0.0.1/32` as `10.0.0.1`; the order of most lists
+means nothing. Only comparisons use these forms; what is sent is the text of the declaration.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import Enum, auto
+from ipaddress import ip_interface
+
+__all__ = ["Kind", "canonical"]
+
+
+class Kind(Enum):
+    """The syntax of a value, as far as comparing two of them needs it."""
+
+    TEXT = auto()
+    BOOLEAN = auto()
+    """`yes`/`no` in text, `true`/`false` from the API."""
+    FLAG = auto()
+    """There or not there: `export` prints the bare name, the API an empty value (`fib`, `blackhole`)."""
+    NUMBER = auto()
+    """Decimal or hexadecimal."""
+    TIME = auto()
+    """`10m`, `600s`, `600` and `00:10:00` are the same."""
+    SIZE = auto()
+    """`4096`, `4096KiB` and `4MiB` are the same."""
+    MAC = auto()
+    PREFIX = auto()
+    """An address, a prefix that keeps its host part, or a range of addresses."""
+    NETWORK = auto()
+    """A prefix whose host part the device clears."""
+    SET = auto()
+    """Words whose order means nothing."""
+    PREFIXES = auto()
+    """Prefixes whose order means nothing."""
+    SEQUENCE = auto()
+    """Words in an order that matters."""
+    POLICY = auto()
+    """Policies of a user group: `!name` is the same as leaving it out."""
+    INTERFACE = auto()
+    """Names of interfaces; they follow when the interface is renamed."""
+    GATEWAY = auto()
+    """Addresses, interfaces or `address%interface`, in order; interfaces follow when renamed."""
+
+
+_TRUE = frozenset({"yes", "true", "on"})
+_FALSE = frozenset({"no", "false", "off"})
+_UNITS_MS = {"w": 604_800_000, "d": 86_400_000, "h": 3_600_000, "m": 60_000, "s": 1000, "ms": 1}
+_UNITS = re.compile(r"(\d+)(ms|[wdhms])")
+_SPAN = re.compile(r"(?:\d+(?:ms|[wdhms]))+")
+_CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(\d+):(\d\d):(\d\d)(?:\.(\d{1,3}))?")
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)(|KiB|MiB|GiB)")
+_KIB = {"": 1, "KiB": 1, "MiB": 1024, "GiB": 1024 * 1024}
+
+
+def canonical(kind: Kind, text: str) -> str:
+    """Return the one form that all spellings of a value share; a text that is not of the kind is itself."""
+    if kind is Kind.TEXT:
+        return text
+    if text.startswith("!") and kind is not Kind.POLICY:
+        return "!" + canonical(kind, text[1:])
+    return _FORMS[kind](text)
+
+
+def _boolean(text: str) -> str:
+    return "yes" if text in _TRUE else "no" if text in _FALSE else text
+
+
+def _flag(text: str) -> str:
+    return "no" if text in _FALSE else "yes"
+
+
+def _number(text: str) -> str:
+    try:
+        return str(int(text, 16 if text.lower().startswith("0x") else 10))
+    except ValueError:
+        return text
+
+
+def _time(text: str) -> str:
+    if text.isdecimal():
+        return f"{int(text) * 1000}ms"
+    if clock := _CLOCK.fullmatch(text):
+        weeks, days, hours, minutes, seconds = (int(part or 0) for part in clock.groups()[:5])
+        total = (((weeks * 7 + days) * 24 + hours) * 60 + minutes) * 60 + seconds
+        return f"{total * 1000 + int((clock[6] or '0').ljust(3, '0'))}ms"
+    if _SPAN.fullmatch(text):
+        return f"{sum(int(count) * _UNITS_MS[unit] for count, unit in _UNITS.findall(text))}ms"
+    return text
+
+
+def _size(text: str) -> str:
+    match = _SIZE.fullmatch(text)
+    return f"{float(match[1]) * _KIB[match[2]]:g}KiB" if match else text
+
+
+def _mac(text: str) -> str:
+    return text.upper()
+
+
+def _prefix(text: str) -> str:
+    try:
+        interface = ip_interface(text)
+    except ValueError:
+        return text
+    return str(interface.ip) if interface.network.prefixlen == interface.max_prefixlen else str(interface)
+
+
+def _network(text: str) -> str:
+    try:
+        network = ip_interface(text).network
+    except ValueError:
+        return text
+    return str(network)
+
+
+def _set(text: str) -> str:
+    return ",".join(sorted({word.strip() for word in text.split(",")}))
+
+
+def _prefixes(text: str) -> str:
+    return ",".join(sorted({_prefix(word.strip()) for word in text.split(",")}))
+
+
+def _sequence(text: str) -> str:
+    return ",".join(word.strip() for word in text.split(","))
+
+
+def _policy(text: str) -> str:
+    return ",".join(sorted({word for word in text.split(",") if not word.startswith("!")}))
+
+
+_FORMS = {
+    Kind.BOOLEAN: _boolean,
+    Kind.FLAG: _flag,
+    Kind.NUMBER: _number,
+    Kind.TIME: _time,
+    Kind.SIZE: _size,
+    Kind.MAC: _mac,
+    Kind.PREFIX: _prefix,
+    Kind.NETWORK: _network,
+    Kind.SET: _set,
+    Kind.PREFIXES: _prefixes,
+    Kind.SEQUENCE: _sequence,
+    Kind.POLICY: _policy,
+    Kind.INTERFACE: _sequence,
+    Kind.GATEWAY: _sequence,
+}

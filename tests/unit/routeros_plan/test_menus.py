@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import gzip
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.routeros._types import Layer, Version
+from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
+
+TREES = Path(__file__).parents[3] / "atlantis_netcfg/twin/data"
+
+IN_USE = """
+/interface/bridge /interface/bridge/port /interface/ethernet /interface/list /interface/list/member
+/interface/ovpn-client /ip/address /ip/pool /ip/dhcp-server /ip/dhcp-server/network /ip/dhcp-server/lease
+/ip/dhcp-client /ip/dns /ip/dns/static /ip/service /ip/ssh /ip/firewall/address-list /ip/firewall/filter
+/ip/firewall/nat /ip/firewall/mangle /ip/route /ip/neighbor/discovery-settings /ip/cloud /ip/proxy /ip/socks
+/ip/upnp /ipv6/settings /routing/table /routing/rule /routing/settings /system/identity /system/clock
+/system/ntp/client /system/ntp/client/servers /system/logging /system/logging/action /system/note
+/tool/mac-server /tool/mac-server/mac-winbox /tool/mac-server/ping /tool/bandwidth-server /user /user/group
+/certificate
+"""
+
+# A CHR, from which the trees come, has no PoE; a fixed row's own key is no argument of `set`.
+HOLES = {
+    "/interface/ethernet": {
+        "default-name",
+        "poe-out",
+        "poe-priority",
+        "poe-voltage",
+        "power-cycle-interval",
+        "power-cycle-ping-address",
+        "power-cycle-ping-enabled",
+        "power-cycle-ping-timeout",
+    },
+    "/ip/service": {"name"},
+}
+
+
+@cache
+def tree(version: str) -> dict[str, Any]:
+    loaded: dict[str, Any] = json.loads(gzip.decompress((TREES / f"{version}.json.gz").read_bytes()))
+    return loaded
+
+
+def arguments(version: str, path: str, verb: str) -> set[str]:
+    node = tree(version)
+    for word in (*path.strip("/").split("/"), verb):
+        node = node.get(word, {})
+    return {name for name in node if name != "_type"}
+
+
+def test_every_menu_in_use_has_a_row_and_no_other() -> None:
+    assert set(MENUS) == set(IN_USE.split())
+
+
+@pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
+@pytest.mark.parametrize("path", MENUS)
+def test_arguments_are_those_of_the_command_tree(path: str, version: str) -> None:
+    menu = MENUS[path]
+    known = arguments(version, path, "add" if menu.shape is Shape.LIST else "set")
+    ours = {field.name for field in menu.fields if field.exists(Version.parse(version))}
+    assert ours - known == HOLES.get(path, set())
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_first_match_and_identified_menus_know_every_argument(path: str) -> None:
+    menu = MENUS[path]
+    known = arguments("7.21.5", path, "set") - {"numbers"}
+    missing = known - {field.name for field in menu.fields}
+    expected = {
+        "/ip/address": {"netmask"},
+        "/interface/ethernet": {"orig-mac-address"},
+        "/system/clock": {"date", "time"},
+    }
+    if not menu.readonly:
+        assert missing - {"dynamic"} == expected.get(path, set())
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_shape_is_that_of_the_command_tree(path: str) -> None:
+    settable = arguments("7.18.2", path, "set")
+    has_add = bool(arguments("7.18.2", path, "add"))
+    shape = Shape.LIST if has_add else Shape.FIXED if "numbers" in settable else Shape.SINGLETON
+    assert MENUS[path].shape is shape
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_row_of_the_table_is_consistent(path: str) -> None:
+    menu = MENUS[path]
+    names = [field.name for field in menu.fields]
+    assert len(set(names)) == len(names)
+    assert {*menu.keys, *menu.unique, *dict(menu.late)} <= set(names)
+    assert not set(menu.flags) & set(names)
+    assert bool(menu.keys) == (menu.shape is not Shape.SINGLETON and not menu.ordered)
+    assert menu.chain is None or menu.chain in names
+    assert all(len(stock) == len(menu.keys) for stock in menu.stock)
+    assert menu.layer is not Layer.CLEANUP or menu.shape is not Shape.LIST
+
+
+@pytest.mark.parametrize(
+    ("kind", "spellings"),
+    [
+        (Kind.BOOLEAN, ("yes", "true")),
+        (Kind.BOOLEAN, ("no", "false")),
+        (Kind.FLAG, ("", "yes", "true")),
+        (Kind.NUMBER, ("32768", "0x8000")),
+        (Kind.TIME, ("10m", "600s", "600", "00:10:00")),
+        (Kind.TIME, ("1d30m", "1d00:30:00", "24h30m", "88200")),
+        (Kind.TIME, ("1w", "7d", "1w00:00:00")),
+        (Kind.TIME, ("500ms", "00:00:00.5", "00:00:00.500")),
+        (Kind.SIZE, ("2048", "2048KiB", "2MiB", "2048.0KiB")),
+        (Kind.MAC, ("48:a9:8a:00:00:01", "48:A9:8A:00:00:01")),
+        (Kind.PREFIX, ("10.0.0.1", "10.0.0.1/32")),
+        (Kind.PREFIX, ("!10.0.0.1", "!10.0.0.1/32")),
+        (Kind.NETWORK, ("10.0.0.5/24", "10.0.0.0/24")),
+        (Kind.SET, ("!established,related", "!related,established")),
+        (Kind.PREFIXES, ("10.0.0.1,10.1.0.0/16", "10.1.0.0/16,10.0.0.1/32")),
+        (Kind.POLICY, ("read,write,!ftp", "write,read")),
+        (Kind.GATEWAY, ("10.0.0.1,ether1", "10.0.0.1, ether1")),
+    ],
+)
+def test_spellings_of_one_value_are_equal(kind: Kind, spellings: tuple[str, ...]) -> None:
+    assert len({canonical(kind, spelling) for spelling in spellings}) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "one", "other"),
+    [
+        (Kind.TEXT, "yes", "true"),
+        (Kind.BOOLEAN, "yes", "auto"),
+        (Kind.TIME, "none", "0s"),
+        (Kind.PREFIX, "10.0.0.5/24", "10.0.0.0/24"),
+        (Kind.SET, "!established", "established"),
+        (Kind.SEQUENCE, "1.1.1.1,9.9.9.9", "9.9.9.9,1.1.1.1"),
+        (Kind.PREFIX, "10.0.0.1-10.0.0.9", "10.0.0.1"),
+        (Kind.NETWORK, "not-an-address", "10.0.0.0/24"),
+        (Kind.NUMBER, "auto", "0"),
+        (Kind.SIZE, "unlimited", "0"),
+    ],
+)
+def test_different_values_differ(kind: Kind, one: str, other: str) -> None:
+    assert canonical(kind, one) != canonical(kind, other)
+
+
+def test_proplist_follows_the_version_and_leaves_out_what_cannot_be_read() -> None:
+    user = MENUS["/user"].proplist(Version(7, 18))
+    assert "password" not in user
+    assert user[0] == ".id"
+    assert "check-gateway-ping-count" not in MENUS["/routing/settings"].proplist(Version(7, 20))
+    assert "check-gateway-ping-count" in MENUS["/routing/settings"].proplist(Version(7, 21))
+    assert "always-allow-password-login" not in MENUS["/ip/ssh"].proplist(Version(7, 21))
+
+
+@pytest.mark.parametrize(
+    ("path", "values", "name"),
+    [
+        ("/ip/address", {"address": "10.64.1.1/24", "interface": "bridge-lan"}, "10.64.1.1/24 on bridge-lan"),
+        ("/ip/dns", {}, "/ip dns settings"),
+        ("/ip/firewall/filter", {"chain": "input", "comment": "atlantis: established"}, "input accept established"),
+        ("/ip/route", {"gateway": "10.0.0.1"}, "0.0.0.0/0 via 10.0.0.1"),
+    ],
+)
+def test_a_row_is_called_what_a_person_calls_it(path: str, values: dict[str, str], name: str) -> None:
+    assert MENUS[path].name_of(values) == name
+
+
+def test_secrets_and_defaults_are_told() -> None:
+    assert MENUS["/interface/ovpn-client"].secrets == {"password"}
+    assert MENUS["/ip/dhcp-server"].defaults["lease-time"] == "30m"
+    assert MENUS["/ip/service"].default_of("disabled", {"name": "www-ssl"}) == "yes"
+    assert MENUS["/ip/service"].default_of("disabled", {"name": "ssh"}) == "no"
+
+
+@pytest.mark.parametrize(
+    ("path", "row", "stock", "touchable"),
+    [
+        ("/interface/list", {"name": "all", "builtin": "true"}, True, False),
+        ("/system/logging", {"topics": "info", "default": "true"}, True, True),
+        ("/system/logging", {"topics": "info", "action": "remote"}, False, True),
+        ("/ip/address", {"address": "10.0.0.1/24", "dynamic": "true"}, False, False),
+    ],
+)
+def test_rows_of_the_system_are_recognised(path: str, row: dict[str, str], *, stock: bool, touchable: bool) -> None:
+    assert MENUS[path].is_stock(row) is stock
+    assert MENUS[path].is_touchable(row) is touchable
