@@ -1,0 +1,23 @@
+"""Templates to desired text: what a device should hold, in the language that technicians read on it.
+
+A template (`templates/` of the checkout) only loops and decides; everything it prints is prepared in `view`, a frozen
+object that is a pure function of the declaration. Names that a template misspells are errors, never empty text.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.render._declared import RenderError
+from atlantis_netcfg.render._router import prerequisites, router, view
+from atlantis_netcfg.render.environment import environment, template_folder
+from atlantis_netcfg.render.view import Prerequisite, RouterView
+
+__all__ = [
+    "Prerequisite",
+    "RenderError",
+    "RouterView",
+    "environment",
+    "prerequisites",
+    "router",
+    "template_folder",
+    "view",
+]

@@ -1,0 +1,102 @@
+"""Ports, and the links that lead out of the site through them."""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Interface
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.render._declared import RenderError
+from atlantis_netcfg.render.view import Link, PortView, Target, Uplink
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from ipaddress import IPv4Address, IPv4Network
+
+    from atlantis_netcfg.site.model import AllowedTarget, Bearer, Port, Router, Site
+
+__all__ = ["in_network", "management_port", "port_of", "ports", "served", "uplinks"]
+
+
+def in_network(address: IPv4Address, network: IPv4Network) -> str:
+    """Write an address with its network's prefix length, as `/ip/address` holds it."""
+    return str(IPv4Interface((address, network.prefixlen)))
+
+
+def ports(router: Router) -> tuple[PortView, ...]:
+    """Return every declared port; what is not declared is left alone."""
+    return tuple(_port(port) for port in router.ports)
+
+
+def _port(port: Port) -> PortView:
+    return PortView(
+        name=port.name,
+        purpose=port.link or port.use.value,
+        disabled=port.use == "off",
+        poe_out=port.poe.out.value if port.poe else None,
+        poe_priority=port.poe.priority if port.poe else None,
+    )
+
+
+def management_port(name: str, router: Router) -> str:
+    """Return the one port of the technician; there the address stands already when the router is adopted."""
+    found = [port.name for port in router.ports if port.use == "management"]
+    if len(found) != 1:
+        raise RenderError(
+            f"{name} needs one port with `use: management`, and has {len(found)}",
+            hint=f"see `ports` in host_vars/{name}.yml",
+        )
+    return found[0]
+
+
+def port_of(name: str, router: Router, link: str) -> str:
+    """Return the one port that carries a bearer or a served link."""
+    found = [port.name for port in router.ports if port.link == link]
+    if len(found) != 1:
+        raise RenderError(
+            f"{name} needs one port with `use: link, link: {link}`, and has {len(found)}",
+            hint=f"see `ports` in host_vars/{name}.yml",
+        )
+    return found[0]
+
+
+def uplinks(name: str, router: Router, site: Site) -> tuple[Uplink, ...]:
+    """Return the bearers in order of preference."""
+    return tuple(
+        _uplink(bearer, port_of(name, router, bearer.name), distance)
+        for distance, bearer in enumerate(site.bearers, start=1)
+    )
+
+
+def _uplink(bearer: Bearer, port: str, distance: int) -> Uplink:
+    return Uplink(
+        name=bearer.name,
+        port=port,
+        address=str(bearer.address),
+        interface_address=in_network(bearer.address, bearer.network),
+        network=str(bearer.network),
+        gateway=str(bearer.gateway),
+        kind=bearer.kind.value,
+        distance=distance,
+        canaries=tuple(str(canary) for canary in bearer.canaries),
+        targets=tuple(_targets(bearer.allow)),
+    )
+
+
+def _targets(allow: tuple[AllowedTarget, ...]) -> Iterator[Target]:
+    for target in allow:
+        transport = None if target.port is None else target.transport.value
+        yield Target(target.name, str(target.address), target.port, transport)
+
+
+def served(name: str, router: Router, site: Site) -> tuple[Link, ...]:
+    """Return the links that end here and carry another site."""
+    return tuple(
+        Link(
+            name=link.name,
+            port=port_of(name, router, link.name),
+            address=str(link.address),
+            interface_address=in_network(link.address, link.network),
+            network=str(link.network),
+        )
+        for link in site.served_links
+    )

@@ -1,0 +1,92 @@
+"""The VPN as one router sees it: its own tunnel if it has one, and the networks that lie behind the VPN."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.render._declared import RenderError, address_in_site
+from atlantis_netcfg.render.view import Forwarded, Remote, Tunnel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.render._declared import Declared, DeclaredHost
+    from atlantis_netcfg.site.model import Router
+
+__all__ = ["forwards", "remotes", "server_in_lan", "tunnel"]
+
+
+def _server(declaration: Declared) -> DeclaredHost:
+    name = declaration.pilot.vpn.server
+    if name not in declaration.hosts:
+        raise RenderError(
+            f"no host is called {name}, which pilot.vpn.server names",
+            hint="see group_vars/all/pilot.yml",
+        )
+    return declaration.hosts[name]
+
+
+def server_in_lan(declaration: Declared, host: DeclaredHost) -> bool:
+    """Tell whether the VPN server stands at the router's own site."""
+    return _server(declaration).site == host.site
+
+
+def tunnel(declaration: Declared, router: Router) -> Tunnel | None:
+    """Return the router's end of the VPN, if it is one."""
+    client, vpn = router.vpn_client, declaration.pilot.vpn
+    if client is None:
+        return None
+    return Tunnel(
+        interface=f"ovpn-{_server(declaration).site}",
+        connect_to=vpn.endpoint_name,
+        endpoint=str(vpn.endpoint),
+        port=vpn.port,
+        transport=vpn.transport.value,
+        cipher=vpn.cipher,
+        certificate=client.certificate,
+        user=client.user,
+        password=client.password,
+    )
+
+
+def remotes(declaration: Declared, host: DeclaredHost, interface: str | None) -> tuple[Remote, ...]:
+    """Return the networks behind the VPN: through `interface`, or by way of the server in the LAN, or none at all."""
+    server = _server(declaration)
+    gateway = interface
+    if server.site == host.site:
+        gateway = address_in_site(server.device, declaration.sites[host.site])
+    if gateway is None:
+        return ()
+    return tuple(Remote(name, network, gateway) for name, network in _networks(declaration, host.site))
+
+
+def _networks(declaration: Declared, here: str) -> Iterator[tuple[str, str]]:
+    """Yield every network that an answer may go to: tunnel addresses, other LANs, and managers that are admitted."""
+    yield "tunnel addresses", str(declaration.pilot.vpn.network)
+    admit = declaration.sites[here].management.admit
+    for name, site in sorted(declaration.sites.items()):
+        if name == here:
+            continue
+        yield f"{name} LAN", str(site.lan.network)
+        if any(prefix.overlaps(site.management.network) for prefix in admit):
+            yield f"{name} management", str(site.management.network)
+
+
+def forwards(declaration: Declared, host: DeclaredHost, router: Router) -> tuple[Forwarded, ...]:
+    """Return the ports of our outer addresses that lead inside."""
+    site = declaration.sites[host.site]
+    return tuple(
+        Forwarded(
+            name=forward.to,
+            transport=forward.transport.value,
+            port=forward.port,
+            to=address_in_site(_named(declaration, host, forward.to).device, site),
+        )
+        for forward in router.forwards
+    )
+
+
+def _named(declaration: Declared, host: DeclaredHost, name: str) -> DeclaredHost:
+    if name not in declaration.hosts:
+        raise RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
+    return declaration.hosts[name]

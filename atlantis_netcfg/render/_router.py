@@ -1,0 +1,102 @@
+"""From the declaration to the view of one router, and to its text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.render._declared import address_in_site, hosts_of, router_of
+from atlantis_netcfg.render._links import in_network, management_port, ports, served, uplinks
+from atlantis_netcfg.render._remote import forwards, remotes, server_in_lan, tunnel
+from atlantis_netcfg.render.environment import environment
+from atlantis_netcfg.render.view import BRIDGE, LanView, ManagementView, Named, Prerequisite, RouterView
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.render._declared import Declared, DeclaredHost
+    from atlantis_netcfg.site.model import Lan, Router, Site
+
+__all__ = ["prerequisites", "router", "view"]
+
+API_CERTIFICATE = "atlantis-api"
+"""Made on the device when it is adopted; service api-ssl presents it and we pin it."""
+
+
+def router(declaration: Declared, host: DeclaredHost) -> str:
+    """Render the whole desired text of one router, secrets in clear: never print it. Raises RenderError."""
+    template = environment().get_template("routeros/router.rsc.j2")
+    return template.render(router=view(declaration, host))
+
+
+def view(declaration: Declared, host: DeclaredHost) -> RouterView:
+    """Prepare what the template sees. Raises RenderError."""
+    device, site = router_of(host), declaration.sites[host.site]
+    own_tunnel = tunnel(declaration, device)
+    return RouterView(
+        name=host.name,
+        title=site.title,
+        time_zone=declaration.pilot.time_zone,
+        time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        bridge=BRIDGE,
+        ports=ports(device),
+        lan=_lan(site.lan, device),
+        management=_management(host.name, site, device),
+        uplinks=uplinks(host.name, device, site),
+        served=served(host.name, device, site),
+        tunnel=own_tunnel,
+        server_in_lan=server_in_lan(declaration, host),
+        remotes=remotes(declaration, host, own_tunnel.interface if own_tunnel else None),
+        names=tuple(_names(declaration, host.site)),
+        forwards=forwards(declaration, host, device),
+    )
+
+
+def prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+    """Say what must be on the device before the text can be written: ports and certificates that it refers to."""
+    device = router_of(host)
+    own_tunnel = tunnel(declaration, device)
+    certificates = [Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it")]
+    if own_tunnel is not None:
+        reason = f"{own_tunnel.interface} proves with it who it is"
+        certificates.append(Prerequisite("/certificate", own_tunnel.certificate, reason))
+    return (
+        *certificates,
+        *(
+            Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
+            for port in ports(device)
+        ),
+    )
+
+
+def _lan(lan: Lan, device: Router) -> LanView:
+    return LanView(
+        address=in_network(lan.gateway, lan.network),
+        network=str(lan.network),
+        gateway=str(lan.gateway),
+        domain=lan.domain,
+        ports=tuple(port.name for port in device.ports if port.use == "lan"),
+        pool=f"{lan.dhcp.first}-{lan.dhcp.last}",
+        lease_time_s=lan.dhcp.lease_minutes * 60,
+        reservations=tuple(Named(row.name, str(row.address), row.mac) for row in lan.reservations),
+    )
+
+
+def _management(name: str, site: Site, device: Router) -> ManagementView:
+    return ManagementView(
+        port=management_port(name, device),
+        address=in_network(device.access.address, site.management.network),
+        network=str(site.management.network),
+        admit=tuple(str(prefix) for prefix in site.management.admit),
+        api_port=device.access.port,
+        certificate=API_CERTIFICATE,
+    )
+
+
+def _names(declaration: Declared, here: str) -> Iterator[Named]:
+    """Yield what the router's DNS knows by itself: hosts and reservations of the site, and the VPN's endpoint."""
+    site, vpn = declaration.sites[here], declaration.pilot.vpn
+    known = {host.name: address_in_site(host.device, site) for host in hosts_of(declaration, here)}
+    reserved = {row.name: str(row.address) for row in site.lan.reservations}
+    for name, address in sorted((reserved | known).items()):
+        yield Named(f"{name}.{site.lan.domain}", address)
+    yield Named(vpn.endpoint_name, str(vpn.endpoint))

@@ -1,0 +1,205 @@
+"""What the router template sees: plain words and numbers, prepared, so that the template reads like an export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.secret import Secret
+
+__all__ = [
+    "BRIDGE",
+    "Forwarded",
+    "LanView",
+    "Link",
+    "ManagementView",
+    "Named",
+    "PortView",
+    "Prerequisite",
+    "Remote",
+    "RouterView",
+    "Target",
+    "Tunnel",
+    "Uplink",
+]
+
+BRIDGE = "bridge-lan"
+
+
+@dataclass(frozen=True, slots=True)
+class Prerequisite:
+    """Something that must be on the device before its desired text can be written, because the text refers to it."""
+
+    menu: str
+    """In the form of the API, like `/certificate`."""
+    name: str
+    """The row's `name`; of `/interface/ethernet` its `default-name`."""
+    reason: str
+    """What refers to it, for the sentence that says it is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A name for an address: DHCP reservation, DNS entry, time server."""
+
+    name: str
+    address: str
+    mac: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PortView:
+    """One Ethernet port; `purpose` is `lan`, `management`, `off` or the name of the link on it."""
+
+    name: str
+    purpose: str
+    disabled: bool
+    poe_out: str | None
+    poe_priority: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class LanView:
+    """The bridged ports and what is served on them."""
+
+    address: str
+    """The router's own, with prefix length."""
+    network: str
+    gateway: str
+    domain: str
+    ports: tuple[str, ...]
+    pool: str
+    """First and last address, like 10.64.1.100-10.64.1.199."""
+    lease_time_s: int
+    reservations: tuple[Named, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ManagementView:
+    """The port of the technician, and who else may manage the router."""
+
+    port: str
+    address: str
+    """The router's own, with prefix length."""
+    network: str
+    admit: tuple[str, ...]
+    api_port: int
+    certificate: str
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A port with an address of ours that leads out of the site."""
+
+    name: str
+    port: str
+    address: str
+    interface_address: str
+    """`address` with prefix length."""
+    network: str
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A destination that the satellite may carry; `port` and `transport` are both there or both None."""
+
+    name: str
+    address: str
+    port: int | None
+    transport: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Uplink(Link):
+    """A bearer. `distance` is its place in the order of preference."""
+
+    gateway: str
+    kind: str
+    distance: int
+    canaries: tuple[str, ...]
+    targets: tuple[Target, ...]
+
+    @property
+    def table(self) -> str:
+        """Routing table that knows this link only."""
+        return f"via-{self.name}"
+
+    @property
+    def chain(self) -> str:
+        """Firewall chain of everything that wants to leave over this link."""
+        return f"to-{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Tunnel:
+    """The router's own end of the VPN."""
+
+    interface: str
+    connect_to: str
+    endpoint: str
+    port: int
+    transport: str
+    cipher: str
+    certificate: str
+    user: str
+    password: Secret
+
+
+@dataclass(frozen=True, slots=True)
+class Remote:
+    """A network behind the VPN; `gateway` is the tunnel's interface, or the VPN server where that stands in the LAN."""
+
+    name: str
+    network: str
+    gateway: str
+
+
+@dataclass(frozen=True, slots=True)
+class Forwarded:
+    """A port of each of our outer addresses that leads to a host of the LAN."""
+
+    name: str
+    transport: str
+    port: int
+    to: str
+
+
+@dataclass(frozen=True, slots=True)
+class RouterView:
+    """One router, whole."""
+
+    name: str
+    title: str
+    time_zone: str
+    time_servers: tuple[Named, ...]
+    bridge: str
+    ports: tuple[PortView, ...]
+    lan: LanView
+    management: ManagementView
+    uplinks: tuple[Uplink, ...]
+    served: tuple[Link, ...]
+    tunnel: Tunnel | None
+    server_in_lan: bool
+    """The VPN server is a host of this LAN, so traffic to other sites enters and leaves by the same bridge."""
+    remotes: tuple[Remote, ...]
+    names: tuple[Named, ...]
+    forwards: tuple[Forwarded, ...]
+
+    @property
+    def satellites(self) -> tuple[Uplink, ...]:
+        """The bearers with an allow-list."""
+        return tuple(uplink for uplink in self.uplinks if uplink.kind == "satellite")
+
+    @property
+    def allow_list(self) -> tuple[Named, ...]:
+        """The satellites' targets, each address once: RouterOS refuses to list an address twice."""
+        names: dict[str, list[str]] = {}
+        for target in (target for satellite in self.satellites for target in satellite.targets):
+            names.setdefault(target.address, []).append(target.name)
+        return tuple(Named(", ".join(dict.fromkeys(found)), address) for address, found in names.items())
+
+    @property
+    def radios(self) -> tuple[Uplink, ...]:
+        """The bearers whose far end is a router of ours."""
+        return tuple(uplink for uplink in self.uplinks if uplink.kind == "wifi_ptp")
