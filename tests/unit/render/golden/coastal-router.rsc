@@ -1,0 +1,252 @@
+# coastal-router (Coastal testbed): desired configuration
+
+# Identity: the inventory's name, and who takes care of this router.
+/system identity
+set name=coastal-router
+/system note
+set note="ATLANTIS coastal-router (Coastal testbed): provisioned from the pilot's declaration. Change the declaration, not the router." show-at-login=yes
+# Ports keep their factory names; the comment says what a port is for. Power goes to the radio heads; of two ports the
+# one with the lower poe-priority keeps its power longer. Ports without a use are off.
+/interface ethernet
+set [ find default-name=ether1 ] comment="atlantis: wifi-ptp" disabled=no poe-out=auto-on poe-priority=1
+set [ find default-name=ether2 ] comment="atlantis: 4g" disabled=no poe-out=auto-on poe-priority=2
+set [ find default-name=ether3 ] comment="atlantis: satellite" disabled=no poe-out=auto-on poe-priority=0
+set [ find default-name=ether4 ] comment="atlantis: lan" disabled=no
+set [ find default-name=ether5 ] comment="atlantis: lan" disabled=no
+set [ find default-name=ether6 ] comment="atlantis: lan" disabled=no
+set [ find default-name=ether7 ] comment="atlantis: off" disabled=yes poe-out=off poe-priority=10
+set [ find default-name=ether8 ] comment="atlantis: management" disabled=no
+# LAN: one bridge over the LAN ports. rstp, because on a quay a cable is soon plugged in twice, and one loop would stop the
+# whole site. The management port never joins the bridge: it is the way in when the bridge is at fault.
+/interface bridge
+add comment="atlantis: LAN" name=bridge-lan protocol-mode=rstp
+# atlantis:entire /interface bridge port
+/interface bridge port
+add bridge=bridge-lan comment="atlantis: LAN" interface=ether4
+add bridge=bridge-lan comment="atlantis: LAN" interface=ether5
+add bridge=bridge-lan comment="atlantis: LAN" interface=ether6
+/ip address
+add address=10.64.1.1/24 comment="atlantis: LAN" interface=bridge-lan
+# The technician's port. This address stands on an adopted router already, and the session that provisions it uses it.
+add address=10.64.101.1/24 comment="atlantis: management" interface=ether8
+# Links that lead out of the site. Addresses are declared, so no DHCP client: one would bring a default route and name
+# servers of its own, and those of a dead link stay behind.
+/ip address
+add address=10.10.0.2/29 comment="atlantis: wifi-ptp" interface=ether1
+add address=10.10.1.2/29 comment="atlantis: 4g" interface=ether2
+add address=10.10.2.2/29 comment="atlantis: satellite" interface=ether3
+# atlantis:entire /ip dhcp-client
+/ip dhcp-client
+# Time: certificates are only good while the clock is right. Servers by address, because names may need the VPN and the VPN
+# needs the time.
+/system clock
+set time-zone-autodetect=no time-zone-name=Europe/Lisbon
+/system ntp client
+set enabled=yes
+/system ntp client servers
+add address=192.0.2.123 comment="atlantis: ntp1.example.org"
+add address=192.0.2.124 comment="atlantis: ntp2.example.org"
+# DNS: names of this site, and the VPN's endpoint so that the tunnel needs no name server. Nothing is asked of servers
+# outside: none is declared, and questions over the satellite cost money. Only the LAN may ask (see the input chain).
+/ip dns
+set allow-remote-requests=yes servers=""
+/ip dns static
+add address=10.10.1.1 comment="atlantis: coastal-4g.coastal.example.org" name=coastal-4g.coastal.example.org
+add address=10.10.0.4 comment="atlantis: coastal-cpe.coastal.example.org" name=coastal-cpe.coastal.example.org
+add address=10.64.1.10 comment="atlantis: coastal-gateway.coastal.example.org" name=coastal-gateway.coastal.example.org
+add address=10.64.1.1 comment="atlantis: coastal-router.coastal.example.org" name=coastal-router.coastal.example.org
+add address=10.10.2.1 comment="atlantis: coastal-sat.coastal.example.org" name=coastal-sat.coastal.example.org
+add address=10.64.1.26 comment="atlantis: eca-rov.coastal.example.org" name=eca-rov.coastal.example.org
+add address=10.64.1.21 comment="atlantis: girona500.coastal.example.org" name=girona500.coastal.example.org
+add address=10.64.1.25 comment="atlantis: mares.coastal.example.org" name=mares.coastal.example.org
+add address=10.64.1.22 comment="atlantis: sparus.coastal.example.org" name=sparus.coastal.example.org
+add address=10.64.1.24 comment="atlantis: stork.coastal.example.org" name=stork.coastal.example.org
+add address=10.64.1.23 comment="atlantis: zarco.coastal.example.org" name=zarco.coastal.example.org
+add address=203.0.113.2 comment="atlantis: vpn.example.org" name=vpn.example.org
+# VPN: this router is the site's end. RouterOS does not negotiate ciphers, so cipher and auth equal the server's; auth=null is
+# what GCM ciphers need up to 7.16 and is right later, too. The server's certificate is compared with connect-to, a name that
+# our own DNS answers. Routes are declared below; what the server pushes is ignored.
+/interface ovpn-client
+add add-default-route=no auth=null certificate=atlantis-vpn cipher=aes256-gcm comment="atlantis: VPN" connect-to=vpn.example.org disabled=no mode=ip name=ovpn-scc password=EXAMPLE-vpn-coastal port=1194 protocol=udp route-nopull=yes tls-version=only-1.2 use-peer-dns=no user=coastal-router verify-server-certificate=yes
+# Interface lists: the firewall speaks of these. Ours entirely, because one wrong member opens the LAN to the world.
+/interface list
+add comment="atlantis: robots, gateway, operators" name=LAN
+add comment="atlantis: the technician's port" name=MGMT
+add comment="atlantis: the tunnel" name=VPN
+add comment="atlantis: links by which this site reaches the world" name=WAN
+# atlantis:entire /interface list member
+/interface list member
+add comment="atlantis: LAN" interface=bridge-lan list=LAN
+add comment="atlantis: management" interface=ether8 list=MGMT
+add comment="atlantis: VPN" interface=ovpn-scc list=VPN
+add comment="atlantis: wifi-ptp" interface=ether1 list=WAN
+add comment="atlantis: 4g" interface=ether2 list=WAN
+add comment="atlantis: satellite" interface=ether3 list=WAN
+# DHCP for the LAN. Reservations give each robot and computer the address by which the others know it.
+/ip pool
+add comment="atlantis: LAN" name=dhcp-lan ranges=10.64.1.100-10.64.1.199
+/ip dhcp-server
+add address-pool=dhcp-lan comment="atlantis: LAN" disabled=no interface=bridge-lan lease-time=1h name=dhcp-lan
+/ip dhcp-server network
+add address=10.64.1.0/24 comment="atlantis: LAN" dns-server=10.64.1.1 domain=coastal.example.org gateway=10.64.1.1 ntp-server=192.0.2.123,192.0.2.124
+/ip dhcp-server lease
+add address=10.64.1.10 comment="atlantis: coastal-gateway" mac-address=02:00:5E:00:01:10 server=dhcp-lan
+add address=10.64.1.21 comment="atlantis: girona500" mac-address=02:00:5E:00:01:21 server=dhcp-lan
+add address=10.64.1.22 comment="atlantis: sparus" mac-address=02:00:5E:00:01:22 server=dhcp-lan
+add address=10.64.1.23 comment="atlantis: zarco" mac-address=02:00:5E:00:01:23 server=dhcp-lan
+add address=10.64.1.24 comment="atlantis: stork" mac-address=02:00:5E:00:01:24 server=dhcp-lan
+add address=10.64.1.25 comment="atlantis: mares" mac-address=02:00:5E:00:01:25 server=dhcp-lan
+add address=10.64.1.26 comment="atlantis: eca-rov" mac-address=02:00:5E:00:01:26 server=dhcp-lan
+# Address lists that the filter consults; ours entirely, because an entry is a permission.
+# atlantis:entire /ip firewall address-list
+/ip firewall address-list
+add address=10.64.101.0/24 comment="atlantis: may manage this router" list=management
+add address=10.80.0.0/24 comment="atlantis: may manage this router" list=management
+add address=10.80.0.0/16 comment="atlantis: tunnel addresses, behind the VPN" list=remote
+add address=10.64.0.0/24 comment="atlantis: scc LAN, behind the VPN" list=remote
+add address=10.64.2.0/24 comment="atlantis: te4sea LAN, behind the VPN" list=remote
+add address=203.0.113.2 comment="atlantis: VPN server, also by satellite" list=sat-allow
+add address=192.0.2.123 comment="atlantis: ntp1, also by satellite" list=sat-allow
+add address=192.0.2.124 comment="atlantis: ntp2, also by satellite" list=sat-allow
+# Filter. No fasttrack: its packets skip the filter, and with it the satellite's allow-list.
+# atlantis:entire /ip firewall filter
+/ip firewall filter
+# Input: what may speak to the router itself. Management first, whatever else is wrong below. The LAN's rules name its prefix:
+# at the control centre, partners of the VPN also come in by the LAN, from the VPN server.
+add action=accept chain=input comment="atlantis: management" dst-port=22,8729 protocol=tcp src-address-list=management
+add action=accept chain=input comment="atlantis: ping from management" protocol=icmp src-address-list=management
+add action=accept chain=input comment="atlantis: answers" connection-state=established,related,untracked
+add action=drop chain=input comment="atlantis: invalid" connection-state=invalid
+add action=accept chain=input comment="atlantis: DHCP of hosts without address" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
+add action=accept chain=input comment="atlantis: DHCP and DNS" dst-port=53,67 in-interface-list=LAN protocol=udp src-address=10.64.1.0/24
+add action=accept chain=input comment="atlantis: DNS, long answers" dst-port=53 in-interface-list=LAN protocol=tcp src-address=10.64.1.0/24
+add action=accept chain=input comment="atlantis: ping from the LAN" in-interface-list=LAN protocol=icmp src-address=10.64.1.0/24
+add action=accept chain=input comment="atlantis: ping over wifi-ptp, to test it" in-interface=ether1 protocol=icmp src-address=10.10.0.0/29
+add action=log chain=input comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop input"
+add action=drop chain=input comment="atlantis: everything else"
+# Satellite: only declared targets, each on its own port, ahead of everything that accepts, so that connections which began
+# on a cheaper link do not go on here. The chain returns what is allowed; the rules below it then decide as for any link.
+# The terminal's own pages cost no airtime: the technician and the router may reach them.
+add action=accept chain=output comment="atlantis: satellite, the terminal itself" dst-address=10.10.2.0/29 out-interface=ether3
+add action=jump chain=output comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether3
+add action=accept chain=forward comment="atlantis: technician to the terminal of satellite" dst-address=10.10.2.0/29 in-interface-list=MGMT out-interface=ether3
+add action=jump chain=forward comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether3
+add action=return chain=to-satellite comment="atlantis: VPN server" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=1194 protocol=udp
+add action=return chain=to-satellite comment="atlantis: ntp1" dst-address=192.0.2.123 dst-address-list=sat-allow dst-port=123 protocol=udp
+add action=return chain=to-satellite comment="atlantis: ntp2" dst-address=192.0.2.124 dst-address-list=sat-allow dst-port=123 protocol=udp
+add action=log chain=to-satellite comment="atlantis: what is kept off, a sample" limit=10/1m,5:packet log-prefix="drop satellite"
+add action=drop chain=to-satellite comment="atlantis: satellite, everything else"
+# Forward: what may pass through.
+add action=drop chain=forward comment="atlantis: invalid" connection-state=invalid
+# After a change of link, flows of before may go out with the addresses of the LAN: nobody could answer them. New connections
+# are left alone here, because source NAT comes after this chain.
+add action=drop chain=forward comment="atlantis: stale, not masqueraded" connection-nat-state=!srcnat connection-state=established,related out-interface-list=WAN
+add action=accept chain=forward comment="atlantis: answers" connection-state=established,related,untracked
+add action=accept chain=forward comment="atlantis: LAN by the best link" in-interface-list=LAN out-interface-list=WAN src-address=10.64.1.0/24
+add action=accept chain=forward comment="atlantis: technician to the LAN" in-interface-list=MGMT out-interface-list=LAN src-address=10.64.101.0/24
+add action=accept chain=forward comment="atlantis: technician by the best link" in-interface-list=MGMT out-interface-list=WAN src-address=10.64.101.0/24
+# Which partner may reach which site is decided where all of them meet, on the VPN server.
+add action=accept chain=forward comment="atlantis: LAN to the VPN" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN src-address=10.64.1.0/24
+add action=accept chain=forward comment="atlantis: VPN to the LAN" dst-address=10.64.1.0/24 in-interface-list=VPN out-interface-list=LAN src-address-list=remote
+add action=log chain=forward comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop forward"
+add action=drop chain=forward comment="atlantis: everything else"
+# Output is open but for the satellite: the router itself asks for time, pings its canaries and holds the tunnel.
+# NAT. Every uplink is masqueraded, the Wi-Fi bridge to the control centre included: the links are interchangeable, so the far
+# end needs no route back to this LAN that would go stale with the link. Sites reach each other inside the VPN, un-NATed,
+# where real addresses and the partners' separation hold.
+# atlantis:entire /ip firewall nat
+/ip firewall nat
+add action=masquerade chain=srcnat comment="atlantis: uplinks" out-interface-list=WAN
+# MSS: tunnel and terminal add headers, and a TCP segment that must be cut in two doubles its risk of loss. 1300 leaves room
+# for either. postrouting also covers the router's own connections.
+# atlantis:entire /ip firewall mangle
+/ip firewall mangle
+add action=change-mss chain=forward comment="atlantis: satellite, what comes in" in-interface=ether3 new-mss=1300 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
+add action=change-mss chain=postrouting comment="atlantis: satellite, what goes out" new-mss=1300 out-interface=ether3 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
+add action=change-mss chain=forward comment="atlantis: VPN, what comes in" in-interface-list=VPN new-mss=1300 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
+add action=change-mss chain=postrouting comment="atlantis: VPN, what goes out" new-mss=1300 out-interface-list=VPN passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
+# Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
+# over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
+# probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
+# own is down; scope 30 is above target-scope 11, so default routes do not lead there.
+/routing table
+add comment="atlantis: wifi-ptp only" fib name=via-wifi-ptp
+add comment="atlantis: 4g only" fib name=via-4g
+add comment="atlantis: satellite only" fib name=via-satellite
+# atlantis:entire /ip route
+/ip route
+add comment="atlantis: canary of wifi-ptp" dst-address=198.51.100.11/32 gateway=10.10.0.1 scope=10
+add blackhole comment="atlantis: canary of wifi-ptp, by no other link" distance=254 dst-address=198.51.100.11/32 scope=30
+add comment="atlantis: canary of wifi-ptp" dst-address=198.51.100.12/32 gateway=10.10.0.1 scope=10
+add blackhole comment="atlantis: canary of wifi-ptp, by no other link" distance=254 dst-address=198.51.100.12/32 scope=30
+add check-gateway=ping comment="atlantis: wifi-ptp, while 198.51.100.11 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.11 target-scope=11
+add check-gateway=ping comment="atlantis: wifi-ptp, while 198.51.100.12 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.12 target-scope=11
+add comment="atlantis: canary of 4g" dst-address=198.51.100.21/32 gateway=10.10.1.1 scope=10
+add blackhole comment="atlantis: canary of 4g, by no other link" distance=254 dst-address=198.51.100.21/32 scope=30
+add comment="atlantis: canary of 4g" dst-address=198.51.100.22/32 gateway=10.10.1.1 scope=10
+add blackhole comment="atlantis: canary of 4g, by no other link" distance=254 dst-address=198.51.100.22/32 scope=30
+add check-gateway=ping comment="atlantis: 4g, while 198.51.100.21 answers" distance=2 dst-address=0.0.0.0/0 gateway=198.51.100.21 target-scope=11
+add check-gateway=ping comment="atlantis: 4g, while 198.51.100.22 answers" distance=2 dst-address=0.0.0.0/0 gateway=198.51.100.22 target-scope=11
+add comment="atlantis: satellite, not probed" distance=3 dst-address=0.0.0.0/0 gateway=10.10.2.1
+# One table a link, without a way round: a ping from the link's own address tests this link.
+add comment="atlantis: wifi-ptp only" dst-address=0.0.0.0/0 gateway=10.10.0.1@main routing-table=via-wifi-ptp
+add comment="atlantis: 4g only" dst-address=0.0.0.0/0 gateway=10.10.1.1@main routing-table=via-4g
+add comment="atlantis: satellite only" dst-address=0.0.0.0/0 gateway=10.10.2.1@main routing-table=via-satellite
+# Behind the VPN. While the tunnel is down these addresses lead nowhere, and never out on a link in the clear.
+add comment="atlantis: tunnel addresses" dst-address=10.80.0.0/16 gateway=ovpn-scc
+add blackhole comment="atlantis: tunnel addresses, by the VPN only" distance=254 dst-address=10.80.0.0/16 scope=30
+add comment="atlantis: scc LAN" dst-address=10.64.0.0/24 gateway=ovpn-scc
+add blackhole comment="atlantis: scc LAN, by the VPN only" distance=254 dst-address=10.64.0.0/24 scope=30
+add comment="atlantis: te4sea LAN" dst-address=10.64.2.0/24 gateway=ovpn-scc
+add blackhole comment="atlantis: te4sea LAN, by the VPN only" distance=254 dst-address=10.64.2.0/24 scope=30
+# atlantis:entire /routing rule
+/routing rule
+# First everything that main knows but its default route (min-prefix=0): neighbours of a link answer from any address.
+add action=lookup comment="atlantis: connected and static prefixes" min-prefix=0 table=main
+# The tunnel follows the best link even if it began on another: pinned to its first link it would stay on the satellite.
+add action=lookup comment="atlantis: VPN by the best link" dst-address=203.0.113.2/32 table=main
+add action=lookup-only-in-table comment="atlantis: wifi-ptp, from its own address" src-address=10.10.0.2/32 table=via-wifi-ptp
+add action=lookup-only-in-table comment="atlantis: 4g, from its own address" src-address=10.10.1.2/32 table=via-4g
+add action=lookup-only-in-table comment="atlantis: satellite, from its own address" src-address=10.10.2.2/32 table=via-satellite
+# Log: more lines in memory, and what is serious also on disk, where it survives the power cut that may have caused it.
+# Nothing is sent to a log server: none is declared. (Rows of /system logging have no comment.)
+/system logging action
+set memory memory-lines=2000
+/system logging
+add action=disk topics=critical
+add action=disk topics=error
+# Doors that nobody needs (MikroTik manual, "Securing your router"). IPv6 is off because no filter of ours sees it.
+# ddns-enabled=auto is how 7.17 and later spell off.
+/ip cloud
+set ddns-enabled=auto update-time=no
+/ip neighbor discovery-settings
+set discover-interface-list=none
+/ip proxy
+set enabled=no
+/ip socks
+set enabled=no
+/ip upnp
+set enabled=no
+/ipv6 settings
+set accept-redirects=no accept-router-advertisements=no disable-ipv6=yes forward=no
+/tool bandwidth-server
+set enabled=no
+/tool mac-server
+set allowed-interface-list=none
+/tool mac-server mac-winbox
+set allowed-interface-list=none
+/tool mac-server ping
+set enabled=no
+# Services, last: only what is encrypted stays, and only for those who may manage this router. Accounts are made when a
+# router is adopted; passwords cannot be read back, so they are not declared here.
+/ip ssh
+set forwarding-enabled=no strong-crypto=yes
+/ip service
+set api disabled=yes
+set api-ssl address=10.64.101.0/24,10.80.0.0/24 certificate=atlantis-api disabled=no port=8729 tls-version=only-1.2
+set ftp disabled=yes
+set ssh address=10.64.101.0/24,10.80.0.0/24 disabled=no port=22
+set telnet disabled=yes
+set winbox disabled=yes
+set www disabled=yes
+set www-ssl disabled=yes

@@ -1,0 +1,245 @@
+"""What the rendered firewall lets through, packet by packet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address
+
+import pytest
+from hypothesis import given as drawn
+from hypothesis import settings
+from hypothesis import strategies as st
+from render_declared import SITES, declaration
+from render_walk import Packet, Walk
+from test_render_text import parsed
+
+from atlantis_netcfg.site.model import BearerKind, Router
+
+STATES = ("new", "established", "related", "invalid", "untracked")
+WITH_SATELLITE = ("coastal", "te4sea")
+WALKS = {site: Walk(parsed(site)) for site in SITES}
+DECLARED = declaration()
+PARTNERS = ("10.80.16.5", "10.80.17.9", "10.80.20.250")
+INTERFACES = ("bridge-lan", "ether1", "ether2", "ether3", "ether8", "ovpn-scc")
+
+
+def link(site: str, name: str) -> str:
+    device = DECLARED.router(site).device
+    assert isinstance(device, Router)
+    return next(port.name for port in device.ports if port.link == name)
+
+
+def allowed(site: str) -> set[tuple[str, str, int | None]]:
+    satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
+    return {(str(target.address), target.transport.value, target.port) for target in satellite.allow}
+
+
+ADDRESSES = st.one_of(
+    st.sampled_from(
+        ["203.0.113.2", "192.0.2.123", "192.0.2.124", "198.51.100.11", "10.64.0.10", "10.80.0.1", "8.8.8.8"]
+    ),
+    st.integers(0, 2**32 - 1).map(lambda number: str(IPv4Address(number))),
+).filter(lambda address: not address.startswith(("10.10.2.", "10.10.10.")))
+PORTS = st.one_of(st.sampled_from([22, 53, 80, 123, 443, 1194, 8729]), st.integers(0, 65535))
+
+
+@st.composite
+def leaving(draw: st.DrawFn, out: str) -> Packet:
+    return Packet(
+        src=draw(st.sampled_from(["10.64.1.21", "10.64.2.10", "10.80.0.1", "10.64.101.10", "10.64.102.10"])),
+        dst=draw(ADDRESSES),
+        in_interface=draw(st.sampled_from(INTERFACES)),
+        out_interface=out,
+        protocol=draw(st.sampled_from(["tcp", "udp", "icmp"])),
+        dst_port=draw(PORTS),
+        state=draw(st.sampled_from(STATES)),
+        nat_state=draw(st.frozensets(st.sampled_from(["srcnat", "dstnat"]))),
+    )
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+@settings(max_examples=150, deadline=None)
+@drawn(data=st.data())
+def test_satellite_carries_declared_targets_only(site: str, data: st.DataObject) -> None:
+    packet = data.draw(leaving(link(site, "satellite")))
+    declared = (packet.dst, packet.protocol, packet.dst_port) in allowed(site)
+    assert WALKS[site].accepts("output", replace(packet, in_interface="")) is declared
+    assert declared or not WALKS[site].accepts("forward", packet)
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_lan_reaches_the_declared_targets_by_satellite(site: str) -> None:
+    lan = str(DECLARED.sites[site].lan.network[21])
+    for address, protocol, port in allowed(site):
+        packet = Packet(lan, address, "bridge-lan", link(site, "satellite"), protocol, port or 0)
+        assert WALKS[site].accepts("forward", packet)
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_satellite_is_filtered_ahead_of_every_established_accept(site: str) -> None:
+    for chain in ("forward", "output"):
+        rows = [row for row in WALKS[site].rows if row.get("chain") == chain]
+        jump = next(n for n, row in enumerate(rows) if row.get("jump-target") == "to-satellite")
+        ahead = [row for row in rows[:jump] if row.get("action") == "accept"]
+        assert all(row.get("dst-address") in ("10.10.2.0/29", "10.10.10.0/29") for row in ahead)
+        assert all(row.get("connection-state") is None for row in ahead)
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_terminal_pages_are_for_the_technician(site: str) -> None:
+    satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
+    out = link(site, "satellite")
+    technician = str(DECLARED.sites[site].management.technician)
+    robot = str(DECLARED.sites[site].lan.network[21])
+    assert WALKS[site].accepts("forward", Packet(technician, str(satellite.gateway), "ether8", out, "tcp", 80))
+    assert not WALKS[site].accepts("forward", Packet(robot, str(satellite.gateway), "bridge-lan", out, "tcp", 80))
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_nothing_is_fasttracked(site: str) -> None:
+    actions = {row.get("action") for row in WALKS[site].rows}
+    assert actions <= {"accept", "drop", "jump", "return", "log"}
+
+
+@pytest.mark.parametrize("site", SITES)
+@pytest.mark.parametrize(("protocol", "port"), [("tcp", 8729), ("tcp", 22), ("icmp", 0)])
+@pytest.mark.parametrize("state", STATES)
+def test_technician_reaches_the_router_and_is_answered(site: str, protocol: str, port: int, state: str) -> None:
+    management = DECLARED.sites[site].management
+    device = DECLARED.router(site).device
+    assert isinstance(device, Router)
+    local, technician = str(device.access.address), str(management.technician)
+    assert WALKS[site].accepts("input", Packet(technician, local, "ether8", "", protocol, port, state))
+    assert WALKS[site].accepts("output", Packet(local, technician, "", "ether8", protocol, 50000, "established"))
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_management_rows_come_first(site: str) -> None:
+    rows = [row for row in WALKS[site].rows if row.get("chain") == "input"]
+    assert [row.get("src-address-list") for row in rows[:2]] == ["management", "management"]
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_an_engineer_behind_the_vpn_reaches_the_router(site: str) -> None:
+    device = DECLARED.router(site).device
+    assert isinstance(device, Router)
+    arrives = "bridge-lan" if site == "scc" else "ovpn-scc"
+    packet = Packet("10.80.0.2", str(device.access.address), arrives, "", "tcp", device.access.port)
+    assert WALKS[site].accepts("input", packet)
+
+
+@pytest.mark.parametrize("site", SITES)
+@pytest.mark.parametrize("partner", PARTNERS)
+@pytest.mark.parametrize("arrives", INTERFACES)
+def test_partners_do_not_reach_the_routers_services(site: str, partner: str, arrives: str) -> None:
+    for local in (str(DECLARED.sites[site].lan.gateway), str(DECLARED.sites[site].management.network[1])):
+        for protocol, port in (("tcp", 22), ("tcp", 8729), ("tcp", 53), ("udp", 53), ("udp", 67), ("icmp", 0)):
+            assert not WALKS[site].accepts("input", Packet(partner, local, arrives, "", protocol, port))
+
+
+@pytest.mark.parametrize("site", SITES)
+@pytest.mark.parametrize("partner", PARTNERS)
+def test_partners_reach_neither_the_world_nor_the_management_network(site: str, partner: str) -> None:
+    technician = str(DECLARED.sites[site].management.technician)
+    for arrives in ("bridge-lan", "ovpn-scc"):
+        for bearer in DECLARED.sites[site].bearers:
+            out = link(site, bearer.name)
+            assert not WALKS[site].accepts("forward", Packet(partner, "8.8.8.8", arrives, out, "tcp", 443))
+        assert not WALKS[site].accepts("forward", Packet(partner, technician, arrives, "ether8", "tcp", 22))
+
+
+@pytest.mark.parametrize("site", SITES)
+@pytest.mark.parametrize("arrives", INTERFACES)
+@pytest.mark.parametrize("port", [21, 23, 53, 80, 443, 2000, 8291, 8728])
+def test_what_nobody_declared_is_dropped(site: str, arrives: str, port: int) -> None:
+    for chain in ("input", "forward"):
+        decided = WALKS[site].verdict(chain, Packet("192.0.2.77", "10.64.1.1", arrives, "ether4", "tcp", port))
+        assert decided == ("drop", "atlantis: everything else")
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_lan_is_served_and_no_more(site: str) -> None:
+    robot, local = str(DECLARED.sites[site].lan.network[21]), str(DECLARED.sites[site].lan.gateway)
+    served = {("udp", 53), ("tcp", 53), ("udp", 67), ("icmp", 0)}
+    for protocol, port in served | {("tcp", 22), ("tcp", 8729), ("tcp", 80), ("udp", 123), ("udp", 5678)}:
+        packet = Packet(robot, local, "bridge-lan", "", protocol, port)
+        assert WALKS[site].accepts("input", packet) is ((protocol, port) in served)
+    booting = Packet("0.0.0.0", "255.255.255.255", "bridge-lan", "", "udp", 67)  # noqa: S104 - a host without address
+    assert WALKS[site].accepts("input", booting)
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_lan_goes_out_by_its_cheap_links_and_comes_out_masqueraded(site: str) -> None:
+    robot = str(DECLARED.sites[site].lan.network[21])
+    for bearer in DECLARED.sites[site].bearers:
+        packet = Packet(robot, "93.184.216.34", "bridge-lan", link(site, bearer.name), "tcp", 443)
+        assert WALKS[site].accepts("forward", packet) is (bearer.kind is not BearerKind.SATELLITE)
+        assert WALKS[site].translation("srcnat", packet) == ("masquerade", "")
+
+
+def test_a_flow_that_lost_its_translation_does_not_leave() -> None:
+    packet = Packet("10.64.1.21", "93.184.216.34", "bridge-lan", "ether2", "tcp", 443, "established")
+    assert WALKS["coastal"].verdict("forward", packet) == ("drop", "atlantis: stale, not masqueraded")
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_sites_meet_inside_the_vpn_with_their_own_addresses(site: str) -> None:
+    robot = str(DECLARED.sites[site].lan.network[21])
+    there = Packet(robot, "10.64.0.11", "bridge-lan", "ovpn-scc", "udp", 7400)
+    back = Packet("10.64.0.11", robot, "ovpn-scc", "bridge-lan", "udp", 7400)
+    assert WALKS[site].accepts("forward", there)
+    assert WALKS[site].accepts("forward", back)
+    assert WALKS[site].translation("srcnat", there) is None
+
+
+def test_control_centre_forwards_the_vpn_from_every_side() -> None:
+    walk = WALKS["scc"]
+    for src, arrives in (("198.18.0.9", "ether1"), ("10.10.0.2", "ether2"), ("10.64.0.50", "bridge-lan")):
+        packet = Packet(src, "203.0.113.2", arrives, "", "udp", 1194)
+        assert walk.translation("dstnat", packet) == ("dst-nat", "10.64.0.10")
+        inside = Packet(src, "10.64.0.10", arrives, "bridge-lan", "udp", 1194, nat_state=frozenset({"dstnat"}))
+        assert walk.accepts("forward", inside)
+        back = Packet("10.64.0.10", src, "bridge-lan", arrives, "udp", 40000, "established", frozenset({"dstnat"}))
+        assert walk.accepts("forward", back)
+    unasked = Packet("198.18.0.9", "10.64.0.10", "ether1", "bridge-lan", "udp", 1194)
+    assert not walk.accepts("forward", unasked)
+
+
+def test_control_centre_hides_its_lan_only_where_an_answer_would_miss_the_router() -> None:
+    walk = WALKS["scc"]
+    hairpin = Packet("10.64.0.50", "10.64.0.10", "bridge-lan", "bridge-lan", "udp", 1194)
+    outside = Packet("198.18.0.9", "10.64.0.10", "ether1", "bridge-lan", "udp", 1194)
+    assert walk.translation("srcnat", hairpin) == ("masquerade", "")
+    assert walk.translation("srcnat", outside) is None
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_control_centre_turns_vpn_traffic_round_on_its_bridge(state: str) -> None:
+    walk = WALKS["scc"]
+    for behind in ("10.80.0.11", "10.64.1.21", "10.64.2.10"):
+        packet = Packet("10.64.0.11", behind, "bridge-lan", "bridge-lan", "tcp", 8080, state)
+        assert walk.accepts("forward", packet)
+        assert walk.translation("srcnat", packet) is None
+
+
+def test_control_centre_carries_coastal_to_the_world_but_not_into_its_lan() -> None:
+    walk = WALKS["scc"]
+    probe = Packet("10.10.0.2", "198.51.100.11", "ether2", "ether1", "icmp")
+    assert walk.accepts("forward", probe)
+    assert walk.translation("srcnat", probe) == ("masquerade", "")
+    assert not walk.accepts("forward", Packet("10.10.0.2", "10.64.0.11", "ether2", "bridge-lan", "tcp", 443))
+    assert not walk.accepts("forward", Packet("10.10.0.2", "10.64.100.10", "ether2", "ether8", "tcp", 22))
+
+
+def test_both_ends_of_the_bridge_are_reached_from_either_management_port() -> None:
+    for site, technician, out in (("scc", "10.64.100.10", "ether2"), ("coastal", "10.64.101.10", "ether1")):
+        for cpe in ("10.10.0.3", "10.10.0.4"):
+            packet = Packet(technician, cpe, "ether8", out, "tcp", 8729)
+            assert WALKS[site].accepts("forward", packet)
+            assert WALKS[site].translation("srcnat", packet) == ("masquerade", "")
+
+
+def test_routers_ping_each_other_over_the_bridge() -> None:
+    for site, arrives, src in (("scc", "ether2", "10.10.0.2"), ("coastal", "ether1", "10.10.0.1")):
+        assert WALKS[site].accepts("input", Packet(src, "10.10.0.1", arrives, "", "icmp"))
+        assert not WALKS[site].accepts("input", Packet("192.0.2.9", "10.10.0.1", arrives, "", "icmp"))
