@@ -1,0 +1,36 @@
+# Every target prints its own help: `make` alone lists them.
+.DEFAULT_GOAL := help
+SHELL := /bin/sh
+SITE ?= coastal
+ARGS ?=
+
+# Programs of .venv first, for us and for the programs that they start.
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+
+.PHONY: help rehearse test lint campaign clean
+
+help: ## list the targets
+	@echo "make TARGET, where TARGET is one of:"
+	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
+
+rehearse: ## run a site against its emulated devices (SITE=coastal)
+	@./provision site=$(SITE) --rehearse --yes
+
+test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
+	@tools/develop system
+	python -P -m pytest -n auto -m "not campaign" $(ARGS)
+
+lint: ## check code, types, playbooks and roles; no warning is accepted
+	@tools/develop
+	ruff check .
+	ruff format --check .
+	mypy
+	ansible-lint
+
+campaign: ## run the long tests: every cut point, every kill point, many seeds
+	@tools/develop system
+	python -P -m pytest -n auto -m campaign --timeout 0 $(ARGS)
+
+clean: ## remove .venv and everything that tools left behind
+	rm -rf .venv .venv-setup .ansible .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
