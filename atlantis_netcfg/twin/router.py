@@ -1,0 +1,213 @@
+"""One router twin on sockets.
+
+It cannot stand for: traffic (nothing is forwarded), radio, PoE power, CPU load, the time that real hardware takes
+to apply a change, or what RouterOS leaves undocumented; for the last there are knobs (`Knobs`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.twin.device import Device
+from atlantis_netcfg.twin.flash import Flash
+from atlantis_netcfg.twin.wire.doors import HOST, Doors
+from atlantis_netcfg.twin.wire.knobs import Knobs
+from atlantis_netcfg.twin.wire.link import Link
+from atlantis_netcfg.twin.wire.switchboard import Switchboard
+from atlantis_netcfg.twin.wire.tally import Counters, Tally
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+    from types import TracebackType
+
+    from atlantis_netcfg.twin.answers import Answer, Caller
+    from atlantis_netcfg.twin.spec import RouterSpec
+    from atlantis_netcfg.twin.wire.faults import Fault
+    from atlantis_netcfg.twin.wire.pipe import Pipe
+
+__all__ = ["Router"]
+
+
+class Router:
+    """A twin between `start()` and `stop()`, or inside `async with`; all methods belong to its event loop.
+
+    `ports` wishes loopback ports by service port, e.g. `{8729: 18729}`.
+    """
+
+    device: Device
+    _board: Switchboard
+
+    def __init__(
+        self,
+        spec: RouterSpec,
+        *,
+        state_dir: Path,
+        link: Link | None = None,
+        knobs: Knobs | None = None,
+        ports: Mapping[int, int] | None = None,
+    ) -> None:
+        self.spec = spec
+        self._link = link or Link()
+        self._knobs = knobs or Knobs()
+        self._flash = Flash(state_dir)
+        self._doors = Doors(self._visitor, ports or {})
+        self._tallies: list[Tally] = []
+        self._consoles: dict[str, Caller] = {}
+
+    async def start(self) -> None:
+        """Boot from the state directory and listen."""
+        self.device = Device(self.spec, asyncio.get_running_loop().time)
+        flash = self._flash.load()
+        if flash is not None:
+            self.device.restore(flash)
+        self._board = Switchboard(
+            self.device,
+            self.spec.management,
+            changed=self._changed,
+            certificate=self._certificate,
+            tallies=self._tallies,
+        )
+        self.relink(self._link)
+        self.turn(self._knobs)
+        self._consoles.clear()
+        await self._board.start()
+
+    async def stop(self) -> None:
+        """Pull the plug: sockets close, the flash stays; raises what went wrong inside the twin meanwhile."""
+        self._doors.close()
+        self._flash.save(self.device.snapshot())
+        self._board.stop()
+        await asyncio.sleep(0)
+        if self._board.failure is not None:
+            raise self._board.failure
+
+    async def restart(self) -> None:
+        """Stop, and start again from the flash on the same loopback ports."""
+        await self.stop()
+        await self.start()
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.stop()
+
+    # What a test or a rehearsal reads.
+
+    @property
+    def host(self) -> str:
+        """Where it listens."""
+        return HOST
+
+    @property
+    def ports(self) -> dict[str, int]:
+        """Loopback port of each API service that is enabled: `api`, `api-ssl`."""
+        return self._doors.ports
+
+    @property
+    def port_map(self) -> dict[int, int]:
+        """Loopback port by the port in `/ip/service`: to go from the declaration's port to the twin's."""
+        return self._doors.port_map
+
+    @property
+    def pin(self) -> str | None:
+        """SHA-256 of the certificate that api-ssl shows, in hex; None if it has none."""
+        service = self.device.services().get("api-ssl")
+        if service is None or service.certificate is None:
+            return None
+        return self._flash.pin(service.certificate, common_name=self.spec.name, address=self.spec.management.local)
+
+    def export(
+        self, *, verbose: bool = False, terse: bool = False, show_sensitive: bool = False, menu: str = "/"
+    ) -> str:
+        """What `/export` prints, read beside all sessions."""
+        return self.device.export(verbose=verbose, terse=terse, show_sensitive=show_sensitive, menu=menu)
+
+    def counters(self) -> Counters:
+        """Totals over all connections since the last reset."""
+        total = Counters()
+        for tally in self._tallies:
+            total = total.plus(tally.counters)
+        return total
+
+    def connections(self) -> tuple[Tally, ...]:
+        """Counters and sentences of each connection, in the order of their coming."""
+        return tuple(self._tallies)
+
+    def reset_counters(self) -> None:
+        """Count from zero; connections that are open go on counting."""
+        self._tallies[:] = [connection.tally for connection in self._board.connections]
+        for tally in self._tallies:
+            tally.counters = Counters()
+            tally.sentences = []
+
+    # What it does to the router.
+
+    async def console(self, words: Sequence[str], *, user: str | None = None) -> list[Answer]:
+        """Run a sentence as another admin, who keeps his session from call to call and needs no path."""
+        account = next(one for one in self.spec.users if user in (None, one.name))
+        if account.name not in self._consoles:
+            self._consoles[account.name] = self.device.login(
+                account.name, account.password, via="api", address=self.spec.management.technician
+            )
+        answers = self.device.run(self._consoles[account.name], words)
+        await self._board.settle()
+        self._board.tell()
+        return answers
+
+    def relink(self, link: Link) -> None:
+        """Another bearer for everything that is sent from now on."""
+        self._link = self._board.bearer.link = link
+
+    def turn(self, knobs: Knobs) -> None:
+        """Set the knobs."""
+        self._knobs = knobs
+        self._board.turn(knobs)
+
+    def arm(self, fault: Fault) -> None:
+        """Let a fault strike at a sentence to come."""
+        self._board.faults.arm(fault)
+
+    def disarm(self) -> None:
+        """Forget the faults that are armed."""
+        self._board.faults.disarm()
+
+    def gap(self, seconds: float) -> None:
+        """Let the bearer carry nothing for a while."""
+        self._board.gap(seconds)
+
+    def drop(self) -> None:
+        """Reset all connections under both ends."""
+        for connection in self._board.connections:
+            connection.drop()
+
+    def vanish(self) -> None:
+        """Silence all connections for good, without telling anybody."""
+        for connection in self._board.connections:
+            connection.vanish()
+
+    def reboot(self, *, clean: bool = True) -> None:
+        """Reboot, or lose power (`clean=False`: sockets are not closed first); back after `boot_s`."""
+        self._board.reboot(clean=clean)
+        self._consoles.clear()
+
+    def recertify(self) -> None:
+        """Replace the certificates, as a reset or an intruder would."""
+        self._flash.forget_certificates()
+
+    # Inside.
+
+    def _visitor(self, service: str) -> Pipe:
+        return self._board.visitor(service)
+
+    async def _changed(self) -> None:
+        await self._doors.align(self.device.services())
+        self._flash.save(self.device.snapshot())
+
+    def _certificate(self, name: str) -> Path:
+        return self._flash.certificate(name, common_name=self.spec.name, address=self.spec.management.local)

@@ -1,0 +1,67 @@
+"""The seam between the connections of a router twin and the router itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import asyncio
+    from random import Random
+
+    from atlantis_netcfg.twin.wire.dialogue import Dialogue
+    from atlantis_netcfg.twin.wire.faults import Fault
+    from atlantis_netcfg.twin.wire.knobs import Knobs, Pace
+    from atlantis_netcfg.twin.wire.link import Bearer
+    from atlantis_netcfg.twin.wire.pipe import Pipe
+    from atlantis_netcfg.twin.wire.tls import Channel
+
+__all__ = ["Host"]
+
+
+class Host(Protocol):
+    """What a connection needs of its router."""
+
+    bearer: Bearer
+    air: asyncio.Event
+    """Cleared while the bearer has a gap."""
+    knobs: Knobs
+    pace: Pace
+    chance: Random | None
+    """What shuffles, or None for the order of arrival."""
+
+    @property
+    def silent_timeout_s(self) -> float:
+        """Until the router's TCP gives a silent peer up."""
+
+    def dialogue(self, service: str) -> Dialogue:
+        """A session in which nobody has logged in."""
+
+    def channel(self, service: str) -> Channel:
+        """TLS with the certificate of this moment, or plain."""
+
+    def admits(self, service: str) -> bool:
+        """Does the service, which has seen a packet, talk to this client."""
+
+    def reaches(self, service: str, *, established: bool) -> bool:
+        """Do packets get through the router's own configuration, both ways."""
+
+    def opened(self, pipe: Pipe) -> None:
+        """A client has connected."""
+
+    def closed(self, pipe: Pipe) -> None:
+        """Neither end will be heard of again."""
+
+    def watch(self, task: asyncio.Task[None]) -> None:
+        """Stop the twin with an error if `task` fails."""
+
+    def upon(self, command: str) -> list[Fault]:
+        """Count a sentence; the faults that strike at it."""
+
+    def strike(self, fault: Fault) -> None:
+        """Let a fault happen that concerns more than one connection."""
+
+    async def settle(self) -> None:
+        """Let what has changed in the router take effect on its wire: path, listeners, flash, reboot."""
+
+    def tell(self) -> None:
+        """Let all sessions say what their `/listen` has seen, and look at the clock again."""
