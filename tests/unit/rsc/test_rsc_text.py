@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rsc_strategies import exports, statements
 
+from atlantis_netcfg import rsc
 from atlantis_netcfg.rsc import (
     Export,
     RscError,
@@ -58,6 +59,24 @@ def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
     shown = f"{error}\n{error.hint}\n" if error.hint else f"{error}\n"
     assert shown == read(path.with_suffix(".txt"))
     assert f"line {error.line}, column {error.column}" in shown
+
+
+def test_the_public_surface() -> None:
+    assert rsc.__all__ == [
+        "VOLATILE_COMMENTS",
+        "WIDTH",
+        "Export",
+        "RscError",
+        "Statement",
+        "console_path",
+        "drop_volatile",
+        "is_volatile",
+        "parse",
+        "print_export",
+        "print_statement",
+        "quote",
+        "unquote",
+    ]
 
 
 def test_texts_of_every_kind_are_there() -> None:

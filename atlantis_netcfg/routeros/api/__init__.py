@@ -1,0 +1,38 @@
+"""The wire to a RouterOS device: one asyncio session over api-ssl with a pinned certificate.
+
+The protocol layer of librouteros (lengths of words) under a tagged multiplexer of ours: up to WINDOW commands travel in
+one write and cost one round trip, which is what counts on a link of 700 ms. Added to librouteros: tags, TLS with a pin
+that is checked before the login is sent, five-byte lengths, strings kept as the device has them (nothing is cast, no
+byte dropped), time-outs by silence, limits on memory, counters of traffic.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.routeros.api._errors import (
+    CertificateChanged,
+    CertificateUnknown,
+    LoginRefused,
+    ProtocolError,
+    Refused,
+    SessionLost,
+    Unreachable,
+)
+from atlantis_netcfg.routeros.api._session import WINDOW, Session
+from atlantis_netcfg.routeros.api._values import Command, Endpoint, Reply, Traffic, Trap
+
+__all__ = [
+    "WINDOW",
+    "CertificateChanged",
+    "CertificateUnknown",
+    "Command",
+    "Endpoint",
+    "LoginRefused",
+    "ProtocolError",
+    "Refused",
+    "Reply",
+    "Session",
+    "SessionLost",
+    "Traffic",
+    "Trap",
+    "Unreachable",
+]

@@ -1,0 +1,86 @@
+"""What goes out and what comes back, as the device's own strings; nothing is cast and no secret shows in a repr."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.routeros.api._errors import Refused
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.secret import Secret
+
+__all__ = ["Command", "Endpoint", "Reply", "Traffic", "Trap"]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command sentence; a name that starts with `!` unsets, queries are words as sent (`?name=x`, `?#|`)."""
+
+    path: str
+    """In the form of the API, command word included: `/ip/address/add`."""
+    arguments: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    queries: tuple[str, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.path.startswith("/") or not all(word.startswith("?") for word in self.queries):
+            raise ValueError(f"a command word starts with / and every query word with ?: {self!r}")
+
+    def words(self) -> tuple[str, ...]:
+        """Return the sentence, secrets included: for the wire only."""
+        return (self.path, *(f"={name}={value}" for name, value in self.arguments), *self.queries)
+
+
+@dataclass(frozen=True, slots=True)
+class Trap:
+    """The device's refusal in its own words; `category` 0 to 7 as in the manual, API; None if it gave none."""
+
+    message: str
+    category: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Everything that one command was answered, complete because `!done` was read."""
+
+    rows: tuple[Row, ...] = field(default=(), repr=False)
+    ret: str | None = field(default=None, repr=False)
+    """What the command returned with `!done`: the `.id` of an added row, the output of a script."""
+    trap: Trap | None = None
+    path: str = ""
+    """The command that was answered."""
+
+    def checked(self) -> Self:
+        """Return the reply itself. Raises Refused if the device refused the command."""
+        if self.trap is not None:
+            raise Refused(f"the device refused {self.path}: {self.trap.message}", trap=self.trap, path=self.path)
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """Where and as whom to log in; the time-outs outlive the gaps of 70 s that satellite links have."""
+
+    host: str
+    port: int
+    user: str
+    password: Secret
+    pin: str | None
+    """SHA-256 of the DER certificate as hexadecimal digits, colons allowed; None if the device was never met."""
+    connect_timeout_s: float = 120.0
+    """For the TCP connection and the TLS handshake together."""
+    reply_timeout_s: float = 180.0
+    """Longest silence of a device that owes an answer."""
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+@dataclass(slots=True)
+class Traffic:
+    """What a session cost so far: turns on the link after the TLS handshake, and bytes above TLS in each direction."""
+
+    round_trips: int = 0
+    sent: int = 0
+    received: int = 0

@@ -1,0 +1,154 @@
+"""The tagged multiplexer: many commands in one write, answers in any order, one failure for all who wait."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
+
+from atlantis_netcfg.routeros.api._errors import ProtocolError, SessionLost
+from atlantis_netcfg.routeros.api._sentences import Answer, Decoder, GarbageError, encode, parse
+from atlantis_netcfg.routeros.api._tls import keep_alive
+from atlantis_netcfg.routeros.api._values import Command, Reply, Traffic, Trap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.routeros._types import Row
+
+__all__ = ["Wire"]
+
+
+@dataclass(slots=True)
+class _Pending:
+    """What was answered so far to one command."""
+
+    command: Command
+    rows: list[Row] = field(default_factory=list)
+    trap: Trap | None = None
+    reply: Reply | None = None
+
+    def take(self, answer: Answer) -> None:
+        if answer.reply == "!re":
+            self.rows.append(answer.attributes)
+        elif answer.reply == "!trap" and self.trap is None:
+            category = answer.attributes.get("category", "")
+            self.trap = Trap(answer.attributes.get("message", ""), int(category) if category.isdecimal() else None)
+        elif answer.reply == "!done":
+            self.reply = Reply(tuple(self.rows), answer.attributes.get("ret"), self.trap, self.command.path)
+
+
+class Wire(asyncio.Protocol):
+    """One connection: sentences out, answers sorted by tag; counts what crosses it, and fails once for good."""
+
+    def __init__(self, name: str, traffic: Traffic) -> None:
+        self.name = name
+        self.traffic = traffic
+        self.closed = asyncio.Event()
+        self._transport: asyncio.Transport | None = None
+        self._decoder = Decoder()
+        self._tags: Iterator[int] = itertools.count(1)
+        self._pending: dict[str, _Pending] = {}
+        self._settled: asyncio.Future[None] | None = None
+        self._failure: SessionLost | None = None
+        self._heard = 0.0
+
+    @property
+    def transport(self) -> asyncio.Transport:
+        """The transport below; there is one from `connection_made` on."""
+        if self._transport is None:
+            raise RuntimeError("asyncio connects a protocol before it hands it out")
+        return self._transport
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Asyncio's call: the TLS handshake is done."""
+        self._transport = cast("asyncio.Transport", transport)
+        keep_alive(transport)
+
+    def data_received(self, data: bytes) -> None:
+        """Asyncio's call: bytes came."""
+        self.traffic.received += len(data)
+        self._heard = asyncio.get_running_loop().time()
+        try:
+            for words in self._decoder.feed(data):
+                self._dispatch(parse(words))
+        except GarbageError as error:
+            self._fail(f"sent {error}", garbage=True)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Asyncio's call: the connection is gone; `exc` is None if the device closed it."""
+        if not self._decoder.is_between:
+            self._fail("fell silent in the middle of an answer: the connection is lost", garbage=True)
+        self._fail("lost the connection" if exc else "closed the connection")
+        self.closed.set()
+
+    async def exchange(self, commands: Sequence[Command], silence_s: float) -> list[Reply]:
+        """Send all commands in one write and wait for all answers. Raises SessionLost, also after so much silence.
+
+        One batch at a time: who calls it for several tasks takes turns.
+        """
+        if self._failure is not None:
+            raise type(self._failure)(str(self._failure), in_flight=False)
+        batch = {str(next(self._tags)): _Pending(command) for command in commands}
+        self._pending = dict(batch)
+        self._settled = asyncio.get_running_loop().create_future()
+        self._send(b"".join(encode((*item.command.words(), f".tag={tag}")) for tag, item in batch.items()))
+        try:
+            await self._wait(self._settled, silence_s)
+        except asyncio.CancelledError:
+            self._settled.cancel()
+            self.abort()
+            raise
+        return [item.reply for item in batch.values() if item.reply is not None]
+
+    def close(self) -> None:
+        """End the connection in good order; `closed` is set when that is done."""
+        self._fail("was left: this session is closed", abort=False)
+        self.transport.close()
+
+    def abort(self) -> None:
+        """Drop the connection at once: what was asked cannot be waited for any more."""
+        self._fail("was dropped by us")
+        self.transport.abort()
+
+    def _send(self, data: bytes) -> None:
+        self.transport.write(data)
+        self._heard = asyncio.get_running_loop().time()
+        self.traffic.round_trips += 1
+        self.traffic.sent += len(data)
+
+    async def _wait(self, settled: asyncio.Future[None], silence_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        while not settled.done():
+            left = self._heard + silence_s - loop.time()
+            if left <= 0:
+                self._fail(f"has not answered for {silence_s:g} s")
+            else:
+                await asyncio.wait([settled], timeout=left)
+        settled.result()
+
+    def _dispatch(self, answer: Answer) -> None:
+        if answer.reply == "!fatal":
+            self._fail(f"ended the session: {answer.text}")
+            return
+        if answer.tag not in self._pending:
+            raise GarbageError(f"an answer `{answer.reply}` to a command that it was not asked")
+        item = self._pending[answer.tag]
+        item.take(answer)
+        if item.reply is not None:
+            del self._pending[answer.tag]
+        if not self._pending and self._settled is not None and not self._settled.done():
+            self._settled.set_result(None)
+
+    def _fail(self, how: str, *, garbage: bool = False, abort: bool = True) -> None:
+        """Fail for good, unless that already happened: who waits is told, and so is whoever sends later."""
+        if self._failure is not None:
+            return
+        kind = ProtocolError if garbage else SessionLost
+        self._failure = kind(f"{self.name} {how}", in_flight=bool(self._pending))
+        self._pending.clear()
+        if self._settled is not None and not self._settled.done():
+            self._settled.set_exception(self._failure)
+        if abort:
+            self.transport.abort()

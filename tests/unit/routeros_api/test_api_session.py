@@ -1,0 +1,454 @@
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import socket
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import pytest
+from scripted_device import PASSWORD, Device, Peer, frame, serving
+
+from atlantis_netcfg.routeros.api import (
+    WINDOW,
+    Command,
+    LoginRefused,
+    ProtocolError,
+    Refused,
+    Reply,
+    Session,
+    SessionLost,
+    Traffic,
+    Trap,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+    from pathlib import Path
+
+T = TypeVar("T")
+PRINT = Command("/ip/address/print")
+
+
+def talk(
+    folder: Path,
+    script: Callable[[Peer], Awaitable[None]],
+    use: Callable[[Session], Awaitable[T]],
+    **knobs: Any,  # noqa: ANN401 - those of Device.endpoint
+) -> T:
+    """Log in to a device that then does as the script says, and return what `use` of the session gives."""
+
+    async def logged_in(peer: Peer) -> None:
+        await peer.log_in()
+        await script(peer)
+
+    async def both() -> T:
+        async with serving(folder, logged_in) as device, await Session.open(device.endpoint(**knobs)) as session:
+            return await use(session)
+
+    return asyncio.run(both())
+
+
+def lost(folder: Path, script: Callable[[Peer], Awaitable[None]], **knobs: Any) -> SessionLost:  # noqa: ANN401 - as talk
+    """Return how a session ends when the device answers `/ip/address/print` as the script says."""
+
+    async def use(session: Session) -> SessionLost:
+        with pytest.raises(SessionLost) as caught:
+            await session.flight([PRINT, PRINT])
+        with pytest.raises(SessionLost) as again:
+            await session.command(PRINT)
+        assert not again.value.in_flight
+        return caught.value
+
+    return talk(folder, script, use, **knobs)
+
+
+def opening(folder: Path, script: Callable[[Peer], Awaitable[None]], **knobs: Any) -> Exception:  # noqa: ANN401 - as talk
+    """Return how the login ends."""
+
+    async def both() -> Exception:
+        async with serving(folder, script) as device:
+            with pytest.raises(Exception) as caught:  # noqa: PT011 - the caller looks at it
+                await Session.open(device.endpoint(**knobs))
+            return caught.value
+
+    return asyncio.run(both())
+
+
+def test_the_login_is_one_tagged_sentence_and_one_round_trip(tmp_path: Path) -> None:
+    seen: list[list[str]] = []
+
+    async def script(peer: Peer) -> None:
+        seen.append(await peer.log_in())
+        await peer.gone()
+
+    async def use() -> tuple[Traffic, str, str]:
+        async with serving(tmp_path, script) as device, await Session.open(device.endpoint()) as session:
+            return session.traffic, session.certificate, device.fingerprint
+
+    traffic, certificate, fingerprint = asyncio.run(use())
+    sentence = ["/login", "=name=provision", f"=password={PASSWORD}", ".tag=1"]
+    assert seen == [sentence]
+    assert traffic == Traffic(1, len(frame(*sentence)), len(frame("!done", ".tag=1")))
+    assert certificate == fingerprint
+
+
+def test_an_old_device_is_answered_with_its_challenge(tmp_path: Path) -> None:
+    challenge = "ea64c0d0d6f9d3f5b4b2c3b1a1f0e0d1"
+    seen: list[list[str]] = []
+
+    async def script(peer: Peer) -> None:
+        await peer.read()
+        await peer.send(("!done", f"=ret={challenge}", ".tag=1"))
+        seen.append(await peer.read())
+        await peer.send(("!done", ".tag=2"))
+        await peer.gone()
+
+    async def use() -> int:
+        async with serving(tmp_path, script) as device, await Session.open(device.endpoint()) as session:
+            return session.traffic.round_trips
+
+    assert asyncio.run(use()) == 2
+    digest = hashlib.md5(b"\0" + PASSWORD.encode() + bytes.fromhex(challenge), usedforsecurity=False).hexdigest()
+    assert seen == [["/login", "=name=provision", f"=response=00{digest}", ".tag=2"]]
+
+
+def test_a_challenge_that_is_no_number_is_garbage(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.read()
+        await peer.send(("!done", "=ret=hello", ".tag=1"))
+        await peer.gone()
+
+    error = opening(tmp_path, script)
+    assert isinstance(error, ProtocolError)
+    assert "sent a login challenge that is no number" in str(error)
+
+
+def test_a_wrong_password_is_told_in_the_devices_words_only(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.read()
+        await peer.send(("!trap", "=message=invalid user name or password (6)", ".tag=1"), ("!done", ".tag=1"))
+        await peer.gone()
+
+    error = opening(tmp_path, script, password="not the horse")
+    assert isinstance(error, LoginRefused)
+    assert str(error).endswith("refused the login of `provision`: invalid user name or password (6)")
+    assert "horse" not in f"{error!r} {error} {error.hint}"
+
+
+def test_a_session_that_the_device_ends_during_the_login_is_lost(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.read()
+        await peer.send(("!fatal", "too many sessions"))
+        await peer.gone()
+
+    error = opening(tmp_path, script)
+    assert isinstance(error, SessionLost)
+    assert not error.in_flight
+    assert str(error).endswith("ended the session: too many sessions (during the login of `provision`)")
+
+
+def test_answers_may_interleave_and_come_in_any_order(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        first, second, third = await peer.read_tags(3)
+        await peer.send(
+            ("!re", f".tag={third}", "=name=c"),
+            ("!re", "=name=a", f".tag={first}"),
+            ("!done", f".tag={third}"),
+            ("!empty", f".tag={second}"),
+            ("!re", f".tag={first}", "=name=aa"),
+            ("!done", f".tag={second}"),
+            ("!done", f".tag={first}", "=ret=*1"),
+        )
+        await peer.gone()
+
+    replies = talk(tmp_path, script, lambda session: session.flight([PRINT, PRINT, PRINT]))
+    path = PRINT.path
+    assert replies == [
+        Reply(({"name": "a"}, {"name": "aa"}), "*1", None, path),
+        Reply((), None, None, path),
+        Reply(({"name": "c"},), None, None, path),
+    ]
+
+
+def test_an_answer_may_come_byte_by_byte(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        (tag,) = await peer.read_tags(1)
+        for byte in frame("!re", f".tag={tag}", "=comment=" + "x" * 200) + frame("!done", f".tag={tag}"):
+            await peer.raw(bytes([byte]))
+        await peer.gone()
+
+    reply = talk(tmp_path, script, lambda session: session.command(PRINT))
+    assert reply.rows == ({"comment": "x" * 200},)
+
+
+def test_values_stay_the_devices_strings(tmp_path: Path) -> None:
+    sent = {"disabled": "true", "mtu": "1500", "code": "00", "on": "yes", "empty": "", "name": "\udcd2\udcca"}
+
+    async def script(peer: Peer) -> None:
+        (tag,) = await peer.read_tags(1)
+        row = [f"={name}={value}".encode("utf-8", "surrogateescape") for name, value in sent.items()]
+        await peer.send(("!re", *row, f".tag={tag}"), ("!done", f".tag={tag}"))
+        await peer.gone()
+
+    assert talk(tmp_path, script, lambda session: session.command(PRINT)).rows == (sent,)
+
+
+def test_a_command_is_sent_word_for_word(tmp_path: Path) -> None:
+    seen: list[list[str]] = []
+
+    async def script(peer: Peer) -> None:
+        seen.append(await peer.read())
+        await peer.send(("!done", seen[0][-1]))
+        await peer.gone()
+
+    command = Command("/ip/route/print", (("comment", "a=b\nc"), ("!gateway", "")), ("?dst-address=0.0.0.0/0", "?#!"))
+    talk(tmp_path, script, lambda session: session.command(command))
+    assert seen == [["/ip/route/print", "=comment=a=b\nc", "=!gateway=", "?dst-address=0.0.0.0/0", "?#!", ".tag=2"]]
+
+
+def test_a_refused_command_does_not_stop_the_others(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        first, second = await peer.read_tags(2)
+        await peer.send(
+            ("!trap", "=category=1", "=message=invalid value for argument address", f".tag={first}"),
+            ("!trap", "=message=another", f".tag={first}"),
+            ("!done", f".tag={first}"),
+            ("!done", "=ret=*7", f".tag={second}"),
+        )
+        await peer.gone()
+
+    add = Command("/ip/address/add", (("address", "192.0.2.1/24"),))
+    refused, done = talk(tmp_path, script, lambda session: session.flight([add, add]))
+    assert refused.trap == Trap("invalid value for argument address", 1)
+    assert done.checked().ret == "*7"
+    with pytest.raises(Refused) as caught:
+        refused.checked()
+    assert str(caught.value) == "the device refused /ip/address/add: invalid value for argument address"
+    assert (caught.value.trap, caught.value.path) == (refused.trap, "/ip/address/add")
+
+
+def test_an_interrupted_command_is_a_trap_of_category_2(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        (tag,) = await peer.read_tags(1)
+        await peer.send(
+            ("!re", "=name=a", f".tag={tag}"),
+            ("!trap", "=category=2", "=message=interrupted", f".tag={tag}"),
+            ("!done", f".tag={tag}"),
+        )
+        await peer.gone()
+
+    reply = talk(tmp_path, script, lambda session: session.command(PRINT))
+    assert (reply.trap, reply.rows) == (Trap("interrupted", 2), ({"name": "a"},))
+
+
+def test_forty_commands_are_three_round_trips(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        for count in (16, 16, 8):
+            tags = await peer.read_tags(count)
+            await peer.send(*(("!done", f"=ret={tag}", f".tag={tag}") for tag in reversed(tags)))
+        await peer.gone()
+
+    async def use(session: Session) -> tuple[list[str | None], int]:
+        before = session.traffic.round_trips
+        replies = await session.flight([PRINT] * 40)
+        return [reply.ret for reply in replies], session.traffic.round_trips - before
+
+    rets, round_trips = talk(tmp_path, script, use)
+    assert WINDOW == 16
+    assert round_trips == 3
+    assert rets == [str(tag) for tag in range(2, 42)]
+
+
+def test_tasks_take_turns(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        for _ in range(3):
+            one, two = await peer.read_tags(2)
+            assert int(two) == int(one) + 1
+            await peer.send(("!done", f".tag={two}"), ("!done", f".tag={one}"))
+        await peer.gone()
+
+    async def use(session: Session) -> int:
+        replies = await asyncio.gather(*(session.flight([PRINT, PRINT]) for _ in range(3)))
+        return sum(map(len, replies))
+
+    assert talk(tmp_path, script, use) == 6
+
+
+def test_no_commands_are_no_round_trip(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.gone()
+
+    async def use(session: Session) -> tuple[list[Reply], int]:
+        return await session.flight([]), session.traffic.round_trips
+
+    assert talk(tmp_path, script, use) == ([], 1)
+
+
+def test_a_fatal_answer_ends_the_session_with_its_words(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        first, _ = await peer.read_tags(2)
+        await peer.send(("!done", f".tag={first}"), ("!fatal", "session terminated on request"))
+        await peer.gone()
+
+    error = lost(tmp_path, script)
+    assert str(error).endswith("ended the session: session terminated on request")
+    assert error.in_flight
+
+
+def test_a_close_between_two_answers_is_a_lost_session(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        first, _ = await peer.read_tags(2)
+        await peer.send(("!done", f".tag={first}"))
+        peer.writer.close()
+
+    error = lost(tmp_path, script)
+    assert type(error) is SessionLost
+    assert error.in_flight
+    assert str(error).endswith("closed the connection")
+
+
+GARBAGE = {
+    "cut-off word": (b"\x05!do", "fell silent in the middle of an answer: the connection is lost"),
+    "cut-off length": (b"\xc0\x40", "fell silent in the middle of an answer: the connection is lost"),
+    "cut-off sentence": (b"\x05!done", "fell silent in the middle of an answer: the connection is lost"),
+    "no length": (b"\xff\xff\xff\xff", "sent a word that starts with the byte 0xff, which no length starts with"),
+    "huge length": (
+        b"\xf0\x10\x00\x00\x00",
+        "sent a word of 268435456 bytes, where 16777216 bytes are the most for a whole answer",
+    ),
+    "another protocol": (frame("SSH-2.0-ROSSSH"), "sent a word of 14 characters in the place of an answer"),
+    "unknown answer": (frame("!what", ".tag=2"), "sent `!what` in the place of an answer"),
+    "unknown tag": (frame("!done", ".tag=99"), "sent an answer `!done` to a command that it was not asked"),
+    "no tag": (frame("!done"), "sent an answer `!done` to a command that it was not asked"),
+    "answered twice": (
+        frame("!done", ".tag=2") + frame("!done", ".tag=2"),
+        "sent an answer `!done` to a command that it was not asked",
+    ),
+    "no attribute": (
+        frame("!re", ".tag=2", "password"),
+        "sent a word of 8 characters in the place of an attribute of !re",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", GARBAGE)
+def test_garbage_ends_the_session_and_is_named(tmp_path: Path, case: str) -> None:
+    data, complaint = GARBAGE[case]
+
+    async def script(peer: Peer) -> None:
+        await peer.read_tags(2)
+        await peer.raw(data)
+        peer.writer.close()
+
+    error = lost(tmp_path, script)
+    assert isinstance(error, ProtocolError)
+    assert error.in_flight
+    assert str(error).split(" ", 1)[1] == complaint
+
+
+def test_a_silent_device_is_given_up_after_the_endpoints_patience(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.gone()
+
+    error = lost(tmp_path, script, reply_timeout_s=0.05)
+    assert error.in_flight
+    assert str(error).endswith("has not answered for 0.05 s")
+
+
+def test_patience_can_be_given_for_one_command(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.gone()
+
+    async def use(session: Session) -> str:
+        with pytest.raises(SessionLost) as caught:
+            await session.command(PRINT, silence_s=0.02)
+        return str(caught.value)
+
+    assert talk(tmp_path, script, use).endswith("has not answered for 0.02 s")
+
+
+def test_what_the_device_says_unasked_ends_the_session_before_the_next_command(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        (tag,) = await peer.read_tags(1)
+        await peer.send(("!done", f".tag={tag}"), ("!fatal", "going down"))
+        await peer.gone()
+
+    async def use(session: Session) -> SessionLost:
+        await session.command(PRINT)
+        await session._wire.closed.wait()
+        with pytest.raises(SessionLost) as caught:
+            await session.command(PRINT)
+        return caught.value
+
+    error = talk(tmp_path, script, use)
+    assert not error.in_flight
+    assert str(error).endswith("ended the session: going down")
+
+
+def test_a_cancelled_flight_drops_the_connection(tmp_path: Path) -> None:
+    asked = asyncio.Event()
+
+    async def script(peer: Peer) -> None:
+        await peer.read_tags(1)
+        asked.set()
+        await peer.gone()
+
+    async def use(session: Session) -> SessionLost:
+        task = asyncio.get_running_loop().create_task(session.command(PRINT))
+        await asked.wait()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        with pytest.raises(SessionLost) as caught:
+            await session.command(PRINT)
+        return caught.value
+
+    assert not talk(tmp_path, script, use).in_flight
+
+
+def test_a_closed_session_stays_closed(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        assert await peer.gone() == b""
+
+    async def use(session: Session) -> str:
+        await session.close()
+        await session.close()
+        with pytest.raises(SessionLost) as caught:
+            await session.command(PRINT)
+        return str(caught.value)
+
+    assert talk(tmp_path, script, use).endswith("was left: this session is closed")
+
+
+def test_small_sentences_leave_at_once_and_a_dead_link_is_noticed(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.gone()
+
+    async def use(session: Session) -> tuple[int, int]:
+        connection = session._wire.transport.get_extra_info("socket")
+        return (
+            connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY),
+            connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE),
+        )
+
+    assert talk(tmp_path, script, use) == (1, 1)
+
+
+def test_no_repr_shows_a_value() -> None:
+    command = Command("/user/add", (("name", "x"), ("password", PASSWORD)), (f"?password={PASSWORD}",))
+    reply = Reply(({"password": PASSWORD},), PASSWORD, None, "/user/print")
+    endpoint = Device(8729, "00").endpoint()
+    assert PASSWORD not in f"{command!r} {reply!r} {endpoint!r} {endpoint}"
+
+
+@pytest.mark.parametrize(("path", "queries"), [("user/print", ()), ("", ()), ("/user/print", ("name=x",))])
+def test_a_sentence_that_the_device_would_misread_is_not_made(path: str, queries: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match=r"^a command word starts with / and every query word with \?: Command"):
+        Command(path, queries=queries)
+
+
+def test_default_patience_outlives_a_gap_of_a_satellite_link() -> None:
+    endpoint = Device(8729, "00").endpoint()
+    fields = type(endpoint).__dataclass_fields__
+    assert fields["connect_timeout_s"].default == 120
+    assert fields["reply_timeout_s"].default == 180

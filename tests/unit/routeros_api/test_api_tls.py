@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import asyncio
+import socket
+import ssl
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+from scripted_device import Device, Peer, serving
+
+from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
+from atlantis_netcfg.routeros.api._tls import client_context
+from atlantis_netcfg.secret import Secret
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+OTHER = "ab" * 32
+
+
+async def hears_nothing(peer: Peer) -> None:
+    assert await peer.gone() == b""
+
+
+def test_another_certificate_is_refused_before_the_login_is_sent(tmp_path: Path) -> None:
+    async def use() -> tuple[CertificateChanged, str]:
+        async with serving(tmp_path, hears_nothing) as device:
+            with pytest.raises(CertificateChanged) as caught:
+                await Session.open(device.endpoint(pin=OTHER))
+            return caught.value, device.fingerprint
+
+    error, seen = asyncio.run(use())
+    assert (error.pinned, error.seen) == (OTHER, seen)
+    assert OTHER in str(error)
+    assert seen in str(error)
+    assert error.hint is not None
+    assert "/certificate print detail" in error.hint
+    assert seen in error.hint
+
+
+def test_without_a_pin_the_fingerprint_is_told_and_no_login_sent(tmp_path: Path) -> None:
+    async def use() -> tuple[CertificateUnknown, str]:
+        async with serving(tmp_path, hears_nothing) as device:
+            with pytest.raises(CertificateUnknown) as caught:
+                await Session.open(device.endpoint(pin=None))
+            return caught.value, device.fingerprint
+
+    error, seen = asyncio.run(use())
+    assert error.fingerprint == seen
+    assert seen in str(error)
+    assert error.hint is not None
+    assert "/certificate print detail" in error.hint
+
+
+def test_a_pin_may_be_written_with_colons_and_capitals(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.log_in()
+        await peer.gone()
+
+    async def use() -> tuple[str, str]:
+        async with serving(tmp_path, script) as device:
+            pin = ":".join(device.fingerprint[at : at + 2] for at in range(0, 64, 2)).upper()
+            async with await Session.open(device.endpoint(pin=pin)) as session:
+                return session.certificate, device.fingerprint
+
+    certificate, fingerprint = asyncio.run(use())
+    assert certificate == fingerprint
+
+
+def test_the_context_trusts_no_chain_but_wants_tls_1_2_and_a_certificate() -> None:
+    context = client_context()
+    assert context.minimum_version == ssl.TLSVersion.TLSv1_2
+    assert context.verify_mode == ssl.CERT_NONE
+    assert not [cipher["name"] for cipher in context.get_ciphers() if cipher["auth"] == "auth-null"]
+
+
+def test_a_device_without_certificate_is_not_talked_to(tmp_path: Path) -> None:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    context.set_ciphers("ADH-AES256-GCM-SHA384:@SECLEVEL=0")
+
+    async def use() -> Unreachable:
+        async with serving(tmp_path, hears_nothing, context=context) as device:
+            with pytest.raises(Unreachable) as caught:
+                await Session.open(device.endpoint())
+            return caught.value
+
+    error = asyncio.run(use())
+    assert "answered, but not with TLS and a certificate" in str(error)
+    assert error.hint == "api-ssl needs a certificate:  /ip service set api-ssl certificate=NAME disabled=no"
+
+
+def test_a_service_that_is_not_tls_is_told_as_such() -> None:
+    def connected(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(b"SSH-2.0-ROSSSH\r\n")
+        writer.close()
+
+    async def use() -> str:
+        server = await asyncio.start_server(connected, "127.0.0.1", 0)
+        async with server:
+            with pytest.raises(Unreachable) as caught:
+                await Session.open(Device(server.sockets[0].getsockname()[1], OTHER).endpoint())
+        return str(caught.value)
+
+    assert "answered, but not with TLS" in asyncio.run(use())
+
+
+def test_nobody_there() -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+    with pytest.raises(Unreachable) as caught:
+        asyncio.run(Session.open(Device(port, OTHER).endpoint()))
+    assert str(caught.value) == f"127.0.0.1:{port} cannot be reached: Connection refused"
+
+
+def test_a_name_that_does_not_resolve() -> None:
+    endpoint = Endpoint(f"{'x' * 70}.invalid", 8729, "provision", Secret("x"), OTHER)
+    with pytest.raises(Unreachable, match="cannot be reached"):
+        asyncio.run(Session.open(endpoint))
+
+
+def test_a_handshake_that_never_ends_is_given_up() -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as silent:
+        endpoint = Device(silent.getsockname()[1], OTHER).endpoint(connect_timeout_s=0.1)
+        with pytest.raises(Unreachable, match=r"did not answer within 0\.1 s$"):
+            asyncio.run(Session.open(endpoint))
+
+
+def test_addresses_of_version_6_are_shown_in_brackets() -> None:
+    assert str(Endpoint("fe80::1", 8729, "provision", Secret("x"), None)) == "[fe80::1]:8729"
