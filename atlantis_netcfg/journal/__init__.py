@@ -1,0 +1,77 @@
+"""What ran, what the devices said, what to go on with: kept on disk so that a kill at any moment loses nothing.
+
+    <state>/<real|rehearsal>/pins.json                          certificates, by device
+    <state>/<real|rehearsal>/<site>/lock                        who works on the site now
+    <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
+    <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
+
+Everything is readable by its owner only. No record holds a secret: actions arrive here masked.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy
+from atlantis_netcfg.journal._files import write_atomically
+from atlantis_netcfg.journal._lock import Holder, SiteLock
+from atlantis_netcfg.journal._log import Entry, Log, read
+from atlantis_netcfg.journal._pins import Pins
+from atlantis_netcfg.journal._runs import Run
+from atlantis_netcfg.journal._store import Store
+from atlantis_netcfg.journal._writer import Journal, NoJournal, Recorder
+from atlantis_netcfg.journal.records import (
+    SETTLED,
+    ActionsAcknowledged,
+    ActionsConfirmed,
+    DeviceObserved,
+    LayerSent,
+    Outcome,
+    Planned,
+    PlannedAction,
+    Protected,
+    Record,
+    Released,
+    Releasing,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    StateSaved,
+    Unrolled,
+    Verified,
+)
+
+__all__ = [
+    "SETTLED",
+    "ActionsAcknowledged",
+    "ActionsConfirmed",
+    "DeviceObserved",
+    "Entry",
+    "Holder",
+    "Journal",
+    "JournalFailed",
+    "LayerSent",
+    "Log",
+    "NoJournal",
+    "NoSuchRun",
+    "Outcome",
+    "Pins",
+    "PinsDamaged",
+    "Planned",
+    "PlannedAction",
+    "Protected",
+    "Record",
+    "Recorder",
+    "Released",
+    "Releasing",
+    "Run",
+    "RunEnded",
+    "RunResumed",
+    "RunStarted",
+    "SiteBusy",
+    "SiteLock",
+    "StateSaved",
+    "Store",
+    "Unrolled",
+    "Verified",
+    "read",
+    "write_atomically",
+]

@@ -1,0 +1,74 @@
+"""Certificates pinned at first contact: a device that shows another one is not spoken to."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal._errors import PinsDamaged
+from atlantis_netcfg.journal._files import make_private, translated, write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+__all__ = ["Pins"]
+
+
+class Pins:
+    """SHA-256 (hex) of each device's certificate, by device name. Several processes may write at once."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def get(self, device: str) -> str | None:
+        """The pinned certificate, or None before the first contact. Raises PinsDamaged."""
+        return self._read().get(device)
+
+    def pin(self, device: str, certificate: str) -> str:
+        """Pin at first contact and return what is pinned: an earlier pin stays."""
+        with self._writing() as pins:
+            return pins.setdefault(device, certificate)
+
+    def change(self, device: str, certificate: str | None) -> None:
+        """Trust another certificate from now on, or (None) forget the device; only on a person's word."""
+        with self._writing() as pins:
+            if certificate is None:
+                pins.pop(device, None)
+            else:
+                pins[device] = certificate
+
+    @contextmanager
+    def _writing(self) -> Iterator[dict[str, str]]:
+        with translated("the file of pinned certificates", self._path):
+            make_private(self._path.parent)
+            guard = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            try:
+                fcntl.flock(guard, fcntl.LOCK_EX)
+                before = self._read()
+                pins = dict(before)
+                yield pins
+                if pins != before:
+                    write_atomically(self._path, json.dumps(pins, indent=1, sort_keys=True).encode() + b"\n")
+            finally:
+                os.close(guard)
+
+    def _read(self) -> dict[str, str]:
+        try:
+            data = json.loads(self._path.read_bytes())
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError) as error:
+            raise self._damaged() from error
+        if not isinstance(data, dict) or not all(isinstance(value, str) for value in data.values()):
+            raise self._damaged()
+        return data
+
+    def _damaged(self) -> PinsDamaged:
+        return PinsDamaged(
+            f"the file of pinned certificates cannot be read: {self._path}",
+            hint="restore it from a copy; without it no device can be told from an impostor",
+        )

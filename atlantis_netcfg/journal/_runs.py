@@ -1,0 +1,105 @@
+"""A run as its journal tells it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal._log import Log, read
+from atlantis_netcfg.journal._writer import FILE
+from atlantis_netcfg.journal.records import (
+    SETTLED,
+    ActionsAcknowledged,
+    ActionsConfirmed,
+    DeviceObserved,
+    Outcome,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    StateSaved,
+)
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+
+__all__ = ["Run"]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run, finished or not."""
+
+    directory: Path
+    log: Log
+
+    @classmethod
+    def load(cls, directory: Path) -> Run:
+        """Read a run's journal; a directory that was made just before a kill has none."""
+        path = directory / FILE
+        return cls(directory, read(path) if path.exists() else Log(()))
+
+    @property
+    def id(self) -> str:
+        """The run's name, sortable by time."""
+        return self.directory.name
+
+    @property
+    def started(self) -> RunStarted | None:
+        """The first record; None if the run was killed before it."""
+        return next((record for record in self.log.records if isinstance(record, RunStarted)), None)
+
+    @property
+    def at(self) -> datetime | None:
+        """When it started."""
+        return self.log.entries[0].at if self.log.entries else None
+
+    @property
+    def exit(self) -> int | None:
+        """How it ended; None if it runs or was killed."""
+        ends: int | None = None
+        for record in self.log.records:
+            if isinstance(record, RunEnded):
+                ends = record.exit
+            elif isinstance(record, RunResumed):
+                ends = None
+        return ends
+
+    @property
+    def outcomes(self) -> dict[str, Outcome]:
+        """How each device ended, the last word of the journal about it."""
+        return {record.device: record for record in self.log.records if isinstance(record, Outcome)}
+
+    @property
+    def settled(self) -> frozenset[str]:
+        """Devices on which nothing of this run is open."""
+        return frozenset(device for device, outcome in self.outcomes.items() if outcome.status in SETTLED)
+
+    @property
+    def unsettled(self) -> tuple[str, ...]:
+        """Devices of the run whose outcome is unknown or was never reached."""
+        hosts = self.started.hosts if self.started is not None else ()
+        return tuple(host for host in hosts if host not in self.settled)
+
+    def before(self, device: str) -> Path | None:
+        """The device's state before the run's first change, if the run came that far."""
+        saved = next((record for record in self._of(device) if isinstance(record, StateSaved)), None)
+        return None if saved is None else self.directory / saved.file
+
+    def state_before(self, device: str) -> str | None:
+        """The digest of what was read at the start."""
+        seen = next((record for record in self._of(device) if isinstance(record, DeviceObserved)), None)
+        return None if seen is None else seen.state
+
+    def acknowledged(self, device: str) -> tuple[int, ...]:
+        """Actions that the device says it executed."""
+        found = (record for record in self._of(device) if isinstance(record, ActionsAcknowledged))
+        return tuple(sorted({number for record in found for number in record.actions}))
+
+    def confirmed(self, device: str) -> tuple[int, ...]:
+        """Actions that were read back and are permanent."""
+        found = (record for record in self._of(device) if isinstance(record, ActionsConfirmed))
+        return tuple(sorted({number for record in found for number in record.actions}))
+
+    def _of(self, device: str) -> list[object]:
+        return [record for record in self.log.records if getattr(record, "device", None) == device]

@@ -1,0 +1,215 @@
+"""The records of a journal: what happened, in the order in which it became certain.
+
+A record that announces (`LayerSent`, `Releasing`) is on disk before the step, one that reports before the next step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+__all__ = [
+    "SETTLED",
+    "ActionsAcknowledged",
+    "ActionsConfirmed",
+    "DeviceObserved",
+    "LayerSent",
+    "Outcome",
+    "Planned",
+    "PlannedAction",
+    "Protected",
+    "Record",
+    "Released",
+    "Releasing",
+    "RunEnded",
+    "RunResumed",
+    "RunStarted",
+    "StateSaved",
+    "Unrolled",
+    "Verified",
+]
+
+SETTLED = frozenset({"unchanged", "changed", "planned", "refused", "rolled-back", "left-as-found"})
+"""Outcomes after which nothing is open on the device; the other one is `unknown`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunStarted:
+    """First record of every journal."""
+
+    kind: Literal["run-started"] = "run-started"
+    site: str
+    revision: str
+    """SHA-256 over the files of the inventory."""
+    tool: str
+    """Version of this package."""
+    hosts: tuple[str, ...]
+    rehearsed: bool
+    command: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResumed:
+    """Somebody goes on with this run after a break."""
+
+    kind: Literal["run-resumed"] = "run-resumed"
+    revision: str
+    tool: str
+    command: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceObserved:
+    """The device was read; `state` is the digest of what was read, without what moves by itself."""
+
+    kind: Literal["device-observed"] = "device-observed"
+    device: str
+    version: str
+    identity: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateSaved:
+    """The device's export before the first change is on disk; `file` is relative to the run's directory."""
+
+    kind: Literal["state-saved"] = "state-saved"
+    device: str
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedAction:
+    """One action of a plan, secrets masked."""
+
+    number: int
+    layer: str
+    menu: str
+    verb: str
+    subject: str
+    ids: tuple[str, ...] = ()
+    values: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """What is going to be changed."""
+
+    kind: Literal["planned"] = "planned"
+    device: str
+    plan: str
+    """The plan's hash."""
+    actions: tuple[PlannedAction, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protected:
+    """From here on the device undoes by itself what is not released: `how` is `safe-mode`, or `none`."""
+
+    kind: Literal["protected"] = "protected"
+    device: str
+    how: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerSent:
+    """These actions are about to be sent; without an acknowledgement below, nobody knows whether they were executed."""
+
+    kind: Literal["layer-sent"] = "layer-sent"
+    device: str
+    layer: str
+    actions: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActionsAcknowledged:
+    """The device says that it executed these actions; they are not confirmed before they were read back."""
+
+    kind: Literal["actions-acknowledged"] = "actions-acknowledged"
+    device: str
+    actions: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verified:
+    """A new session has read the declared state; `state` is its digest."""
+
+    kind: Literal["verified"] = "verified"
+    device: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Releasing:
+    """Safe mode is about to be released: from here on the state may be permanent."""
+
+    kind: Literal["releasing"] = "releasing"
+    device: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Released:
+    """Safe mode was released, and the device says that nobody holds it."""
+
+    kind: Literal["released"] = "released"
+    device: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActionsConfirmed:
+    """These actions were read back and are permanent."""
+
+    kind: Literal["actions-confirmed"] = "actions-confirmed"
+    device: str
+    actions: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unrolled:
+    """The changes of the run were taken back."""
+
+    kind: Literal["unrolled"] = "unrolled"
+    device: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How the run ended on one device."""
+
+    kind: Literal["outcome"] = "outcome"
+    device: str
+    status: str
+    exit: int
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEnded:
+    """Last record of a run that was not killed."""
+
+    kind: Literal["run-ended"] = "run-ended"
+    exit: int
+
+
+Record = Annotated[
+    RunStarted
+    | RunResumed
+    | DeviceObserved
+    | StateSaved
+    | Planned
+    | Protected
+    | LayerSent
+    | ActionsAcknowledged
+    | Verified
+    | Releasing
+    | Released
+    | ActionsConfirmed
+    | Unrolled
+    | Outcome
+    | RunEnded,
+    Field(discriminator="kind"),
+]

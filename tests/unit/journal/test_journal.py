@@ -1,0 +1,292 @@
+"""What is written can be read back, whatever happens in between."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, NoReturn
+
+import pytest
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import (
+    ActionsAcknowledged,
+    ActionsConfirmed,
+    DeviceObserved,
+    Journal,
+    JournalFailed,
+    LayerSent,
+    NoSuchRun,
+    Outcome,
+    Planned,
+    PlannedAction,
+    Protected,
+    Record,
+    Released,
+    Releasing,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    StateSaved,
+    Store,
+    Unrolled,
+    Verified,
+    read,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+STARTED = RunStarted(
+    site="coastal", revision="ab" * 32, tool="0.1", hosts=("router", "cpe"), rehearsed=False, command="provision"
+)
+EVERY: tuple[Record, ...] = (
+    STARTED,
+    RunResumed(revision="cd" * 32, tool="0.2", command="provision resume"),
+    DeviceObserved(device="router", version="7.18.2", identity="Küste", state="00"),
+    StateSaved(device="router", file="before/router.rsc", sha256="11"),
+    Planned(
+        device="router",
+        plan="22",
+        actions=(
+            PlannedAction(
+                number=1, layer="policy", menu="/ip/address", verb="add", subject="a", values=(("address", "10.0.0.1"),)
+            ),
+        ),
+    ),
+    Protected(device="router", how="safe-mode"),
+    LayerSent(device="router", layer="foundation", actions=(1,)),
+    ActionsAcknowledged(device="router", actions=(1,)),
+    Verified(device="router", state="33"),
+    Releasing(device="router"),
+    Released(device="router"),
+    ActionsConfirmed(device="router", actions=(1,)),
+    Unrolled(device="router", reason="a trap"),
+    Outcome(device="router", status="changed", exit=0, message="1 of 1"),
+    RunEnded(exit=0),
+)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path, now=lambda: datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC))
+
+
+def journal_file(journal: Journal) -> Path:
+    return journal.directory / "journal.jsonl"
+
+
+def test_every_record_is_read_back_as_it_was_written(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        for record in EVERY[1:]:
+            journal.write(record)
+    log = read(journal_file(journal))
+    assert log.records == EVERY
+    assert log.damage == ()
+    assert log.entries[0].at == datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
+
+
+def test_lines_are_plain_json_that_a_person_can_read(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        journal.write(EVERY[2])
+    first, second = journal_file(journal).read_text().splitlines()
+    assert json.loads(first)["kind"] == "run-started"
+    assert "Küste" in second
+
+
+def test_layout_and_modes(store: Store, tmp_path: Path) -> None:
+    with store.start(STARTED) as journal:
+        journal.save("router", "# export\n")
+    run = tmp_path / "real" / "coastal" / "runs" / "20260504T030201Z"
+    assert journal.directory == run
+    assert journal.run == "20260504T030201Z"
+    assert (run / "before" / "router.rsc").read_text() == "# export\n"
+    for path in tmp_path.rglob("*"):
+        assert stat.S_IMODE(path.stat().st_mode) == (0o700 if path.is_dir() else 0o600), path
+
+
+def test_runs_of_one_second_have_names_in_their_order(store: Store) -> None:
+    names = []
+    for _ in range(3):
+        with store.start(STARTED) as journal:
+            names.append(journal.run)
+    assert names == sorted(set(names))
+    assert [run.id for run in store.runs("coastal")] == names
+
+
+def test_a_torn_last_line_is_reported_and_the_rest_is_read(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        journal.write(EVERY[2])
+    data = journal_file(journal).read_bytes()
+    whole = data.index(b"\n") + 1
+    for length in range(whole + 1, len(data)):
+        journal_file(journal).write_bytes(data[:length])
+        log = read(journal_file(journal))
+        assert log.records == (STARTED,)
+        assert log.damage == ("line 2 is torn: the run was killed while it wrote it",)
+
+
+def test_resuming_closes_the_torn_line_and_appends(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        run = journal.run
+    with journal_file(journal).open("ab") as file:
+        file.write(b'{"at":"2026')
+    with store.resume("coastal", run, RunResumed(revision="", tool="", command="c")) as again:
+        again.write(RunEnded(exit=0))
+    loaded = store.run("coastal", run)
+    assert [type(record) for record in loaded.log.records] == [RunStarted, RunResumed, RunEnded]
+    assert loaded.log.damage == ("line 2 cannot be read",)
+    assert loaded.exit == 0
+
+
+def test_a_line_of_a_later_version_is_reported_not_fatal(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        pass
+    with journal_file(journal).open("ab") as file:
+        file.write(b'{"at":"2026-05-04T00:00:00+00:00","kind":"teleported"}\n[1]\n{}\n')
+    assert read(journal_file(journal)).damage == tuple(f"line {number} cannot be read" for number in (2, 3, 4))
+
+
+def test_an_earlier_saved_state_is_never_overwritten(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        for text in ("one", "one", "two", "three"):
+            journal.save("router", text)
+    files = {path.name: path.read_text() for path in (journal.directory / "before").iterdir()}
+    assert files == {"router.rsc": "one", "router.2.rsc": "two", "router.3.rsc": "three"}
+    first = store.run("coastal", journal.run).before("router")
+    assert first is not None
+    assert first.read_text() == "one"
+
+
+@pytest.mark.parametrize("name", ["../x", "", "a/b", ".hidden", "a\0b"])
+def test_names_cannot_leave_the_state_directory(store: Store, name: str) -> None:
+    with store.start(STARTED) as journal, pytest.raises(ValueError, match="file name"):
+        journal.save(name, "text")
+    with pytest.raises(ValueError, match="file name"):
+        store.lock(name, "c")
+
+
+def test_a_full_disk_is_said_in_words_and_ends_all_writing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    with store.start(STARTED) as journal:
+        real = os.write
+
+        def short(descriptor: int, data: bytes) -> int:
+            if len(data) > 10:
+                return real(descriptor, data[:10])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr("os.write", short)
+        with pytest.raises(JournalFailed, match="No space left on device") as failure:
+            journal.write(EVERY[2])
+        monkeypatch.undo()
+        assert failure.value.exit is ExitCode.FAILED
+        with pytest.raises(JournalFailed, match="No space left on device"):
+            journal.write(EVERY[3])
+    assert read(journal_file(journal)).records == (STARTED,)
+    assert read(journal_file(journal)).damage == ()
+
+
+def test_a_saved_state_that_does_not_fit_leaves_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_descriptor: int) -> NoReturn:
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+    with store.start(STARTED) as journal:
+        monkeypatch.setattr("os.fsync", full)
+        with pytest.raises(JournalFailed, match="the state before the run cannot be written"):
+            journal.save("router", "text")
+        monkeypatch.undo()
+        with pytest.raises(JournalFailed):
+            journal.write(EVERY[2])
+    assert [path for path in (journal.directory / "before").iterdir() if path.is_file()] == []
+
+
+def test_a_state_directory_that_cannot_be_written_is_said_in_words(tmp_path: Path) -> None:
+    (tmp_path / "real").write_text("a file")
+    with pytest.raises(JournalFailed, match="the journal cannot be written"):
+        Store(tmp_path).start(STARTED)
+
+
+def test_unknown_runs_are_named_with_those_that_exist(store: Store) -> None:
+    with pytest.raises(NoSuchRun, match="coastal has no run 1") as failure:
+        store.run("coastal", "1")
+    assert failure.value.hint == "its latest runs: none yet"
+    with store.start(STARTED):
+        pass
+    with pytest.raises(NoSuchRun) as failure:
+        store.run("coastal", "1")
+    assert failure.value.hint == "its latest runs: 20260504T030201Z"
+    assert failure.value.exit is ExitCode.NOTHING
+    assert store.sites() == ("coastal",)
+
+
+def outcome(device: str, status: str) -> Outcome:
+    return Outcome(device=device, status=status, exit=0, message="")
+
+
+def test_unfinished_are_runs_with_a_device_that_nobody_has_settled(store: Store) -> None:
+    with store.start(STARTED) as killed:
+        killed.write(outcome("cpe", "unchanged"))
+    assert [run.id for run in store.unfinished("coastal")] == [killed.run]
+    assert store.run("coastal", killed.run).unsettled == ("router",)
+    with store.start(STARTED) as unknown:
+        for device, status in (("cpe", "unknown"), ("router", "changed")):
+            unknown.write(outcome(device, status))
+        unknown.write(RunEnded(exit=5))
+    assert [run.id for run in store.unfinished("coastal")] == [unknown.run]
+    with store.resume("coastal", unknown.run, RunResumed(revision="", tool="", command="")) as again:
+        assert store.run("coastal", unknown.run).exit is None
+        again.write(outcome("cpe", "changed"))
+        again.write(RunEnded(exit=0))
+    assert store.unfinished("coastal") == ()
+    assert store.unfinished("nowhere") == ()
+
+
+def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        for record in EVERY[2:]:
+            journal.write(record)
+        journal.write(ActionsAcknowledged(device="router", actions=(3, 2)))
+    run = store.run("coastal", journal.run)
+    assert run.acknowledged("router") == (1, 2, 3)
+    assert run.confirmed("router") == (1,)
+    assert run.confirmed("cpe") == ()
+    assert run.state_before("router") == "00"
+    assert run.before("cpe") is None
+    assert run.at == datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
+    assert run.started == STARTED
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from atlantis_netcfg.journal import ActionsAcknowledged, RunStarted, Store
+
+journal = Store(Path(sys.argv[1])).start(
+    RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="c"))
+number = 0
+while True:
+    number += 1
+    journal.write(ActionsAcknowledged(device="router", actions=(number,)))
+    print(number, flush=True)
+"""
+
+
+def test_a_kill_loses_nothing_that_was_written(tmp_path: Path) -> None:
+    for written in range(1, 6):
+        arguments = [sys.executable, "-c", KILLED, str(tmp_path)]
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE) as process:  # noqa: S603 - our own script
+            assert process.stdout is not None
+            for _ in range(written):
+                process.stdout.readline()
+            os.kill(process.pid, signal.SIGKILL)
+    for written, run in enumerate(Store(tmp_path).runs("coastal"), start=1):
+        numbers = run.acknowledged("router")
+        assert numbers == tuple(range(1, len(numbers) + 1))
+        assert len(numbers) >= written
+        assert run.unsettled == ("router",)

@@ -1,0 +1,151 @@
+"""One run per site, whoever dies; certificates that are only replaced on a person's word."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier, Semaphore
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+HOLD = """
+import sys
+from pathlib import Path
+from atlantis_netcfg.journal import Store
+
+with Store(Path(sys.argv[1])).lock("coastal", "provision site=coastal"):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def holder(state: Path) -> subprocess.Popen[bytes]:
+    arguments = [sys.executable, "-c", HOLD, str(state)]
+    process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603 - our own script
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"held\n"
+    return process
+
+
+def test_the_loser_is_told_who_holds_the_site(tmp_path: Path) -> None:
+    with holder(tmp_path) as process:
+        with pytest.raises(SiteBusy) as busy, Store(tmp_path).lock("coastal", "mine"):
+            pass
+        assert f"(process {process.pid})" in str(busy.value)
+        assert str(busy.value).endswith("provision site=coastal")
+        assert busy.value.exit is ExitCode.FAILED
+        process.communicate(b"")
+    with Store(tmp_path).lock("coastal", "mine"):
+        assert b'"command": "mine"' in (tmp_path / "real" / "coastal" / "lock").read_bytes()
+    assert (tmp_path / "real" / "coastal" / "lock").read_bytes() == b""
+
+
+def test_a_killed_holder_frees_the_site(tmp_path: Path) -> None:
+    with holder(tmp_path) as process:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    with Store(tmp_path).lock("coastal", "mine"):
+        assert str(os.getpid()).encode() in (tmp_path / "real" / "coastal" / "lock").read_bytes()
+
+
+def test_a_dead_name_in_the_file_is_not_blamed(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    with holder(tmp_path) as process:
+        process.kill()
+        process.wait()
+    path = tmp_path / "real" / "coastal" / "lock"
+    stale = path.read_bytes()
+    with store.lock("coastal", "mine"):
+        path.write_bytes(stale)
+        with pytest.raises(SiteBusy, match="somebody who has just started"), store.lock("coastal", "other"):
+            pass
+
+
+def test_sites_and_rehearsals_are_locked_apart(tmp_path: Path) -> None:
+    real, rehearsal = Store(tmp_path), Store(tmp_path, rehearsed=True)
+    with real.lock("coastal", "a"), real.lock("scc", "b"), rehearsal.lock("coastal", "c"):
+        names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("lock")}
+    assert names == {"real/coastal/lock", "real/scc/lock", "rehearsal/coastal/lock"}
+
+
+def test_of_many_at_once_exactly_one_wins(tmp_path: Path) -> None:
+    everybody, losers = Barrier(8), Semaphore(0)
+
+    def attempt(_number: int) -> bool:
+        everybody.wait()
+        try:
+            with Store(tmp_path).lock("coastal", "race"):
+                return all(losers.acquire(timeout=10) for _ in range(7))
+        except SiteBusy:
+            losers.release()
+            return False
+
+    with ThreadPoolExecutor(8) as pool:
+        assert sorted(pool.map(attempt, range(8))) == [False] * 7 + [True]
+
+
+def test_the_first_certificate_is_pinned_and_stays(tmp_path: Path) -> None:
+    pins = Store(tmp_path).pins
+    assert pins.get("router") is None
+    assert pins.pin("router", "aa") == "aa"
+    assert pins.pin("router", "bb") == "aa"
+    assert Store(tmp_path).pins.get("router") == "aa"
+    assert Store(tmp_path, rehearsed=True).pins.get("router") is None
+
+
+def test_a_pin_changes_only_when_told(tmp_path: Path) -> None:
+    pins = Pins(tmp_path / "pins.json")
+    pins.pin("router", "aa")
+    pins.change("router", "bb")
+    assert pins.get("router") == "bb"
+    pins.change("router", None)
+    assert pins.get("router") is None
+
+
+def test_pins_of_several_writers_are_all_kept(tmp_path: Path) -> None:
+    names = [f"device{number}" for number in range(40)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda name: Pins(tmp_path / "pins.json").pin(name, name * 2), names))
+    assert all(Pins(tmp_path / "pins.json").get(name) == name * 2 for name in names)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"a": 1}'])
+def test_damaged_pins_trust_nobody(tmp_path: Path, text: str) -> None:
+    (tmp_path / "pins.json").write_text(text)
+    pins = Pins(tmp_path / "pins.json")
+    with pytest.raises(PinsDamaged, match="cannot be read"):
+        pins.get("router")
+    with pytest.raises(PinsDamaged):
+        pins.pin("router", "aa")
+    assert (tmp_path / "pins.json").read_text() == text
+
+
+def test_a_failed_replacement_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "file"
+    write_atomically(path, b"old")
+
+    def full(_descriptor: int, _data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.write", full)
+    with pytest.raises(OSError, match="No space"):
+        write_atomically(path, b"new")
+    monkeypatch.undo()
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_lock_that_cannot_be_made_is_said_in_words(tmp_path: Path) -> None:
+    (tmp_path / "real").write_text("a file")
+    with pytest.raises(JournalFailed, match="the site lock cannot be written"), Store(tmp_path).lock("coastal", "c"):
+        pass
