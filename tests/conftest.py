@@ -1,0 +1,84 @@
+"""Two rules for every test: in CI a skip is a failure unless it was reviewed, and nothing connects beyond loopback."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator
+
+MARKERS = (
+    "campaign: long tests that `make campaign` runs",
+    "slow: takes more than a few seconds; CI runs it as well",
+    "namespace: runs in a network namespace of its own and may connect beyond loopback there",
+)
+ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for marker in MARKERS:
+        config.addinivalue_line("markers", marker)
+
+
+def allowed_skips() -> frozenset[str]:
+    """The reviewed reasons, word for word; lines that begin with `#` say why each is accepted."""
+    lines = ALLOWED_SKIPS.read_text(encoding="utf-8").splitlines() if ALLOWED_SKIPS.exists() else []
+    return frozenset(line.strip() for line in lines if line.strip() and not line.startswith("#"))
+
+
+def _fail_unreviewed_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Turn a skip into a failure where it happens, so that workers of xdist report it like any other."""
+    if os.environ.get("CI") != "true" or not report.skipped or hasattr(report, "wasxfail"):
+        return
+    said = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    reason = said.removeprefix("Skipped: ")
+    if reason not in allowed_skips():
+        report.outcome = "failed"
+        report.longrepr = f"skipped in CI, and its reason is not on the list tests/{ALLOWED_SKIPS.name}: {reason}"
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    _fail_unreviewed_skip(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    report = yield
+    _fail_unreviewed_skip(report)
+    return report
+
+
+def _beyond_loopback(sock: socket.socket, address: Any) -> bool:  # noqa: ANN401 - as socket.connect has it
+    if sock.family not in (socket.AF_INET, socket.AF_INET6):
+        return False
+    host = str(address[0])
+    try:
+        return not ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        return host not in ("localhost", "")
+
+
+def _guarded(connect: Callable[[socket.socket, Any], Any]) -> Callable[[socket.socket, Any], Any]:
+    def guarded(sock: socket.socket, address: Any) -> Any:  # noqa: ANN401 - as socket.connect has it
+        if _beyond_loopback(sock, address):
+            pytest.fail(f"a test connects beyond loopback: {address}")
+        return connect(sock, address)
+
+    return guarded
+
+
+@pytest.fixture(autouse=True)
+def only_loopback(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests reach this machine only, unless they stand in a network namespace of their own."""
+    if request.node.get_closest_marker("namespace") is None:
+        monkeypatch.setattr(socket.socket, "connect", _guarded(socket.socket.connect))
+        monkeypatch.setattr(socket.socket, "connect_ex", _guarded(socket.socket.connect_ex))
