@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -18,8 +19,9 @@ __all__ = ["Arguments", "skip_space"]
 _SPACE = re.compile(r"[ \t]*")
 _NAME = re.compile(r"\.?[A-Za-z0-9][A-Za-z0-9_/-]*(?:\.[A-Za-z0-9_/-]+)*")
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
-_BARE = re.compile(r'[^ \t"\\$;()\[\]{}]+')
+_BARE = re.compile(r"[!#%-'*-:<-Z^-z|~]+")
 _SELECTOR = re.compile(r"\[[ \t]*find(?=[ \t\]])(?:[ \t]+where(?=[ \t\]]))?")
+_BLANK = ("", " ", "\t")
 _GLUED_MENU = re.compile(r"/[a-z0-9-]+(?: [a-z0-9-]+)*$")
 
 _ROW_HINT = 'rows look like:  add name=value name="a value with spaces"'
@@ -96,7 +98,7 @@ class Arguments:
         if self._char() != "!":
             return None
         match = _NAME.match(self.line.text, self.offset + 1)
-        if match is None or self.line.text[match.end() : match.end() + 1].strip():
+        if match is None or self.line.text[match.end() : match.end() + 1] not in _BLANK:
             return None
         name = self._full_name(match[0])
         self.offset = match.end()
@@ -126,8 +128,8 @@ class Arguments:
         if match is None and quoted:
             hint = 'close it with  "  and write a quote within the value as  \\"'
             raise self.line.error(start, f"the quote that opens the value of `{name}` is never closed", hint=hint)
-        if match is None and char.strip():
-            raise self.line.error(start, f"the value of `{name}` cannot start with {char}", hint=_quotes(name))
+        if match is None and char not in _BLANK:
+            raise self.line.error(start, f"the value of `{name}` cannot start with {_shown(char)}", hint=_quotes(name))
         if match is None:
             raise self.line.error(start, f"`{name}=` has no value", hint=f'an empty value is written  {name}=""')
         self.offset = match.end()
@@ -136,16 +138,15 @@ class Arguments:
 
     def _check_end(self, name: str, *, quoted: bool) -> None:
         following = self._char()
-        if not following.strip() or (following == "]" and self._selecting):
+        if following in _BLANK or (following == "]" and self._selecting):
             return
         # /export terse forgets the line end before the menu line that it prints above a row with a volatile comment
         # (seen on 7.15.3); after a closing quote that menu can be told from the value.
         if quoted and _GLUED_MENU.match(self.line.text, self.offset):
             self.end = self.offset
             return
-        raise self.line.error(
-            self.offset, f"{following} cannot stand in the value of `{name}` like this", hint=_quotes(name)
-        )
+        complaint = f"{_shown(following)} cannot stand in the value of `{name}` like this"
+        raise self.line.error(self.offset, complaint, hint=_quotes(name))
 
     def _unquoted(self, literal: str, start: int) -> str:
         try:
@@ -157,7 +158,7 @@ class Arguments:
         start = self.offset
         match = (_QUOTED if self._char() == '"' else _BARE).match(self.line.text, start)
         if match is None:
-            raise self.line.error(start, f"{self._char()} cannot stand here", hint=_ROW_HINT)
+            raise self.line.error(start, f"{_shown(self._char())} cannot stand here", hint=_ROW_HINT)
         word = match[0]
         may_be_target = self.verb != "add" and not self.values and not self._selected()
         if word.lstrip(".") in FLAGS and not may_be_target:
@@ -178,3 +179,8 @@ class Arguments:
 
 def _quotes(name: str) -> str:
     return f'a value with spaces or signs needs quotes:  {name}="..."'
+
+
+def _shown(char: str) -> str:
+    """Give a character that cannot be seen its name."""
+    return char if char.isprintable() and not char.isspace() else f"the character {unicodedata.name(char, ascii(char))}"

@@ -70,7 +70,7 @@ def unquote(text: str) -> str:
 
 def _bare(text: str) -> str:
     for offset, char in enumerate(text):
-        if char in '"\\$':
+        if char in '"\\$' or not "!" <= char <= "~":
             raise ValueTextError(f"{char} may only stand inside quotes", offset)
     return text
 

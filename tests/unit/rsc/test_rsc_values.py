@@ -60,6 +60,8 @@ def test_what_the_device_also_accepts_is_read(text: str, value: str) -> None:
         ("a$b", "$ may only stand inside quotes"),
         ('a"b', '" may only stand inside quotes'),
         ("a\\b", "\\ may only stand inside quotes"),
+        ("a b", "  may only stand inside quotes"),
+        ("Muñoz", "ñ may only stand inside quotes"),
     ],
 )
 def test_a_wrong_value_is_refused_in_words(text: str, complaint: str) -> None:

@@ -1,0 +1,2 @@
+/system identity
+set name=quay comment=x
