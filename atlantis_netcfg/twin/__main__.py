@@ -1,0 +1,81 @@
+"""`python -m atlantis_netcfg.twin SITE.json --state DIR`: the twins of a site as a process.
+
+One JSON line on stdout when all listen, then one for each command on stdin (see control.py). Ends when stdin closes or
+on SIGTERM; the state is on flash by then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.twin.control import TwinRefused, obey
+from atlantis_netcfg.twin.site import Site, SiteSpec
+
+_STDIN = 0
+
+
+def main() -> int:
+    """Run until told to end."""
+    parser = argparse.ArgumentParser(prog="python -m atlantis_netcfg.twin", description="emulated routers of a site")
+    parser.add_argument("site", type=Path, help="specification of the site's twins (JSON)")
+    parser.add_argument("--state", type=Path, required=True, help="folder that stands for the routers' flash")
+    given = parser.parse_args()
+    try:
+        spec = SiteSpec.model_validate_json(given.site.read_bytes())
+    except (OSError, ValidationError) as error:
+        sys.stderr.write(f"{given.site}: {error}\n")
+        return ExitCode.USAGE
+    asyncio.run(_serve(spec, given.state))
+    return ExitCode.DONE
+
+
+async def _serve(spec: SiteSpec, state_dir: Path) -> None:
+    lines: asyncio.Queue[str | None] = asyncio.Queue()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, lines.put_nowait, None)
+    async with Site(spec, state_dir) as site:
+        _say({"ready": True, "site": spec.name, "twins": site.describe(), "control": "stdin"})
+        threading.Thread(target=_listen, args=(loop, lines), daemon=True).start()
+        while (line := await lines.get()) is not None:
+            if line.strip():
+                _say(await _answer(site, line))
+
+
+def _listen(loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -> None:
+    """Read stdin in a thread: it may be a pipe, a terminal, a file or /dev/null, which asyncio cannot all watch."""
+    with os.fdopen(os.dup(_STDIN), "r", encoding="utf-8") as stdin:
+        for line in stdin:
+            loop.call_soon_threadsafe(lines.put_nowait, line)
+    loop.call_soon_threadsafe(lines.put_nowait, None)
+
+
+async def _answer(site: Site, line: str) -> dict[str, Any]:
+    try:
+        command = dict(json.loads(line))
+        twin, do = command.pop("twin"), command.pop("do")
+        return {"ok": True, "twin": twin, "do": do, "result": await obey(site, twin, do, command)}
+    except TwinRefused as refused:
+        return {"ok": False, "error": str(refused), "hint": refused.hint}
+    except (KeyError, TypeError, ValueError) as error:
+        return {"ok": False, "error": f'not a command like {{"twin": ..., "do": ...}}: {error}', "hint": None}
+
+
+def _say(answer: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(answer) + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

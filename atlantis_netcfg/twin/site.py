@@ -1,0 +1,111 @@
+"""The twins of a site together, from one specification that is plain JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from atlantis_netcfg.twin.router import Router
+from atlantis_netcfg.twin.spec import RouterSpec
+from atlantis_netcfg.twin.wire.knobs import Knobs
+from atlantis_netcfg.twin.wire.link import Link
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import TracebackType
+
+__all__ = ["Site", "SiteSpec", "TwinSpec"]
+
+
+class TwinSpec(BaseModel):
+    """A router, the bearer that leads to it, and its moods."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    router: RouterSpec
+    link: Link = Link()
+    knobs: Knobs = Knobs()
+    ports: dict[int, int] = Field(default_factory=dict)
+    """Loopback ports wished for, by service port; the kernel chooses the others."""
+
+
+class SiteSpec(BaseModel):
+    """All twins of a site."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    twins: tuple[TwinSpec, ...]
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = [twin.router.name for twin in self.twins]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"two twins are called {', '.join(twice)}")
+        return self
+
+
+class Site:
+    """The twins of `spec`, each with its own folder below `state_dir`; `async with` starts and stops them."""
+
+    def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
+        self.spec = spec
+        self.routers = {
+            twin.router.name: Router(
+                twin.router,
+                state_dir=state_dir / twin.router.name,
+                link=twin.link,
+                knobs=twin.knobs,
+                ports=twin.ports,
+            )
+            for twin in spec.twins
+        }
+        self._running: list[Router] = []
+
+    async def start(self) -> None:
+        """Start all twins, or none."""
+        try:
+            for router in self.routers.values():
+                await router.start()
+                self._running.append(router)
+        except BaseException:
+            await self.stop()
+            raise
+
+    async def stop(self) -> None:
+        """Stop all; what went wrong inside them is raised together."""
+        failures: list[Exception] = []
+        while self._running:
+            try:
+                await self._running.pop().stop()
+            except Exception as failure:  # noqa: BLE001 (the other twins have to be stopped, too)
+                failures.append(failure)
+        if failures:
+            raise ExceptionGroup(f"twins of {self.spec.name}", failures)
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.stop()
+
+    def describe(self) -> dict[str, Any]:
+        """Where each twin is to be found, as JSON-able data."""
+        return {name: describe(router) for name, router in self.routers.items()}
+
+
+def describe(router: Router) -> dict[str, Any]:
+    """Where one twin is to be found; a service that does not listen is null."""
+    return {
+        "host": router.host,
+        "api": router.ports.get("api"),
+        "api_ssl": router.ports.get("api-ssl"),
+        "ports": {str(service): loopback for service, loopback in router.port_map.items()},
+        "pin": router.pin,
+        "address": router.spec.management.local,
+    }

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import pytest
+
+from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.twin import Counters, Fault, FaultKind, Knobs
+from atlantis_netcfg.twin.wire.faults import Faults
+from atlantis_netcfg.twin.wire.knobs import Pace
+from atlantis_netcfg.twin.wire.tally import masked
+
+
+def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:
+    knobs, pace = Knobs(knee_after=2), Pace()
+    assert [pace.wait_s(knobs, 5.0) for _ in range(4)] == pytest.approx([0, 0, 0.02, 0.04])
+    assert pace.wait_s(knobs, 5.1) == pytest.approx(0.02)
+    assert pace.wait_s(knobs, 7.0) == 0
+
+
+def test_every_nth_sentence_stalls_and_holds_up_the_rest() -> None:
+    knobs, pace = Knobs(stall_every=2, stall_s=7), Pace()
+    assert [pace.wait_s(knobs, 5.0) for _ in range(3)] == [0, 7, 7]
+
+
+def test_a_fault_strikes_once_at_its_sentence() -> None:
+    faults = Faults()
+    faults.arm(Fault(do=FaultKind.DROP, sentence=2, match="/ip/firewall/*"))
+    assert faults.upon("/ip/firewall/filter/add") == []
+    assert faults.upon("/ip/address/add") == []
+    assert [fault.do for fault in faults.upon("/ip/firewall/nat/add")] == [FaultKind.DROP]
+    assert faults.upon("/ip/firewall/nat/add") == []
+    assert faults.armed == ()
+
+
+def test_disarmed_faults_do_not_strike() -> None:
+    faults = Faults()
+    faults.arm(Fault(do=FaultKind.GAP, seconds=1))
+    faults.disarm()
+    assert faults.upon("/login") == []
+
+
+@pytest.mark.parametrize(
+    ("word", "shown"),
+    [
+        ("=password=hunter2", f"=password={MASK}"),
+        ("=wpa2-pre-shared-key=a=b c", f"=wpa2-pre-shared-key={MASK}"),
+        ("=response=00ab", f"=response={MASK}"),
+        ("=name=password", "=name=password"),
+        ("=private-key=", "=private-key="),
+        (
+            '=script=/interface ovpn-client add name=x password="a \\" b" user=u\n:put "ok 1"',
+            f'=script=/interface ovpn-client add name=x password={MASK} user=u\n:put "ok 1"',
+        ),
+    ],
+)
+def test_secrets_do_not_reach_the_log(word: str, shown: str) -> None:
+    assert masked(["/x", word]) == ("/x", shown)
+
+
+def test_counters_add_up() -> None:
+    assert Counters(1, 2, 3, 4, 5, 6, 7, 8).plus(Counters(turns=1, wire_out=1)) == Counters(1, 2, 4, 4, 5, 6, 7, 9)
