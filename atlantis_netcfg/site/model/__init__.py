@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.site.model._base import Address, HostName, Interface, MacAddress, Model, Name, Network, SecretText
+from atlantis_netcfg.site.model._base import (
+    Address,
+    DnsName,
+    HostName,
+    MacAddress,
+    Model,
+    Name,
+    Network,
+    PortName,
+    SecretText,
+    Ssid,
+    Text,
+)
 from atlantis_netcfg.site.model.device import (
     Access,
     ControlCentre,
@@ -59,10 +71,10 @@ __all__ = [
     "Cpe",
     "Device",
     "DhcpRange",
+    "DnsName",
     "Forward",
     "Gateway",
     "HostName",
-    "Interface",
     "Lan",
     "LinkRate",
     "LocationRow",
@@ -77,6 +89,7 @@ __all__ = [
     "Poe",
     "PoeMode",
     "Port",
+    "PortName",
     "PortUse",
     "PowerSource",
     "Ptp",
@@ -88,6 +101,8 @@ __all__ = [
     "SecretText",
     "ServedLink",
     "Site",
+    "Ssid",
+    "Text",
     "TimeServer",
     "Transport",
     "Vehicle",

@@ -1,55 +1,182 @@
-"""What every part of the declaration shares: strict models, and the syntax of the values in them."""
+"""What every part of the declaration shares: strict models, and the syntax of the values in them.
+
+A value that cannot be understood is refused with `wrong`, in words for a technician; the validator adds file and line.
+"""
 
 from __future__ import annotations
 
 import re
-from ipaddress import IPv4Address, IPv4Interface, IPv4Network
-from typing import Annotated, Any
+from ipaddress import IPv4Address, IPv4Network
+from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
+from pydantic_core import PydanticCustomError
 
 from atlantis_netcfg.secret import MASK, Secret
+from atlantis_netcfg.site._names import why_no_name
 
-__all__ = ["Address", "HostName", "Interface", "MacAddress", "Model", "Name", "Network", "SecretText"]
+__all__ = [
+    "NOT_TEXT",
+    "WRONG",
+    "Address",
+    "DnsName",
+    "HostName",
+    "MacAddress",
+    "Model",
+    "Name",
+    "Network",
+    "PortName",
+    "SecretText",
+    "Ssid",
+    "Text",
+    "wrong",
+]
+
+WRONG = "atlantis"
+"""Error type of a value that one of the types below refuses; its context holds `what` and `hint`."""
+NOT_TEXT = "atlantis_not_text"
+"""Error type of a value that YAML did not read as text."""
+_PREFIX_MAX = 32
+_SSID_BYTES = 32
 
 
 class Model(BaseModel):
     """A part of the declaration: unknown keys are errors, values never change after loading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
 
 
-def _text(value: Any) -> Any:  # noqa: ANN401 - pydantic hands over whatever YAML held
+def wrong(what: str, hint: str) -> PydanticCustomError:
+    """An error in our own words: what is wrong, and what to type instead."""
+    return PydanticCustomError(WRONG, "{what}", {"what": what, "hint": hint})
+
+
+def _text(value: object) -> str:
     if not isinstance(value, str):
-        raise ValueError("write it as text")  # noqa: TRY004 - pydantic reports ValueError, not TypeError
+        raise PydanticCustomError(NOT_TEXT, "not text")
     return value.strip()
 
 
-def _secret(value: Any) -> Any:  # noqa: ANN401 - as above
-    return Secret(_text(value)) if not isinstance(value, Secret) else value
+def _line(value: object) -> str:
+    text = _text(value)
+    if not text:
+        raise wrong("there is no text", "write a word or two")
+    if not text.isprintable():
+        raise wrong("the text has a line break or another control character", "write it in one line")
+    return text
 
 
-def _mac(value: str) -> str:
-    if not re.fullmatch(r"(?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}", value):
-        raise ValueError("a MAC address is six pairs of hex digits, like 02:00:5E:00:53:01")
-    if int(value[:2], 16) & 1:
-        raise ValueError("this is a multicast MAC address; a device has an even first byte")
-    return value.upper()
+def _port(value: object) -> str:
+    text = _text(value)
+    if not re.fullmatch(r"(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?", text):
+        raise wrong(f"`{text}` is no port of a RouterOS device", "a port has its factory name, like ether1 or sfp1")
+    return text
 
 
-def _name(value: str) -> str:
-    if not re.fullmatch(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?", value):
-        raise ValueError("a name has lower-case letters, digits and hyphens inside, 32 at most")
-    return value
+def _secret(value: object) -> Secret:
+    if isinstance(value, Secret):
+        return value
+    text = _text(value)
+    if not text:
+        raise wrong("the secret is empty", "write the secret, or EXAMPLE-… while there is none")
+    return Secret(text)
 
 
-Address = Annotated[IPv4Address, BeforeValidator(_text)]
-Network = Annotated[IPv4Network, BeforeValidator(_text)]
-Interface = Annotated[IPv4Interface, BeforeValidator(_text)]
-MacAddress = Annotated[str, AfterValidator(_mac)]
+def _address(value: object) -> IPv4Address:
+    if isinstance(value, IPv4Address):
+        return value
+    text = _text(value)
+    try:
+        return IPv4Address(text)
+    except ValueError:
+        raise wrong(*_why_no_address(text)) from None
+
+
+def _why_no_address(text: str) -> tuple[str, str]:
+    like = "an address is four numbers from 0 to 255, like 10.64.1.1"
+    if "/" in text:
+        return f"`{text}` has a prefix length: one address is wanted here", text.partition("/")[0] or like
+    if ":" in text:
+        return f"`{text}` is no IPv4 address: the address plan is IPv4 only", like
+    if re.fullmatch(r"\d+(\.\d+){3}", text):
+        if too_large := [part for part in text.split(".") if len(part) > 3 or int(part) > 255]:  # noqa: PLR2004
+            return f"`{text}` is no IPv4 address: {too_large[0]} is more than 255", like
+        clean = ".".join(str(int(part)) for part in text.split("."))
+        return f"`{text}` is no IPv4 address: a number in it begins with 0", clean
+    return f"`{text}` is no IPv4 address", like
+
+
+def _network(value: object) -> IPv4Network:
+    if isinstance(value, IPv4Network):
+        return value
+    text = _text(value)
+    address, slash, prefix = text.partition("/")
+    try:
+        IPv4Address(address)
+    except ValueError:
+        raise wrong(*_why_no_network(text, address)) from None
+    if not slash:
+        raise wrong(f"`{text}` has no prefix length: a network is wanted here", f"{text}/24")
+    if not re.fullmatch(r"\d{1,2}", prefix) or int(prefix) > _PREFIX_MAX:
+        raise wrong(f"`{text}`: the prefix length is a number from 0 to 32", f"{address}/24")
+    network = IPv4Network(f"{address}/{int(prefix)}", strict=False)
+    if str(network.network_address) != address:
+        raise wrong(f"`{text}` is not the first address of its network", str(network))
+    return network
+
+
+def _why_no_network(text: str, address: str) -> tuple[str, str]:
+    what, _ = _why_no_address(address)
+    return what.replace(f"`{address}`", f"`{text}`").replace("address:", "network:"), "a network is like 10.64.1.0/24"
+
+
+def _mac(value: object) -> str:
+    text = _text(value)
+    pairs = re.sub(r"[^0-9A-Fa-f]", "", text)
+    if not re.fullmatch(r"(?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}", text):
+        whole = re.fullmatch(r"[0-9A-Fa-f]{12}", pairs) and re.fullmatch(r"[0-9A-Fa-f.: -]+", text)
+        right = ":".join(pairs[i : i + 2] for i in range(0, 12, 2)).upper() if whole else "02:00:5E:00:01:10"
+        raise wrong(f"`{text}` is no MAC address", f'six pairs of hex digits: "{right}"')
+    if int(text[:2], 16) & 1:
+        raise wrong(f"`{text}` is a multicast MAC address", "read it from the device: its second digit is even")
+    return text.upper()
+
+
+def _name(value: object) -> str:
+    text = _text(value)
+    if why := why_no_name(text):
+        raise wrong(*why)
+    return text
+
+
+def _dns_name(value: object) -> str:
+    text = _text(value)
+    label = r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
+    if not re.fullmatch(rf"{label}(?:\.{label})*", text) or len(text) > 253:  # noqa: PLR2004 - RFC 1035, 2.3.4
+        raise wrong(f"`{text}` is no DNS name", "a DNS name is like vpn.example.org")
+    return text
+
+
+def _ssid(value: object) -> str:
+    text = _text(value)
+    if not text or len(text.encode()) > _SSID_BYTES:
+        raise wrong(f"an SSID has 1 to {_SSID_BYTES} bytes, this one has {len(text.encode())}", "choose a shorter one")
+    return text
+
+
+Address = Annotated[IPv4Address, BeforeValidator(_address)]
+Network = Annotated[IPv4Network, BeforeValidator(_network)]
+MacAddress = Annotated[str, BeforeValidator(_mac)]
 """An EUI-48 address, upper case, as RouterOS prints it."""
-Name = Annotated[str, AfterValidator(_name)]
+Name = Annotated[str, BeforeValidator(_name)]
 """A name of ours (site, bearer, vehicle): an RFC 1123 label of at most 32 characters."""
-HostName = Annotated[str, AfterValidator(_name)]
+HostName = Annotated[str, BeforeValidator(_name)]
 """The inventory's name of a host."""
+DnsName = Annotated[str, BeforeValidator(_dns_name)]
+PortName = Annotated[str, BeforeValidator(_port)]
+"""The factory name of a port (`default-name`)."""
+Text = Annotated[str, BeforeValidator(_line)]
+"""One line for people."""
+Ssid = Annotated[str, BeforeValidator(_ssid)]
+"""At most 32 bytes (IEEE 802.11), which is fewer characters if they are not ASCII."""
 SecretText = Annotated[Secret, BeforeValidator(_secret), PlainSerializer(lambda _: MASK, return_type=str)]

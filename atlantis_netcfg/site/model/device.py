@@ -5,9 +5,19 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, StrictBool, StrictInt
 
-from atlantis_netcfg.site.model._base import Address, HostName, MacAddress, Model, Name, SecretText
+from atlantis_netcfg.site.model._base import (
+    Address,
+    HostName,
+    MacAddress,
+    Model,
+    Name,
+    PortName,
+    SecretText,
+    Ssid,
+    Text,
+)
 from atlantis_netcfg.site.model.pilot import Transport
 
 __all__ = [
@@ -37,11 +47,11 @@ class PowerSource(Model):
     """The PoE port that feeds a device."""
 
     device: HostName
-    port: str
+    port: PortName
 
 
 class _Box(Model):
-    model: str | None = None
+    model: Text | None = None
     """What is printed on it; null until the partner has told."""
     mac: MacAddress | None = None
     powered_by: PowerSource | None = None
@@ -51,9 +61,9 @@ class Access(Model):
     """How the toolkit reaches a RouterOS device."""
 
     address: Address
-    port: Annotated[int, Field(ge=1, le=65535)] = 8729
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] = 8729
     """Of service `api-ssl`."""
-    user: str = "provision"
+    user: Text = "provision"
     password: SecretText
     via: Name = "lan"
     """`lan` from the management port, or the bearer over which the technician works."""
@@ -71,7 +81,7 @@ class Poe(Model):
     """Power on a port; 0 is the last to be cut when power is short."""
 
     out: PoeMode = PoeMode.AUTO_ON
-    priority: Annotated[int, Field(ge=0, le=99)] = 10
+    priority: Annotated[StrictInt, Field(ge=0, le=99)] = 10
 
 
 class PortUse(StrEnum):
@@ -86,7 +96,7 @@ class PortUse(StrEnum):
 class Port(Model):
     """One Ethernet port of the router."""
 
-    name: Annotated[str, Field(pattern=r"^(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?$")]
+    name: PortName
     """The factory name (`default-name`), like ether1."""
     use: PortUse
     link: Name | None = None
@@ -98,9 +108,9 @@ class Port(Model):
 class VpnClient(Model):
     """The router itself is the site's end of the VPN."""
 
-    certificate: str
+    certificate: Text
     """Name of the client certificate on the device."""
-    user: Annotated[str, Field(max_length=27)]
+    user: Annotated[Text, Field(max_length=27)]
     """RouterOS sends one even with certificates, 27 characters at most (MikroTik manual, OpenVPN)."""
     password: SecretText
     address: Address
@@ -111,7 +121,7 @@ class Forward(Model):
     """A port of the public address that leads to a host of the LAN."""
 
     transport: Transport
-    port: Annotated[int, Field(ge=1, le=65535)]
+    port: Annotated[StrictInt, Field(ge=1, le=65535)]
     to: HostName
 
 
@@ -145,14 +155,14 @@ class Ptp(Model):
 
     peer: HostName
     mode: PtpMode
-    ssid: Annotated[str, Field(min_length=1, max_length=32)]
+    ssid: Ssid
     protocol: PtpProtocol
     standard: Literal["802.11a", "802.11g", "802.11n", "802.11ac", "802.11ax"]
     band: Literal["2ghz", "5ghz"]
-    frequency_mhz: int
+    frequency_mhz: StrictInt
     width_mhz: Literal[20, 40, 80] = 20
     country: Literal["portugal", "belgium"]
-    outdoor: bool = True
+    outdoor: StrictBool = True
     key: SecretText
 
 

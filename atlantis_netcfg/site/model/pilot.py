@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, StrictBool, StrictInt
 
-from atlantis_netcfg.site.model._base import Address, HostName, Model, Name, Network
+from atlantis_netcfg.site.model._base import Address, DnsName, HostName, Model, Name, Network, Text
 
 __all__ = [
     "Column",
@@ -31,7 +31,7 @@ class Transport(StrEnum):
 class TimeServer(Model):
     """A time server by address: names do not resolve while the clock is wrong and the satellite filter is closed."""
 
-    name: str
+    name: Text
     address: Address
 
 
@@ -42,9 +42,9 @@ class Vpn(Model):
     """Host that runs the server; it stands at the SCC."""
     endpoint: Address
     """Public address at which every site reaches the server."""
-    endpoint_name: str
+    endpoint_name: DnsName
     """DNS name in the server's certificate; RouterOS compares it with what it connects to."""
-    port: Annotated[int, Field(ge=1, le=65535)] = 1194
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] = 1194
     transport: Transport = Transport.UDP
     network: Network
     """All tunnel addresses; the pools below and those of the partners lie inside."""
@@ -57,7 +57,7 @@ class Vpn(Model):
 class Partner(Model):
     """An organisation that joins through the VPN."""
 
-    full_name: str
+    full_name: Text
     vpn_pool: Network
 
 
@@ -85,29 +85,29 @@ class Column(StrEnum):
 class Vehicle(Model):
     """A robot of the report's Table 3, under its own inventory key."""
 
-    name: str
+    name: Text
     """As Table 3 prints it."""
     kind: VehicleKind
-    aliases: tuple[str, ...] = ()
+    aliases: tuple[Text, ...] = ()
     """Other names that the report uses; the partner confirms them."""
     partner: Name | None = None
     """Key in `partners`; null where the report does not say."""
     table3: tuple[Column, ...]
     """The X cells of its row."""
-    table3_deviation: str | None = None
+    table3_deviation: Text | None = None
     """Why `table3` differs from the report; required if it does."""
-    ethernet: bool = False
+    ethernet: StrictBool = False
     """Our extension, not part of Table 3: the vehicle is also reached by cable."""
 
 
 class Pilot(Model):
     """Values that every site shares."""
 
-    name: str
-    example_values: bool
+    name: Text
+    example_values: StrictBool
     """True while the inventory holds the shipped example values: only rehearsals may use them."""
     country: Literal["portugal", "belgium"]
     """Regulatory domain of the radios, RouterOS' own word."""
-    time_zone: str
+    time_zone: Text
     time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]
     vpn: Vpn

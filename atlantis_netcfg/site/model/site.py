@@ -8,9 +8,9 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from atlantis_netcfg.site.model._base import Address, HostName, MacAddress, Model, Name, Network
+from atlantis_netcfg.site.model._base import Address, DnsName, HostName, MacAddress, Model, Name, Network, Text
 from atlantis_netcfg.site.model.pilot import Column, Transport
 
 __all__ = [
@@ -41,7 +41,7 @@ class DhcpRange(Model):
 
     first: Address
     last: Address
-    lease_minutes: Annotated[int, Field(ge=2, le=10080)] = 60
+    lease_minutes: Annotated[StrictInt, Field(ge=2, le=10080)] = 60
 
 
 class Lan(Model):
@@ -50,7 +50,7 @@ class Lan(Model):
     network: Network
     gateway: Address
     """The router's own address in it."""
-    domain: str
+    domain: DnsName
     dhcp: DhcpRange
     reservations: tuple[Reservation, ...] = ()
 
@@ -77,17 +77,17 @@ class BearerKind(StrEnum):
 class LinkRate(Model):
     """What a bearer can do, for estimates and rehearsals."""
 
-    rtt_ms: Annotated[float, Field(gt=0, le=5000)]
-    up_kbps: Annotated[float, Field(gt=0)]
-    down_kbps: Annotated[float, Field(gt=0)]
+    rtt_ms: Annotated[StrictFloat, Field(gt=0, le=5000)]
+    up_kbps: Annotated[StrictFloat, Field(gt=0)]
+    down_kbps: Annotated[StrictFloat, Field(gt=0)]
 
 
 class AllowedTarget(Model):
     """A destination that may be reached over the satellite."""
 
-    name: str
+    name: Text
     address: Address
-    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None admits every port; with a port, `transport` says of which protocol."""
     transport: Transport = Transport.UDP
 
@@ -99,7 +99,7 @@ class Bearer(Model):
     kind: BearerKind
     device: HostName | None = None
     """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
-    metered: bool
+    metered: StrictBool
     network: Network
     address: Address
     """The router's own address in `network`."""
@@ -127,14 +127,14 @@ class LocationRow(Model):
     """The location's own row of the checklist; the report's location rows are lost, so it starts empty."""
 
     table3: tuple[Column, ...] = ()
-    ethernet: bool = False
+    ethernet: StrictBool = False
     """Our extension, not part of Table 3."""
 
 
 class Site(Model):
     """A place of the pilot."""
 
-    title: str
+    title: Text
     lan: Lan
     management: Management
     bearers: Annotated[tuple[Bearer, ...], Field(min_length=1)]

@@ -1,0 +1,50 @@
+"""Values that ansible-vault has encrypted (`!vault |`).
+
+Without a `decrypt` callable they stay sealed: that is enough to validate an inventory, and no password is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NoReturn
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.secret import Secret
+
+__all__ = ["TAG", "UNTAGGED", "Decrypt", "SealedSecret", "VaultError", "unseal"]
+
+TAG = "!vault"
+UNTAGGED = "!vault-encrypted"
+"""The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""
+Decrypt = Callable[[str], str]
+"""Vault text in, secret out; whatever it raises means that the text could not be decrypted."""
+
+
+class VaultError(UsageError):
+    """A vaulted value that is damaged or does not open."""
+
+
+class SealedSecret(Secret):
+    """A secret that nobody has decrypted: equal only to the same vault text, and it cannot be revealed."""
+
+    __slots__ = ()
+
+    def reveal(self) -> NoReturn:
+        """Refuse: the value is not known here."""
+        raise UsageError(
+            "a secret of the inventory is still encrypted",
+            hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
+        )
+
+
+def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret:
+    """The secret in a vault text; sealed if there is nothing to decrypt it with. Raises VaultError."""
+    if strict and not text.startswith("$ANSIBLE_VAULT;"):
+        raise VaultError("this is not a vaulted value", hint="make one: ansible-vault encrypt_string")
+    if decrypt is None or not strict:
+        return SealedSecret(text)
+    try:
+        value = decrypt(text)
+    except Exception as error:
+        raise VaultError("this secret cannot be decrypted", hint="check the vault's password") from error
+    return Secret(value.rstrip("\r\n"))

@@ -1,0 +1,109 @@
+"""Radio channels that a directional Wi-Fi bridge may use outdoors, as data.
+
+5 GHz, both countries alike, because both follow the same harmonised decisions:
+
+- 5150-5250 MHz: indoors; outdoors only without a fixed outdoor antenna, so never for a bridge.
+- 5250-5350 MHz: indoors only.
+- 5470-5725 MHz: indoors and outdoors, 1 W EIRP with transmit power control and 500 mW without, radar detection (DFS).
+- 5725-5875 MHz: short-range devices, 25 mW EIRP, which is no bridge.
+
+2.4 GHz: 2400-2483.5 MHz, 100 mW EIRP, indoors and outdoors.
+
+Sources: ECC Decision (04)08 and Commission Implementing Decision (EU) 2022/179 (it replaced 2005/513/EC) for RLANs at
+5 GHz, ETSI EN 301 893; Decision 2006/771/EC and ETSI EN 300 440 for short-range devices; ETSI EN 300 328 for 2.4 GHz;
+the entries PT and BE of wireless-regdb (`db.txt`), which agree with each other and with the above. Channel blocks: IEEE
+802.11, annex E. `frequency` is that of the control channel, as RouterOS has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["BANDS", "WIDTHS", "is_channel", "legal", "why_illegal"]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """A range of the spectrum and who may use it; bounds in MHz."""
+
+    low: float
+    high: float
+    outdoors: bool
+    indoors: bool
+    rule: str
+
+
+_CEPT_5GHZ = (
+    Range(5150, 5250, False, True, "5150-5250 MHz is not for fixed outdoor antennas"),
+    Range(5250, 5350, False, True, "5250-5350 MHz is for indoor use only"),
+    Range(5470, 5725, True, True, "5470-5725 MHz"),
+    Range(5725, 5875, False, False, "5725-5875 MHz is for short-range devices of 25 mW only"),
+)
+_CEPT_2GHZ = (Range(2400, 2483.5, True, True, "2400-2483.5 MHz"),)
+RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
+    "portugal": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
+    "belgium": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
+}
+"""Country in RouterOS' own word -> band -> ranges."""
+CHANNELS: dict[str, tuple[int, ...]] = {
+    "2ghz": tuple(range(2412, 2473, 5)),
+    "5ghz": (*range(5180, 5321, 20), *range(5500, 5721, 20), *range(5745, 5866, 20)),
+}
+"""Control channels of 20 MHz by band: 1-13; 36-64, 100-144, 149-173."""
+_ORIGINS = (5735, 5490, 5170)
+"""Lower edges from which wider channels are counted."""
+BANDS: dict[str, tuple[str, ...]] = {
+    "802.11a": ("5ghz",),
+    "802.11g": ("2ghz",),
+    "802.11n": ("2ghz", "5ghz"),
+    "802.11ac": ("5ghz",),
+    "802.11ax": ("2ghz", "5ghz"),
+}
+"""Standard -> its bands. The pilot's report (section 2.4.1) has a and g the wrong way round."""
+WIDTHS: dict[str, tuple[int, ...]] = {
+    "802.11a": (20,),
+    "802.11g": (20,),
+    "802.11n": (20, 40),
+    "802.11ac": (20, 40, 80),
+    "802.11ax": (20, 40, 80),
+}
+"""Standard -> channel widths in MHz that it knows, as far as the declaration has them."""
+
+
+def is_channel(band: str, frequency: int) -> bool:
+    """Whether a frequency is the centre of a control channel of the band."""
+    return frequency in CHANNELS[band]
+
+
+def legal(country: str, band: str, width: int, *, outdoors: bool) -> tuple[int, ...]:
+    """The control channels that may be used at a width."""
+    return tuple(
+        frequency
+        for frequency in CHANNELS[band]
+        if why_illegal(country, band, frequency, width, outdoors=outdoors) is None
+    )
+
+
+def why_illegal(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> str | None:
+    """The rule that forbids a channel, None if it is allowed; one of the ways to widen it must be."""
+    reasons = [_why_not(country, band, low, low + width, outdoors=outdoors) for low in _lower_edges(frequency, width)]
+    return None if None in reasons else reasons[0]
+
+
+def _why_not(country: str, band: str, low: float, high: float, *, outdoors: bool) -> str | None:
+    touched = [one for one in RANGES[country][band] if one.low < high and low < one.high]
+    for one in touched:
+        if not (one.outdoors if outdoors else one.indoors):
+            return one.rule
+    if not touched or low < touched[0].low or high > touched[-1].high:
+        return f"the channel reaches from {low:g} to {high:g} MHz, beyond the band's end"
+    return None
+
+
+def _lower_edges(frequency: int, width: int) -> tuple[float, ...]:
+    """Lower edges of the blocks that the control channel may belong to."""
+    first = frequency - 10
+    origin = next((edge for edge in _ORIGINS if edge <= first), None)
+    if origin is not None:
+        return (origin + (first - origin) // width * width,)
+    return (first, first - (width - 20)) if width > 20 else (first,)  # noqa: PLR2004 - one 20 MHz channel

@@ -1,0 +1,105 @@
+"""The address plan as a whole: no network overlaps another, and every pool lies where it belongs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.site._draft import Draft, Part, Rule
+from atlantis_netcfg.site.model import BearerKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.site.findings import Finding
+
+__all__ = ["RULES", "claims"]
+
+_RESERVED: tuple[tuple[IPv4Network, str], ...] = (
+    (IPv4Network("0.0.0.0/8"), "this network"),
+    (IPv4Network("127.0.0.0/8"), "loopback"),
+    (IPv4Network("169.254.0.0/16"), "link-local addresses"),
+    (IPv4Network("224.0.0.0/4"), "multicast"),
+    (IPv4Network("240.0.0.0/4"), "nothing, it is reserved"),
+)
+"""RFC 6890, and RFC 5771 for multicast."""
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A network that something in the pilot uses."""
+
+    network: IPv4Network
+    what: str
+    part: Part
+    path: tuple[str | int, ...]
+    wifi_of: str = ""
+    """Site that a Wi-Fi bridge carries: its two ends are one network."""
+
+
+def claims(draft: Draft) -> Iterator[Claim]:
+    """Every network of the pilot that must be disjoint from all others; the VPN's pools lie inside the VPN's."""
+    if draft.pilot is not None:
+        yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
+    for name, site in draft.sites.items():
+        part = Part("site", name)
+        yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
+        yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
+        for index, bearer in enumerate(site.bearers):
+            wifi = name if bearer.kind is BearerKind.WIFI_PTP else ""
+            what = f"link `{bearer.name}` of `{name}`"
+            yield Claim(bearer.network, what, part, ("bearers", index, "network"), wifi)
+        for index, link in enumerate(site.served_links):
+            what = f"link `{link.name}` of `{name}`"
+            yield Claim(link.network, what, part, ("served_links", index, "network"), link.carries)
+
+
+def disjoint(draft: Draft) -> Iterator[Finding]:
+    """No two networks of the pilot overlap, at one site or across sites."""
+    seen: list[Claim] = []
+    for claim in claims(draft):
+        for other in seen:
+            same_bridge = claim.wifi_of and claim.wifi_of == other.wifi_of and claim.part != other.part
+            if claim.network.overlaps(other.network) and not same_bridge:
+                where = draft.where(other.part, *other.path)
+                message = f"{claim.network} of {claim.what} overlaps {other.network} of {other.what} ({where})"
+                yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
+        seen.append(claim)
+
+
+def usable(draft: Draft) -> Iterator[Finding]:
+    """No network lies in a block that devices cannot use."""
+    for claim in claims(draft):
+        for block, purpose in _RESERVED:
+            if claim.network.overlaps(block):
+                message = f"{claim.network} of {claim.what} touches {block}, which is for {purpose}"
+                yield draft.wrong(claim.part, claim.path, message, "choose from 10.0.0.0/8, or as the provider gave it")
+                break
+
+
+def pools(draft: Draft) -> Iterator[Finding]:
+    """The VPN's pools lie inside the VPN's network and do not overlap one another."""
+    if draft.pilot is None:
+        return
+    vpn = draft.pilot.vpn
+    infrastructure = ("infrastructure", vpn.infrastructure, Part("pilot"), ("vpn", "infrastructure"))
+    partners = [
+        (f"`{name}`", partner.vpn_pool, Part("partner", name), ("vpn_pool",))
+        for name, partner in draft.partners.items()
+    ]
+    seen: list[tuple[str, IPv4Network, Part, tuple[str, ...]]] = []
+    for what, pool, part, path in (infrastructure, *partners):
+        if not pool.subnet_of(vpn.network):
+            where = draft.where(Part("pilot"), "vpn", "network")
+            message = f"the pool {pool} of {what} is not inside the VPN's network {vpn.network} ({where})"
+            yield draft.wrong(part, path, message, f"choose a part of {vpn.network}")
+        for other, taken, other_part, other_path in seen:
+            if pool.overlaps(taken):
+                where = draft.where(other_part, *other_path)
+                message = f"the pool {pool} of {what} overlaps {taken} of {other} ({where})"
+                yield draft.wrong(part, path, message, "give it a pool of its own")
+        seen.append((what, pool, part, path))
+
+
+RULES: tuple[Rule, ...] = (disjoint, usable, pools)
