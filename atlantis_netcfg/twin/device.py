@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
+import hashlib
+import hmac
+import secrets
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.twin.access import admit
+from atlantis_netcfg.twin.answers import DONE, EMPTY, Answer, Caller, Category, Trap
+from atlantis_netcfg.twin.boot import boot
+from atlantis_netcfg.twin.commands._call import Call, Result
+from atlantis_netcfg.twin.commands.dispatch import dispatch
+from atlantis_netcfg.twin.console.export import export_text
+from atlantis_netcfg.twin.core import Core, File
+from atlantis_netcfg.twin.listen import emit, listen
+from atlantis_netcfg.twin.path import path_open
+from atlantis_netcfg.twin.scheduler import next_run, run_due
+from atlantis_netcfg.twin.sentence import Sentence
+from atlantis_netcfg.twin.store import Store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.twin.answers import Answer, Caller
     from atlantis_netcfg.twin.spec import RouterSpec
 
-__all__ = ["Device", "Service"]
+__all__ = ["NOT_REHEARSED", "Device", "Service"]
+
+NOT_REHEARSED = (
+    "throughput, latency and load of the real board",
+    "radio, antennas and the quality of any link: every enabled port has a link",
+    "PoE: nothing is fed, nothing is short-circuited",
+    "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
+    "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",
+    "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
+    "certificates: names and fingerprints only, nothing is signed or imported",
+    "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
+    "firmware upgrades, packages, button presses",
+)
+"""What a run against router twins says nothing about; the rehearsal's report prints it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,33 +55,79 @@ class Service:
 
 
 class Device:
-    """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state."""
+    """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
+
+    It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the management path.
+    It cannot stand for what NOT_REHEARSED lists.
+    """
 
     def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:
-        """`now` is a monotonic clock in seconds, the one that `due()` speaks about."""
-        raise NotImplementedError
+        """`now` is a monotonic clock in seconds, the one that `due()` speaks about. Raises SeedRefused."""
+        self.spec = spec
+        self._now = now
+        self._core = Core(spec, now)
+        boot(self._core)
+        self._unroll_at: float | None = None
+        self._lost: dict[int, float] = {}
 
-    spec: RouterSpec
-    revision: int
-    """Grows with every change of the configuration: whoever caches `path_open` or `services` looks here."""
-    wants_reboot: bool
-    """A caller has asked for `/system/reboot` (or a backup load): the wire closes every socket and calls `reboot()`."""
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the configuration: whoever caches `path_open` or `services` looks here."""
+        return self._core.store.revision
+
+    @property
+    def wants_reboot(self) -> bool:
+        """Somebody asked for a reboot: whoever owns the sockets closes every one and calls `reboot()`."""
+        return self._core.wants_reboot
+
+    @property
+    def ended(self) -> frozenset[int]:
+        """Numbers of sessions that another session logged out: whoever owns their sockets closes them."""
+        return frozenset(self._core.ended)
+
+    # --- sessions --------------------------------------------------------------------------------------------------
 
     def challenge(self) -> str:
         """A fresh challenge for the login of before 6.43 (`/login` without a name)."""
-        raise NotImplementedError
+        return secrets.token_hex(16)
 
     def login(self, user: str, password: str, *, via: str, address: str) -> Caller:
         """Open a session over service `via`. Raises Trap in the router's words."""
-        raise NotImplementedError
+        return self._open(user, lambda known: hmac.compare_digest(known.encode(), password.encode()), via, address)
 
     def login_response(self, user: str, challenge: str, response: str, *, via: str, address: str) -> Caller:
         """The old login's second step: `response` is `00` + md5(0x00 + password + challenge) in hex."""
-        raise NotImplementedError
+
+        def right(known: str) -> bool:
+            digest = hashlib.md5(b"\0" + known.encode() + bytes.fromhex(challenge))  # noqa: S324 - RouterOS' protocol
+            return hmac.compare_digest(f"00{digest.hexdigest()}", response.lower())
+
+        return self._open(user, right, via, address)
+
+    def _open(self, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
+        self.tick()
+        caller = admit(self._core, user, right, via, address)
+        self._core.sessions[caller.number] = caller
+        return caller
 
     def logout(self, caller: Caller, *, clean: bool) -> None:
         """The session is gone: closed by its client (`clean`), or silent (the router does not know it yet)."""
-        raise NotImplementedError
+        if clean:
+            self._forget(caller.number)
+        elif caller.number in self._core.sessions:
+            self._lost[caller.number] = self._now() + self.spec.silent_timeout_s
+
+    def _forget(self, number: int) -> None:
+        """Drop a session; if it holds safe mode, its changes are undone a little later."""
+        core = self._core
+        core.sessions.pop(number, None)
+        core.ended.discard(number)
+        core.listeners = [one for one in core.listeners if one.caller.number != number]
+        self._lost.pop(number, None)
+        if core.history.holder is not None and core.history.holder.number == number:
+            self._unroll_at = self._now() + self.spec.unroll_delay_s
+
+    # --- sentences -------------------------------------------------------------------------------------------------
 
     def run(self, caller: Caller, words: Sequence[str]) -> list[Answer]:
         """Answer one sentence, without tags.
@@ -61,45 +135,157 @@ class Device:
         If the last answer is not `last`, the sentence goes on under its `.tag` (`/listen`), and `pending` brings the
         rest. `/quit` ends with `!fatal`: the wire closes then.
         """
-        raise NotImplementedError
+        self.tick()
+        try:
+            sentence = Sentence.read(words)
+            answers = self._answer(caller, sentence)
+        except Trap as refusal:
+            answers = [refusal.answer(), DONE]
+        emit(self._core)
+        return answers
+
+    def _answer(self, caller: Caller, sentence: Sentence) -> list[Answer]:
+        if sentence.path == "/quit":
+            return [Answer.fatal("session terminated on request")]
+        if sentence.path == "/cancel":
+            return self._cancel(caller, sentence)
+        if sentence.path == "/login":
+            given = sentence.arguments
+            self.login(given.get("name", ""), given.get("password", ""), via=caller.via, address=caller.address)
+            return [DONE]
+        call = Call(
+            caller,
+            sentence.menu,
+            sentence.command,
+            sentence.arguments,
+            tuple(sentence.unset),
+            tuple(sentence.queries),
+        )
+        if sentence.command == "listen":
+            return listen(self._core, call, sentence.tag)
+        return self._spoken(dispatch(self._core, call), call)
+
+    def _spoken(self, result: Result, call: Call) -> list[Answer]:
+        rows = [Answer.row(row) for row in result.rows]
+        if call.path in ("/ping", "/tool/ping") and "count" not in call.arguments:
+            return rows
+        if result.listing and not rows and self._core.schema.at_least("7.18"):
+            rows = [EMPTY]
+        return [*rows, Answer.done(result.ret)]
+
+    def _cancel(self, caller: Caller, sentence: Sentence) -> list[Answer]:
+        wanted = sentence.arguments.get("tag")
+        stopped = [
+            one for one in self._core.listeners if one.caller.number == caller.number and wanted in (None, one.tag)
+        ]
+        for one in stopped:
+            self._core.listeners.remove(one)
+            interrupted = Trap("interrupted", Category.INTERRUPTED).answer()
+            self._core.outbox += [(caller.number, one.tag, interrupted), (caller.number, one.tag, DONE)]
+        return [DONE]
 
     def pending(self, caller: Caller) -> list[tuple[str, Answer]]:
         """Later answers of sentences that went on, with the tag of their sentence; each is handed out once."""
-        raise NotImplementedError
+        own = [(tag, answer) for number, tag, answer in self._core.outbox if number == caller.number]
+        self._core.outbox = [one for one in self._core.outbox if one[0] != caller.number]
+        return own
+
+    # --- time ------------------------------------------------------------------------------------------------------
 
     def due(self) -> float | None:
         """When, on the `now` clock, `tick` has something to do; None if nothing is scheduled."""
-        raise NotImplementedError
+        moments = [*self._lost.values(), self._unroll_at, next_run(self._core)]
+        return min((moment for moment in moments if moment is not None), default=None)
 
     def tick(self) -> None:
         """Do what has become due: notice dead sessions, undo their safe mode, run schedulers."""
-        raise NotImplementedError
+        now = self._now()
+        for number in [number for number, when in self._lost.items() if when <= now]:
+            self._forget(number)
+        if self._unroll_at is not None and self._unroll_at <= now:
+            self._unroll_at = None
+            holder = self._core.history.holder
+            if holder is not None and holder.number not in self._core.sessions:
+                self._core.history.unroll(self._core.store)
+                self._core.note("system,info", f"safe mode of {holder.user} undone")
+        run_due(self._core)
+        emit(self._core)
 
     def reboot(self) -> None:
         """Restart: all sessions and safe mode end (with undo), history is empty, the rest stays as on flash."""
-        raise NotImplementedError
+        flash = self.snapshot()
+        self.restore(flash)
+
+    # --- what others look at ---------------------------------------------------------------------------------------
 
     def path_open(self, caller: str, local: str, service: str, *, established: bool = False) -> bool:
         """Would a packet from the technician's address `caller` reach `service` at `local`, and the answer come back.
 
         `established`: for a session that exists already (its connection is tracked).
         """
-        raise NotImplementedError
+        return path_open(self._core, caller, local, service, established=established)
 
     def services(self) -> Mapping[str, Service]:
         """The services by name, as they are configured now."""
-        raise NotImplementedError
+        store = self._core.store
+        table = store.table("/ip/service")
+        found = {}
+        for item in table.items:
+            name = store.text(table, item, "name") or ""
+            certificate = store.text(table, item, "certificate")
+            found[name] = Service(
+                name=name,
+                port=int(store.text(table, item, "port") or 0),
+                enabled=store.text(table, item, "disabled") != "yes",
+                certificate=None if certificate in (None, "none") else certificate,
+                max_sessions=int(store.text(table, item, "max-sessions") or 20),
+                tls_version=store.text(table, item, "tls-version") or "any",
+            )
+        return found
 
     def export(
-        self, *, verbose: bool = False, terse: bool = False, show_sensitive: bool = False, menu: str = "/"
+        self,
+        *,
+        verbose: bool = False,
+        terse: bool = False,
+        show_sensitive: bool = False,
+        menu: str = "/",
+        header: bool = True,
     ) -> str:
-        """What `/export` prints, header included."""
-        raise NotImplementedError
+        """What `/export` prints; `header=False` leaves out the lines with the clock, to compare two exports."""
+        return export_text(
+            self._core,
+            menu=menu,
+            verbose=verbose,
+            terse=terse,
+            show_sensitive=show_sensitive,
+            with_header=header,
+        )
+
+    # --- flash -----------------------------------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
         """The flash as JSON-able data: the configuration with the changes of an open safe mode undone."""
-        raise NotImplementedError
+        core = self._core
+        store = core.store
+        floating = [entry for entry in core.history.entries if entry.floating and not entry.undone]
+        if floating:
+            store = Store(core.schema)
+            store.load(core.store.dump())
+            for entry in reversed(floating):
+                for change in reversed(entry.changes):
+                    store.put_back(change)
+        files = {name: [file.number, file.contents, file.modified] for name, file in core.files.items()}
+        return {"configuration": store.dump(), "files": files}
 
     def restore(self, flash: Mapping[str, Any]) -> None:
         """Boot from what `snapshot` returned; sessions, safe mode and history are gone."""
-        raise NotImplementedError
+        revision = self._core.store.revision
+        clock = self._core.time()
+        self._core = Core(self.spec, self._now)
+        self._core.resume(clock)
+        self._core.store.load(flash["configuration"])
+        self._core.store.revision = revision + 1
+        self._core.files = {name: File(*parts) for name, parts in flash["files"].items()}
+        self._unroll_at = None
+        self._lost.clear()

@@ -44,6 +44,11 @@ class Management(_Spec):
         """The router's own address, without its prefix length."""
         return str(IPv4Interface(self.address).ip)
 
+    @property
+    def network(self) -> IPv4Address:
+        """The address of the network that the router and the technician share."""
+        return IPv4Interface(self.address).network.network_address
+
     @model_validator(mode="after")
     def _addresses(self) -> Self:
         IPv4Interface(self.address)

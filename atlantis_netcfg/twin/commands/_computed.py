@@ -1,0 +1,189 @@
+"""Menus without a table: what the router knows about itself, and `/interface`, which shows rows of other menus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.derived import type_of
+from atlantis_netcfg.twin.devicemode import FEATURES, allowed
+from atlantis_netcfg.twin.values import id_text, interval
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.twin.commands._call import Call
+    from atlantis_netcfg.twin.core import Core
+    from atlantis_netcfg.twin.store import Item, Table
+    from atlantis_netcfg.twin.topology import Interface
+
+__all__ = ["COMPUTED"]
+
+Rows = list[dict[str, str]]
+
+
+def _truth(value: object) -> str:
+    return "true" if value else "false"
+
+
+def _interfaces(core: Core, _call: Call) -> Rows:
+    found = [
+        (item.id, _interface(core, table, item, core.topology.interfaces[item.id]))
+        for table in core.store.space_tables("interface")
+        for item in table.items
+    ]
+    return [row for _, row in sorted(found, key=lambda pair: pair[0])]
+
+
+def _interface(core: Core, table: Table, item: Item, interface: Interface) -> dict[str, str]:
+    mtu = core.store.text(table, item, "mtu") or "1500"
+    row = {".id": id_text(item.id), "name": interface.name, "type": type_of(interface), "mtu": mtu}
+    row["actual-mtu"] = "1500" if mtu == "auto" else mtu
+    if (mac := core.store.text(table, item, "mac-address")) is not None:
+        row["mac-address"] = mac
+    if item.factory is not None:
+        row["default-name"] = item.factory["name"]
+    if (comment := core.store.text(table, item, "comment")) is not None:
+        row["comment"] = comment
+    flags = {"running": interface.running, "disabled": not interface.enabled}
+    if interface.master is not None:
+        flags["slave"] = True
+    return row | {name: _truth(value) for name, value in flags.items()}
+
+
+def _resource(core: Core, _call: Call) -> Rows:
+    spec = core.spec
+    return [
+        {
+            "uptime": interval(int(core.now() - core.started)),
+            "version": f"{spec.version} (stable)" if spec.version.replace(".", "").isdecimal() else spec.version,
+            "build-time": core.stamp(spec.clock),
+            "factory-software": "7.8",
+            "free-memory": "917504000",
+            "total-memory": "1073741824",
+            "cpu": spec.architecture.upper(),
+            "cpu-count": "4",
+            "cpu-frequency": "700",
+            "cpu-load": "1",
+            "free-hdd-space": "1041235968",
+            "total-hdd-space": "1073741824",
+            "architecture-name": spec.architecture,
+            "board-name": spec.board,
+            "platform": "MikroTik",
+        }
+    ]
+
+
+def _routerboard(core: Core, _call: Call) -> Rows:
+    firmware = dict.fromkeys(("current-firmware", "upgrade-firmware"), core.spec.version)
+    board = {"routerboard": "true", "board-name": core.spec.board, "model": core.spec.board}
+    return [board | {"serial-number": core.spec.serial_number, "factory-firmware": "7.8"} | firmware]
+
+
+def _packages(core: Core, _call: Call) -> Rows:
+    stamp = core.stamp(core.spec.clock)
+    return [
+        {
+            ".id": id_text(number),
+            "name": name,
+            "version": core.spec.version,
+            "build-time": stamp,
+            "scheduled": "",
+            "disabled": "false",
+        }
+        for number, name in enumerate(core.spec.packages, start=1)
+    ]
+
+
+def _device_mode(core: Core, _call: Call) -> Rows:
+    mode = core.spec.device_mode
+    features = {name: _truth(allowed(core.spec, name)) for name in FEATURES}
+    return [{"mode": mode.mode.value, "flagged": _truth(mode.flagged), "flagging-enabled": "true", **features}]
+
+
+def _history(core: Core, _call: Call) -> Rows:
+    return [
+        {
+            ".id": id_text(entry.number),
+            "action": entry.action,
+            "by": entry.by,
+            "policy": entry.policy,
+            "time": entry.time,
+            "undo": entry.undo,
+            "redo": entry.redo,
+            "undoable": _truth(not entry.undone),
+            "redoable": _truth(entry.undone),
+            "floating-undo": _truth(entry.floating),
+        }
+        for entry in reversed(core.history.entries)
+    ]
+
+
+def _active(core: Core, _call: Call) -> Rows:
+    return [
+        {
+            ".id": id_text(caller.number),
+            "when": core.stamp(core.moment(caller.since)),
+            "name": caller.user,
+            "address": caller.address,
+            "via": "api" if caller.via == "api-ssl" else caller.via,
+            "group": caller.group,
+            "radius": "false",
+        }
+        for caller in core.sessions.values()
+    ]
+
+
+def _safe_mode(core: Core, call: Call) -> Rows:
+    holder = core.history.holder
+    if holder is None:
+        return [{"enabled": "false", "current": "false"}]
+    current = holder.number == call.caller.number
+    owner = f"{holder.via}:{holder.user}@{holder.address}"
+    return [{"enabled": "true", "user": holder.user, "current": _truth(current), "owner": owner}]
+
+
+def _files(core: Core, _call: Call) -> Rows:
+    return [
+        {
+            ".id": id_text(file.number),
+            "name": name,
+            "type": "script" if name.endswith(".rsc") else "backup" if name.endswith(".backup") else ".txt file",
+            "size": str(len(file.contents.encode(errors="surrogateescape"))),
+            "last-modified": file.modified,
+            "contents": file.contents,
+        }
+        for name, file in sorted(core.files.items())
+    ]
+
+
+def _log(core: Core, _call: Call) -> Rows:
+    return [
+        {".id": id_text(line.number), "time": line.time, "topics": line.topics, "message": line.message}
+        for line in core.log
+    ]
+
+
+def _poe(core: Core, _call: Call) -> Rows:
+    table = core.store.table("/interface/ethernet")
+    names = [name for name in table.args if name.startswith(("poe-", "power-cycle"))]
+    return [
+        {".id": id_text(item.id), "name": core.store.text(table, item, "name") or ""}
+        | {name: value for name in names if (value := core.store.text(table, item, name)) is not None}
+        for item in table.items
+        if (item.factory or {})["name"] in core.spec.poe_ports
+    ]
+
+
+COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
+    "/file": _files,
+    "/interface": _interfaces,
+    "/interface/ethernet/poe": _poe,
+    "/log": _log,
+    "/safe-mode": _safe_mode,
+    "/system/device-mode": _device_mode,
+    "/system/history": _history,
+    "/system/package": _packages,
+    "/system/resource": _resource,
+    "/system/routerboard": _routerboard,
+    "/user/active": _active,
+}

@@ -1,0 +1,91 @@
+"""From a command's path to its handler, and whether the session may use it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.answers import Category, Trap
+from atlantis_netcfg.twin.commands import files, read, safe, system, write
+from atlantis_netcfg.twin.commands._call import Call, Handler, Result
+from atlantis_netcfg.twin.commands._computed import COMPUTED
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.core import Core
+
+__all__ = ["dispatch"]
+
+_SPECIAL: dict[str, tuple[Handler, str]] = {
+    "/execute": (files.execute, "write"),
+    "/export": (files.export, "read"),
+    "/file/add": (files.add, "write"),
+    "/file/read": (files.read, "read"),
+    "/file/remove": (files.remove, "write"),
+    "/file/set": (files.set_, "write"),
+    "/import": (files.import_, "write"),
+    "/interface/comment": (system.interface, "write"),
+    "/interface/disable": (system.interface, "write"),
+    "/interface/enable": (system.interface, "write"),
+    "/interface/ethernet/poe/set": (system.poe, "write"),
+    "/interface/set": (system.interface, "write"),
+    "/log/debug": (system.log, "write"),
+    "/log/error": (system.log, "write"),
+    "/log/info": (system.log, "write"),
+    "/log/warning": (system.log, "write"),
+    "/ping": (system.ping, "test"),
+    "/redo": (safe.redo, "write"),
+    "/safe-mode/release": (safe.release, "write"),
+    "/safe-mode/take": (safe.take, "write"),
+    "/safe-mode/toggle": (safe.toggle, "write"),
+    "/safe-mode/unroll": (safe.unroll, "write"),
+    "/system/backup/load": (files.load, "policy"),
+    "/system/backup/save": (files.save, "policy"),
+    "/system/device-mode/update": (system.update_mode, "policy"),
+    "/system/reboot": (system.reboot, "reboot"),
+    "/tool/ping": (system.ping, "test"),
+    "/undo": (safe.undo, "write"),
+    "/user/active/request-logout": (system.logout, "policy"),
+}
+_ROWS: dict[str, tuple[Handler, str]] = {
+    "add": (write.add, "write"),
+    "comment": (write.comment, "write"),
+    "disable": (write.disable, "write"),
+    "enable": (write.enable, "write"),
+    "export": (files.export, "read"),
+    "find": (read.find, "read"),
+    "get": (read.get, "read"),
+    "getall": (read.print_, "read"),
+    "move": (write.move, "write"),
+    "print": (read.print_, "read"),
+    "remove": (write.remove, "write"),
+    "set": (write.set_, "write"),
+    "unset": (write.unset, "write"),
+}
+_READ_ONLY = ("export", "find", "get", "getall", "print")
+
+
+def dispatch(core: Core, call: Call) -> Result:
+    """Run one command. Raises Trap in the router's words."""
+    if not core.schema.has_menu(call.menu):
+        raise Trap("no such command prefix", Category.MISSING)
+    if not core.schema.has_command(call.menu, call.command):
+        raise Trap("no such command", Category.MISSING)
+    handler, policy = _handler(call)
+    _permit(core, call, policy)
+    return handler(core, call)
+
+
+def _handler(call: Call) -> tuple[Handler, str]:
+    special = _SPECIAL.get(call.path)
+    if special is not None:
+        return special
+    row = _ROWS.get(call.command)
+    if row is None or (call.menu in COMPUTED and call.command not in _READ_ONLY):
+        raise Trap(f"not rehearsed by the twin: {call.path}")
+    return row
+
+
+def _permit(core: Core, call: Call, policy: str) -> None:
+    granted = core.policies(call.caller)
+    needed = {policy, "policy"} if policy == "write" and call.menu.startswith("/user") else {policy}
+    if not needed <= granted:
+        raise Trap("not enough permissions (9)")

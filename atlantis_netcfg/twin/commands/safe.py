@@ -1,0 +1,63 @@
+"""`/safe-mode`, `/undo`, `/redo` (Manual, Configuration Management: Safe Mode).
+
+What a second taker is told is not documented over the API; the text is the console's question in the form of a refusal.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.twin.commands._call import Result
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.commands._call import Call
+    from atlantis_netcfg.twin.core import Core
+
+__all__ = ["redo", "release", "take", "toggle", "undo", "unroll"]
+
+
+def take(core: Core, call: Call) -> Result:
+    """Enter safe mode; only one session may hold it."""
+    holder = core.history.holder
+    if holder is not None and holder.number != call.caller.number:
+        raise Trap(f"failure: safe mode is held by {holder.via}:{holder.user}@{holder.address}")
+    if holder is None:
+        core.history.take(call.caller)
+        core.note("system,info", f"safe mode taken by {call.caller.user}")
+    return Result()
+
+
+def release(core: Core, call: Call) -> Result:
+    """Keep everything; any session may do that."""
+    if core.history.holder is not None:
+        core.history.release()
+        core.note("system,info", f"safe mode released by {call.caller.user}")
+    return Result()
+
+
+def unroll(core: Core, call: Call) -> Result:
+    """Undo everything and leave safe mode; the session goes on."""
+    if core.history.holder is not None:
+        core.history.unroll(core.store)
+        core.note("system,info", f"safe mode unrolled by {call.caller.user}")
+    return Result(text="Unrolling Safe Mode... Success!")
+
+
+def toggle(core: Core, call: Call) -> Result:
+    """Take or release."""
+    return take(core, call) if core.history.holder is None else release(core, call)
+
+
+def undo(core: Core, _call: Call) -> Result:
+    """Undo the latest action."""
+    if not core.history.undo(core.store):
+        raise Trap("failure: nothing to undo")
+    return Result()
+
+
+def redo(core: Core, _call: Call) -> Result:
+    """Do the action undone last again."""
+    if not core.history.redo(core.store):
+        raise Trap("failure: nothing to redo")
+    return Result()

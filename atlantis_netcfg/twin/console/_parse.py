@@ -1,0 +1,236 @@
+"""Statements of the subset: `:put`, and commands of menus with their arguments.
+
+Names are looked up while parsing, as RouterOS does: a script with a misspelt menu, command or argument does not start.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.twin.console._text import Text
+    from atlantis_netcfg.twin.core import Core
+
+__all__ = ["Command", "Find", "Parser", "Put", "Statement"]
+
+_SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
+_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
+_UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
+_PUT = re.compile(r":put(?=\s)")
+_POSITIONAL = {
+    "set": ("numbers",),
+    "remove": ("numbers",),
+    "enable": ("numbers",),
+    "disable": ("numbers",),
+    "unset": ("numbers", "value-name"),
+    "comment": ("numbers",),
+    "move": ("numbers", "destination"),
+    "get": ("number", "value-name"),
+    "import": ("file-name",),
+    "ping": ("address",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Find:
+    """`[find name=value ...]`; a bare value with `/` or `:` is of another type than the property and matches nothing."""
+
+    menu: str
+    where: dict[str, str]
+    possible: bool
+    place: int
+
+
+@dataclass(slots=True)
+class Command:
+    """A command with its arguments."""
+
+    menu: str
+    name: str
+    arguments: dict[str, str | Find | Command] = field(default_factory=dict)
+    unset: list[str] = field(default_factory=list)
+    where: dict[str, str] | None = None
+    place: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Put:
+    """`:put` with a text or a command whose return value it prints."""
+
+    what: str | Command | Find
+
+
+Statement = Command | Put
+
+
+@dataclass(slots=True)
+class Parser:
+    """Reads statement after statement; a menu on a line of its own is the starting point of the lines below."""
+
+    core: Core
+    text: Text
+    menu: str = "/"
+
+    def statements(self) -> Iterator[Statement]:
+        """Yield each statement. Raises ConsoleError."""
+        while self._next():
+            statement = self._statement()
+            if statement is not None:
+                yield statement
+            self.text.space()
+            if self.text.peek() not in ("\n", ";", ""):
+                raise self.text.error("expected end of command")
+
+    def _next(self) -> bool:
+        """Step to the next statement, over empty lines and comments."""
+        while True:
+            self.text.space()
+            if self.text.peek() == "#":
+                self.text.skip_line()
+            elif not (self.text.take("\n") or self.text.take(";")):
+                return bool(self.text.peek())
+
+    def _statement(self) -> Statement | None:
+        if self.text.match(_PUT) is not None:
+            self.text.space()
+            return Put(self._bracket() if self.text.peek() == "[" else self._put_text())
+        if self.text.peek() in tuple(":{}()[]$\\\"'"):
+            raise self.text.error("syntax error")
+        command = self._command()
+        if command.name == "print":
+            raise self.text.error("syntax error", command.place)
+        if command.name:
+            return command
+        self.menu = command.menu
+        return None
+
+    def _put_text(self) -> str:
+        if self.text.peek() != '"':
+            raise self.text.error("syntax error")
+        return self.text.value()
+
+    # --- commands --------------------------------------------------------------------------------------------------
+
+    def _command(self) -> Command:
+        """Read path, command and arguments; a command without name is a path alone."""
+        place = self.text.at
+        menu = "/" if self.text.take("/") else self.menu
+        schema = self.core.schema
+        while True:
+            start = self.text.at
+            word = self.text.match(_SEGMENT)
+            if word is None:
+                return Command(menu, "", place=place)
+            below = f"{menu.rstrip('/')}/{word}"
+            if schema.has_menu(below):
+                menu = below
+                self._step()
+            elif schema.has_command(menu, word):
+                command = Command(menu, word, place=place)
+                self._arguments(command)
+                return command
+            else:
+                raise self.text.error(f"bad command name {word}", start)
+
+    def _step(self) -> None:
+        """Go on to the next word of a path: `ip/address` and `ip address` are the same."""
+        if not self.text.take("/"):
+            self.text.space()
+
+    def _arguments(self, command: Command) -> None:
+        if command.name == "find" and not self._where(command):
+            self._conditions(command)
+        known = self._known(command)
+        positional = list(_POSITIONAL.get(command.name, ()))
+        while self._more():
+            start = self.text.at
+            if (unset := self.text.match(_UNSET)) is not None:
+                self._check(unset[1:], known, start)
+                command.unset.append(unset[1:])
+            elif (name := self.text.match(_NAME)) is not None:
+                self._check(name, known, start)
+                self.text.at += 1
+                command.arguments[name] = self._value()
+            elif command.name == "print" and self._where(command):
+                return
+            else:
+                self._positional(command, known, positional, start)
+
+    def _known(self, command: Command) -> frozenset[str]:
+        known = self.core.schema.arguments(command.menu, command.name)
+        if command.name in ("add", "set"):
+            table = self.core.store.table(command.menu)
+            known &= {*table.args, "numbers", "copy-from", "place-before"}
+        return known
+
+    def _more(self) -> bool:
+        self.text.space()
+        return self.text.peek() not in ("\n", ";", "]", "")
+
+    def _check(self, name: str, known: frozenset[str], start: int) -> None:
+        if name not in known:
+            raise self.text.error("expected end of command", start)
+
+    def _positional(self, command: Command, known: frozenset[str], positional: list[str], start: int) -> None:
+        if positional:
+            command.arguments[positional.pop(0)] = self._value()
+            return
+        word = self.text.match(_SEGMENT)
+        if word is None:
+            raise self.text.error("syntax error", start)
+        self._check(word, known, start)
+        if self.text.peek() == "=":
+            raise self.text.error("syntax error")
+        command.arguments[word] = ""
+
+    def _value(self) -> str | Find | Command:
+        if self.text.peek() == "[":
+            return self._bracket()
+        return self.text.value()
+
+    # --- brackets --------------------------------------------------------------------------------------------------
+
+    def _bracket(self) -> Find | Command:
+        place = self.text.at
+        self.text.at += 1
+        self.text.space()
+        outer = self.menu
+        command = self._command()
+        self.menu = outer
+        self.text.space()
+        if not command.name or not self.text.take("]"):
+            raise self.text.error("syntax error")
+        if command.name == "find":
+            return self._find(command, place)
+        if command.name == "print" and not {"as-value", "count-only"} & set(command.arguments):
+            raise self.text.error("syntax error", place)
+        return command
+
+    def _find(self, command: Command, place: int) -> Find:
+        where = command.where or {}
+        return Find(command.menu, where, possible="\0" not in "".join(where.values()), place=place)
+
+    def _where(self, command: Command) -> bool:
+        """Read `where name=value ...`; `find` does not need the word."""
+        start = self.text.at
+        if self.text.match(_SEGMENT) != "where":
+            self.text.at = start
+            return False
+        self._conditions(command)
+        return True
+
+    def _conditions(self, command: Command) -> None:
+        command.where = command.where or {}
+        while self._more():
+            start = self.text.at
+            name = self.text.match(_NAME)
+            if name is None:
+                raise self.text.error("syntax error", start)
+            self.text.at += 1
+            quoted = self.text.peek() == '"'
+            value = self.text.value()
+            command.where[name] = value if quoted or not re.search("[/:]", value) else "\0"

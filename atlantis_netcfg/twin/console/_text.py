@@ -1,0 +1,144 @@
+r"""The characters of a script: where they stand, how lines join, how values are quoted.
+
+Quoting (Manual, Scripting: Constant Escape Sequences): only double quotes; within them `$name` is substituted, by nothing if no
+such variable exists, and `\` starts an escape; outside them `$` and `\` are errors.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from dataclasses import dataclass, field
+
+__all__ = ["ConsoleError", "Text"]
+
+_ESCAPES = {
+    '"': '"',
+    "\\": "\\",
+    "n": "\n",
+    "r": "\r",
+    "t": "\t",
+    "$": "$",
+    "?": "?",
+    "_": " ",
+    "a": "\a",
+    "b": "\b",
+    "f": "\f",
+    "v": "\v",
+}
+_HEX = re.compile(r"[0-9A-F]{2}")
+_VARIABLE = re.compile(r"[A-Za-z0-9_]+")
+_BARE = re.compile(r"[^\s\"\\$&'();=?\[\]^{|}]+")
+_INDENT = " \t"
+
+
+class ConsoleError(Exception):
+    """The console does not understand the text; `str()` is its message, with line and column."""
+
+
+@dataclass(slots=True)
+class Text:
+    """A script and a position in it."""
+
+    source: str
+    at: int = 0
+    end: int = field(init=False)
+    _starts: list[int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.source = self.source.replace("\r\n", "\n")
+        self.end = len(self.source)
+        self._starts = [0, *(match.end() for match in re.finditer("\n", self.source))]
+
+    def error(self, words: str, at: int | None = None) -> ConsoleError:
+        """Make the error for a position, by default the present one."""
+        offset = self.at if at is None else at
+        line = bisect_right(self._starts, offset) - 1
+        return ConsoleError(f"{words} (line {line + 1} column {offset - self._starts[line] + 1})")
+
+    def peek(self) -> str:
+        """Return the next character, "" at the end."""
+        return self.source[self.at : self.at + 1]
+
+    def take(self, text: str) -> bool:
+        """Step over `text` if it comes next."""
+        if not self.source.startswith(text, self.at):
+            return False
+        self.at += len(text)
+        return True
+
+    def match(self, pattern: re.Pattern[str]) -> str | None:
+        """Step over what fits the pattern."""
+        found = pattern.match(self.source, self.at)
+        if found is None:
+            return None
+        self.at = found.end()
+        return found[0]
+
+    def space(self) -> None:
+        """Step over white space and joined line ends, not over line ends."""
+        while self.at < self.end:
+            if self.peek() in _INDENT:
+                self.at += 1
+            elif not self._join():
+                return
+
+    def _join(self) -> bool:
+        if not self.take("\\\n"):
+            return False
+        while self.peek() in _INDENT and self.peek():
+            self.at += 1
+        return True
+
+    def skip_line(self) -> None:
+        """Step to the end of the line."""
+        while self.peek() not in ("\n", ""):
+            self.at += 1
+
+    def value(self) -> str:
+        """Read a quoted or bare value. Raises ConsoleError if none comes."""
+        if self.peek() == '"':
+            return self._quoted()
+        start = self.at
+        parts = []
+        while (part := self.match(_BARE)) is not None:
+            parts.append(part)
+            if not self._join():
+                break
+        if not parts or self.peek() in tuple("\"\\$&'()=?[^{|}"):
+            raise self.error("syntax error", self.at if parts else start)
+        return "".join(parts)
+
+    def _quoted(self) -> str:
+        start = self.at
+        self.at += 1
+        found: list[str] = []
+        while self.peek() != '"':
+            if self.at >= self.end:
+                raise self.error("syntax error", start)
+            found.append(self._character())
+        self.at += 1
+        return "".join(found).encode(errors="surrogateescape").decode(errors="surrogateescape")
+
+    def _character(self) -> str:
+        if self.peek() == "\\":
+            return "" if self._join() else self._escape()
+        if self.peek() == "$":
+            self.at += 1
+            if self.match(_VARIABLE) is None:
+                raise self.error("syntax error", self.at - 1)
+            return ""
+        self.at += 1
+        return self.source[self.at - 1]
+
+    def _escape(self) -> str:
+        start = self.at
+        self.at += 1
+        code = self.match(_HEX)
+        if code is not None:
+            return bytes([int(code, 16)]).decode(errors="surrogateescape")
+        char = self.peek()
+        if char not in _ESCAPES or not char:
+            raise self.error("syntax error", start)
+        self.at += 1
+        return _ESCAPES[char]

@@ -1,0 +1,135 @@
+"""Scripts of `/execute`, files of `/import`, events of the scheduler.
+
+A script is parsed as a whole before its first command runs, a file statement by statement: that is why an import with a mistake
+in its last line has changed the router by then. Both stop at the first error and undo nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.twin.commands._call import Call, MissingArgument
+from atlantis_netcfg.twin.commands.read import all_rows, select
+from atlantis_netcfg.twin.console._parse import Command, Find, Parser, Put, Statement
+from atlantis_netcfg.twin.console._text import ConsoleError, Text
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.answers import Caller
+    from atlantis_netcfg.twin.core import Core
+
+__all__ = ["Outcome", "check_syntax", "run_file", "run_script"]
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What a script printed, and the words at which it stopped."""
+
+    lines: list[str] = field(default_factory=list)
+    error: str | None = None
+
+    @property
+    def output(self) -> str:
+        """Everything a person would see, the error last."""
+        return "\n".join(self.lines if self.error is None else [*self.lines, self.error])
+
+
+def run_script(core: Core, caller: Caller, script: str) -> Outcome:
+    """Parse all of it, then run it."""
+    outcome = Outcome()
+    try:
+        statements = list(Parser(core, Text(script)).statements())
+    except ConsoleError as error:
+        outcome.error = str(error)
+        return outcome
+    _run(core, caller, statements, outcome)
+    return outcome
+
+
+def run_file(core: Core, caller: Caller, text: str) -> Outcome:
+    """Run each statement as soon as it is parsed."""
+    outcome = Outcome()
+    source = Text(text)
+    try:
+        for statement in Parser(core, source).statements():
+            _run(core, caller, [statement], outcome, source)
+            if outcome.error is not None:
+                break
+    except ConsoleError as error:
+        outcome.error = str(error)
+    return outcome
+
+
+def check_syntax(core: Core, text: str) -> str | None:
+    """Return the first mistake that `import dry-run` finds."""
+    try:
+        list(Parser(core, Text(text)).statements())
+    except ConsoleError as error:
+        return str(error)
+    return None
+
+
+def _run(core: Core, caller: Caller, statements: list[Statement], outcome: Outcome, source: Text | None = None) -> None:
+    runner = _Runner(core, caller, source)
+    for statement in statements:
+        try:
+            outcome.lines.extend(runner.run(statement))
+        except MissingArgument as error:
+            outcome.error = error.console
+        except Trap as error:
+            outcome.error = error.message
+        if outcome.error is not None:
+            return
+
+
+@dataclass(slots=True)
+class _Runner:
+    core: Core
+    caller: Caller
+    source: Text | None
+
+    def run(self, statement: Statement) -> list[str]:
+        if isinstance(statement, Put):
+            what = statement.what
+            return [what if isinstance(what, str) else self._returned(what)]
+        return self._command(statement)[1]
+
+    def _returned(self, what: Command | Find) -> str:
+        """Return what stands for `[...]`: ids of rows, a property, a count."""
+        if isinstance(what, Find):
+            return ";".join(self._found(what))
+        return self._command(what)[0]
+
+    def _found(self, find: Find) -> list[str]:
+        if not find.possible:
+            return []
+        call = Call(self.caller, find.menu, "find", console=True)
+        return select(self.core, call, find.where)
+
+    def _command(self, command: Command) -> tuple[str, list[str]]:
+        from atlantis_netcfg.twin.commands.dispatch import dispatch  # noqa: PLC0415 - scripts run commands that run scripts
+
+        arguments = {name: self._argument(value) for name, value in command.arguments.items()}
+        call = Call(self.caller, command.menu, command.name, arguments, tuple(command.unset), console=True)
+        if command.name == "print":
+            return self._print(call, command.where or {}), []
+        result = dispatch(self.core, call)
+        return result.ret or "", result.text.splitlines()
+
+    def _argument(self, value: str | Find | Command) -> str:
+        if isinstance(value, str):
+            return value
+        if isinstance(value, Command):
+            return self._returned(value)
+        found = self._found(value)
+        if not found:
+            raise Trap("expected item id")
+        return ",".join(found)
+
+    def _print(self, call: Call, where: dict[str, str]) -> str:
+        """`print as-value` and `print count-only`; a table for people to read is not of the subset."""
+        found = [row for row in all_rows(self.core, call) if all(row.get(name, "") == where[name] for name in where)]
+        if "count-only" in call.arguments:
+            return str(len(found))
+        return ";".join(f"{name}={value}" for row in found for name, value in row.items())

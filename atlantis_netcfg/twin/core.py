@@ -1,0 +1,126 @@
+"""The inside of a router twin: rows, history, sessions, files, clock. `Device` drives it, commands change it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.history import History
+from atlantis_netcfg.twin.schema import Schema, features_of
+from atlantis_netcfg.twin.store import Store
+from atlantis_netcfg.twin.topology import Topology
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.twin.answers import Answer, Caller
+    from atlantis_netcfg.twin.commands._call import Call
+    from atlantis_netcfg.twin.spec import RouterSpec
+
+__all__ = ["Core", "File", "Listener", "Record"]
+
+_LOG_LINES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file on the flash; contents are text."""
+
+    number: int
+    contents: str
+    modified: str
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A line of `/log`."""
+
+    number: int
+    time: str
+    topics: str
+    message: str
+
+
+@dataclass(slots=True)
+class Listener:
+    """A `/listen` that goes on: which menu, and what it has shown already."""
+
+    caller: Caller
+    tag: str
+    call: Call
+    seen: dict[str, dict[str, str]] = field(default_factory=dict)
+
+
+class Core:
+    """All state of one router."""
+
+    def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:
+        self.spec = spec
+        self.now = now
+        self.started = now()
+        self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
+        self.store = Store(self.schema)
+        self.history = History(spec.history_limit)
+        self.sessions: dict[int, Caller] = {}
+        self.listeners: list[Listener] = []
+        self.outbox: list[tuple[int, str, Answer]] = []
+        """Later answers: session, tag, answer."""
+        self.files: dict[str, File] = {}
+        self.log: list[Record] = []
+        self.wants_reboot = False
+        self.ended: set[int] = set()
+        """Sessions that somebody asked to end: whoever owns the sockets closes them."""
+        self.certificates: dict[str, dict[str, str]] = {}
+        """Properties of certificates that whoever made them knows: fingerprint, validity."""
+        self.ran: dict[int, float] = {}
+        """When each job of the scheduler ran last."""
+        self.scheduled_since: dict[int, float] = {}
+        """When each job was seen first: what should have run before will not."""
+        self.boot_clock = spec.clock
+        self._topology: Topology | None = None
+        self._numbers = 0
+
+    @property
+    def topology(self) -> Topology:
+        """The network that the configuration amounts to now."""
+        if self._topology is None or self._topology.revision != self.store.revision:
+            self._topology = Topology(self.store)
+        return self._topology
+
+    def number(self) -> int:
+        """Draw a number for things without a menu: sessions, files, log lines."""
+        self._numbers += 1
+        return self._numbers
+
+    def time(self) -> datetime:
+        """The router's own clock."""
+        return self.moment(self.now())
+
+    def moment(self, when: float) -> datetime:
+        """What the router's clock shows at a time of `now`."""
+        return self.boot_clock + timedelta(seconds=when - self.started)
+
+    def resume(self, clock: datetime) -> None:
+        """Go on with the clock of before a restart."""
+        self.boot_clock = clock
+
+    def stamp(self, moment: datetime | None = None) -> str:
+        """Write a moment as this version does: `2026-01-31 12:00:00`, before 7.10 `jan/31/2026 12:00:00`."""
+        moment = moment or self.time()
+        new = self.schema.at_least("7.10")
+        return moment.strftime("%Y-%m-%d %H:%M:%S") if new else moment.strftime("%b/%d/%Y %H:%M:%S").lower()
+
+    def note(self, topics: str, message: str) -> None:
+        """Write to the log."""
+        self.log.append(Record(self.number(), self.stamp(), topics, message))
+        del self.log[:-_LOG_LINES]
+
+    def policies(self, caller: Caller) -> frozenset[str]:
+        """What the session may do: the policies of its user's group."""
+        groups = self.store.table("/user/group")
+        for item in groups.items:
+            if self.store.text(groups, item, "name") == caller.group:
+                granted = (self.store.text(groups, item, "policy") or "").split(",")
+                return frozenset(policy for policy in granted if not policy.startswith("!"))
+        return frozenset()

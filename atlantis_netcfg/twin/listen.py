@@ -1,0 +1,39 @@
+"""`/menu/listen`: rows that change, as they change (Manual, API: Command examples)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.answers import Answer, Category, Trap
+from atlantis_netcfg.twin.commands.read import all_rows
+from atlantis_netcfg.twin.core import Listener
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.commands._call import Call
+    from atlantis_netcfg.twin.core import Core
+
+__all__ = ["emit", "listen"]
+
+
+def listen(core: Core, call: Call, tag: str) -> list[Answer]:
+    """Begin to listen; nothing is answered before something changes."""
+    if not core.schema.has_menu(call.menu):
+        raise Trap("no such command prefix", Category.MISSING)
+    if not core.schema.has_command(call.menu, "listen"):
+        raise Trap("no such command", Category.MISSING)
+    core.listeners.append(Listener(call.caller, tag, call, _rows(core, call)))
+    return []
+
+
+def _rows(core: Core, call: Call) -> dict[str, dict[str, str]]:
+    return {row[".id"]: row for row in all_rows(core, call) if ".id" in row}
+
+
+def emit(core: Core) -> None:
+    """Tell every listener what has changed since it was told last; a row that has gone is `.dead`."""
+    for listener in core.listeners:
+        now = _rows(core, listener.call)
+        news = [row for number, row in now.items() if listener.seen.get(number) != row]
+        news += [{".id": number, ".dead": "yes"} for number in listener.seen if number not in now]
+        listener.seen = now
+        core.outbox += [(listener.caller.number, listener.tag, Answer.row(row)) for row in news]

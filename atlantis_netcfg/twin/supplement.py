@@ -1,0 +1,105 @@
+"""What the command trees cannot know, as visible tables: hardware that a Cloud Hosted Router lacks, packages, versions.
+
+Sources: Manual, CLI reference (`/interface/ethernet`, `/interface/ethernet/poe`, `/system/routerboard`); Manual,
+Packages; Manual, Changelog for the versions between two shipped trees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["ADDED", "BOARD_FEATURES", "PACKAGE_MENUS", "TAKEN_AWAY", "Added", "TakenAway"]
+
+BOARD_FEATURES = frozenset({"poe", "routerboard"})
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """A command, and arguments, that a device has and the tree does not show; `feature` is of BOARD_FEATURES."""
+
+    menu: str
+    command: str
+    arguments: tuple[str, ...] = ()
+    since: str = "7.0"
+    feature: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TakenAway:
+    """A command that the oldest shipped tree shows, but that older routers lack."""
+
+    menu: str
+    command: str
+    since: str
+
+
+_POE = (
+    "poe-out",
+    "poe-priority",
+    "poe-voltage",
+    "power-cycle-interval",
+    "power-cycle-ping-address",
+    "power-cycle-ping-enabled",
+    "power-cycle-ping-timeout",
+)
+_PRINT = ("as-value", "brief", "count-only", "detail", "interval", "proplist", "terse", "where", "without-paging")
+_GET = ("as-string", "number", "value-name")
+_ROUTERBOARD = (
+    "auto-upgrade",
+    "boot-delay",
+    "boot-device",
+    "boot-protocol",
+    "enable-jumper-reset",
+    "enter-setup-on",
+    "force-backup-booter",
+    "preboot-etherboot",
+    "preboot-etherboot-server",
+    "silent-boot",
+)
+
+ADDED = (
+    Added("/interface/ethernet", "set", _POE, feature="poe"),
+    Added("/interface/ethernet/poe", "print", _PRINT, feature="poe"),
+    Added("/interface/ethernet/poe", "get", _GET, feature="poe"),
+    Added("/interface/ethernet/poe", "find", ("where",), feature="poe"),
+    Added("/interface/ethernet/poe", "set", (*_POE, "numbers"), feature="poe"),
+    Added("/interface/ethernet/poe", "monitor", ("as-value", "numbers", "once"), feature="poe"),
+    Added("/interface/ethernet/poe", "power-cycle", ("duration", "numbers"), feature="poe"),
+    Added("/ip/neighbor/discovery-settings", "set", ("lldp-poe-power",), feature="poe"),
+    Added("/system/routerboard", "print", ("as-value", "without-paging"), feature="routerboard"),
+    Added("/system/routerboard", "get", ("value-name",), feature="routerboard"),
+    Added("/system/routerboard/settings", "print", ("as-value", "without-paging"), feature="routerboard"),
+    Added("/system/routerboard/settings", "get", ("value-name",), feature="routerboard"),
+    Added("/system/routerboard/settings", "set", _ROUTERBOARD, feature="routerboard"),
+    Added("/ip/firewall/filter", "add", ("hw-offload",), since="7.21"),
+    Added("/ip/firewall/filter", "set", ("hw-offload",), since="7.21"),
+    Added("/ip/dhcp-client", "add", ("check-gateway",), since="7.19"),
+    Added("/ip/dhcp-client", "set", ("check-gateway",), since="7.19"),
+    Added("/routing/settings", "set", ("check-gateway-ping-interval",), since="7.21"),
+    Added("/routing/settings", "set", ("check-gateway-ping-timeout",), since="7.21"),
+    Added("/routing/settings", "set", ("check-gateway-ping-count",), since="7.21"),
+)
+
+TAKEN_AWAY = (
+    TakenAway("/file", "read", "7.13"),
+    TakenAway("/system/device-mode", "update", "7.17"),
+)
+
+PACKAGE_MENUS = (
+    ("calea", "/interface/bridge/calea"),
+    ("calea", "/ip/firewall/calea"),
+    ("calea", "/tool/calea"),
+    ("container", "/app"),
+    ("container", "/container"),
+    ("dude", "/dude"),
+    ("gps", "/system/gps"),
+    ("iot", "/iot"),
+    ("iot", "/lora"),
+    ("rose-storage", "/file/rsync-daemon"),
+    ("rose-storage", "/file/sync"),
+    ("tr069-client", "/tr069-client"),
+    ("ups", "/system/ups"),
+    ("user-manager", "/user-manager"),
+    ("wireless", "/caps-man"),
+    ("wireless", "/interface/wireless"),
+)

@@ -1,0 +1,74 @@
+"""Rows as `print` shows them: what was configured, what the defaults add, what the router computes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.derived import dynamic_rows, properties
+from atlantis_netcfg.twin.menus import Shape
+from atlantis_netcfg.twin.values import id_text, spell
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.twin.core import Core
+    from atlantis_netcfg.twin.menus import Arg
+    from atlantis_netcfg.twin.store import Item, Store, Table
+
+__all__ = ["HIDDEN", "applies", "configured", "factory_value", "item_row", "rows", "without_counters"]
+
+HIDDEN = "*****"
+"""What a group without policy `sensitive` sees of a secret."""
+_COUNTERS = ("bytes", "packets")
+
+
+def applies(store: Store, table: Table, item: Item, arg: Arg) -> bool:
+    """Tell whether an argument is part of a row now (`pvid` of a bridge without VLAN filtering is not)."""
+    if arg.shown_if is None:
+        return True
+    name, wanted = arg.shown_if
+    return store.text(table, item, name) in wanted.split("|")
+
+
+def factory_value(item: Item, arg: Arg) -> str | None:
+    """Return what a row held when the router left the factory, or what a new row holds."""
+    return (item.factory or {}).get(arg.name, arg.default)
+
+
+def configured(store: Store, table: Table, item: Item) -> Iterator[tuple[Arg, str]]:
+    """Yield every argument that a row has, with its value as exports spell it."""
+    for arg in table.args.values():
+        if arg.never or not applies(store, table, item, arg):
+            continue
+        stored = item.values.get(arg.name)
+        value = spell(stored, store) if stored is not None else arg.default
+        if value is not None:
+            yield arg, value
+
+
+def item_row(core: Core, path: str, table: Table, item: Item, *, sensitive: bool) -> dict[str, str]:
+    """Return one row as the API prints it, counters included."""
+    row = {} if table.menu.shape is Shape.SETTINGS else {".id": id_text(item.id)}
+    for arg, value in configured(core.store, table, item):
+        hidden = arg.secret and value and not sensitive
+        row[arg.name] = HIDDEN if hidden else arg.kind.show(value)
+    row.update(dict.fromkeys(table.menu.flags, "false"))
+    if table.menu.builtin_flag:
+        row[table.menu.builtin_flag] = "true" if item.factory is not None else "false"
+    if item.dynamic:
+        row["dynamic"] = "true"
+    row.update(properties(core.topology, path, item))
+    return row
+
+
+def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str]]:
+    """Return every row of a menu, those that the router made by itself first where RouterOS puts them first."""
+    table = core.store.table(path)
+    own = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
+    made = dynamic_rows(core.topology, path)
+    return [*own, *made] if path == "/ip/route" else [*made, *own]
+
+
+def without_counters(row: dict[str, str]) -> dict[str, str]:
+    """Leave out what `print` shows only with `stats`."""
+    return {name: value for name, value in row.items() if name not in _COUNTERS}
