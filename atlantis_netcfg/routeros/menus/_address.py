@@ -82,6 +82,7 @@ _DHCP_SERVER = Menu(
     Shape.LIST,
     Layer.ATTACHMENT,
     keys=("name",),
+    unique=("interface",),
     subject="{name}",
     flags=("dynamic", "invalid"),
     fields=(

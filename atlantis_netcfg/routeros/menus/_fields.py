@@ -26,6 +26,7 @@ __all__ = [
     "gone",
     "interface",
     "kept",
+    "like",
     "mac",
     "network",
     "number",
@@ -112,6 +113,10 @@ def gateway(name: str) -> Field:
 def kept(*fields: Field) -> tuple[Field, ...]:
     """Mark fields that stay as they are when the declaration does not name them."""
     return tuple(replace(field, keep=True) for field in fields)
+
+
+def like(other: str, field: Field) -> Field:
+    return replace(field, like=other)
 
 
 def secret(field: Field) -> Field:

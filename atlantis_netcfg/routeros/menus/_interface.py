@@ -9,6 +9,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     boolean,
     interface,
     kept,
+    like,
     mac,
     number,
     on_board,
@@ -31,7 +32,7 @@ _ETHERNET = Menu(
     flags=("running", "slave"),
     fields=(
         interface("default-name"),
-        *kept(interface("name")),
+        like("default-name", interface("name")),
         COMMENT,
         DISABLED,
         text("arp", "enabled"),

@@ -40,6 +40,8 @@ class Field:
     """What the device assumes when the argument is absent, as it prints it; None: the row then lacks the property."""
     keep: bool = False
     """No default can be told (the device computes it, or versions and boards differ): unnamed means untouched."""
+    like: str | None = None
+    """The default is the value of that property of the same row."""
     secret: bool = False
     unread: bool = False
     """Can be written but never read, so that it is only sent with a new row."""
@@ -138,7 +140,7 @@ class Menu:
     def name_of(self, values: Mapping[str, str]) -> str:
         """Return what a person calls the row with these values."""
         if self.shape is Shape.SINGLETON:
-            return f"{self.title} settings"
+            return f"{self.title.removesuffix(' settings')} settings"
         names = {name for _, name, _, _ in Formatter().parse(self.subject) if name}
         shown = {name: values.get(name) or self.by_name[name].default or "" for name in names}
         if "comment" in shown:
@@ -147,8 +149,14 @@ class Menu:
 
     def default_of(self, name: str, values: Mapping[str, str]) -> str | None:
         """Return the default of a property in the row with these values."""
+        field_ = self.by_name[name]
         own = self.row_defaults.get(values.get(self.keys[0], ""), {}) if self.keys else {}
-        return own.get(name, self.by_name[name].default)
+        return own.get(name, values.get(field_.like) if field_.like else field_.default)
+
+    def form(self, name: str, values: Mapping[str, str]) -> str:
+        """Return the canonical form of a property of the row with these values, its default included."""
+        text = values.get(name)
+        return self.by_name[name].form(self.default_of(name, values) if text is None else text)
 
     def is_ours(self, row: Row) -> bool:
         """Tell whether the row carries our mark."""

@@ -1,0 +1,149 @@
+"""What a text declares: rows of menus, with the line where each stands; and how one statement becomes one row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from atlantis_netcfg.rsc import Statement
+
+__all__ = ["Desired", "Item", "Mistake", "item_of", "known_menu", "near"]
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One declared row, or the settings of a menu that has no rows."""
+
+    menu: str
+    values: Mapping[str, str | None]
+    """Properties in the order of the text, keys included; None is `!name`: as if it had never been set."""
+    line: int = 0
+    exists: bool = False
+    """The text only sets it: the row must be on the device already."""
+    unknown: frozenset[str] = frozenset()
+    """Properties about which the text cannot say anything (an export hides secrets): they stay as they are."""
+
+    @property
+    def given(self) -> dict[str, str]:
+        """The properties that have a value."""
+        return {name: value for name, value in self.values.items() if value is not None}
+
+    @property
+    def identity(self) -> tuple[str, ...]:
+        """What tells the row apart within its menu, in canonical form."""
+        return MENUS[self.menu].identity(self.given)
+
+    @property
+    def is_marked(self) -> bool:
+        """True for a row that becomes ours."""
+        return (self.values.get("comment") or "").startswith(MARK)
+
+
+@dataclass(frozen=True, slots=True)
+class Desired:
+    """Everything that a text declares for one device."""
+
+    source: str
+    items: Mapping[str, tuple[Item, ...]]
+    """By menu; within a menu in the order of the text. A menu may be there without rows."""
+    entire: frozenset[str] = frozenset()
+    """Menus that are ours entirely: rows that the text does not name are removed, whoever added them."""
+    restores: bool = False
+    """The text is a saved state: in its entire menus, what it leaves out is at its default."""
+    notes: tuple[str, ...] = ()
+    """What could not be taken over from the text."""
+
+    @property
+    def menus(self) -> tuple[str, ...]:
+        """The menus that must be read before anything can be planned."""
+        return tuple(self.items)
+
+
+class Mistake(UsageError):
+    """One thing in the text that cannot be meant so; `str()` begins with the text's name and line."""
+
+
+def near(word: str, words: Iterable[str]) -> str:
+    """Return `; did you mean X?`, or nothing when no word is close."""
+    close = get_close_matches(word, list(words), n=1)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def known_menu(path: str) -> Menu:
+    """Return the menu's row of the table. Raises Mistake, without place, for a menu that is not in it."""
+    if path not in MENUS:
+        title = "/" + path.strip("/").replace("/", " ")
+        hint = near(title, (menu.title for menu in MENUS.values()))
+        raise Mistake(f"{title} is no menu that can be declared{hint}")
+    return MENUS[path]
+
+
+def item_of(statement: Statement) -> Item:
+    """Turn one statement into the row that it declares. Raises Mistake, without place."""
+    menu = known_menu(statement.menu)
+    if menu.readonly:
+        raise Mistake(f"{menu.title} can be looked at, but not declared")
+    if statement.verb == "add":
+        return _added(menu, statement)
+    if statement.verb == "set":
+        return _set(menu, statement)
+    raise Mistake(f"`{statement.verb}` is an order, and only rows can be declared: write `add` or `set`")
+
+
+def _added(menu: Menu, statement: Statement) -> Item:
+    if menu.shape is Shape.SINGLETON:
+        raise Mistake(f"{menu.title} holds settings and no rows: write `set` instead of `add`")
+    if menu.shape is Shape.FIXED:
+        raise Mistake(f"the rows of {menu.title} are there already: write `set [ find {menu.keys[0]}=... ]`")
+    values = _values(menu, statement)
+    for key in menu.keys:
+        if values.get(key) is None and (key in values or menu.by_name[key].default is None):
+            raise Mistake(f"a row of {menu.title} needs `{key}`, which tells it from the others")
+    return Item(menu.path, values, statement.line)
+
+
+def _set(menu: Menu, statement: Statement) -> Item:
+    values = _values(menu, statement)
+    if menu.shape is Shape.SINGLETON:
+        if statement.find is not None or statement.target is not None:
+            raise Mistake(f"{menu.title} holds settings and no rows: write `set name=value` without a row")
+        return Item(menu.path, values, statement.line)
+    found = _found(menu, statement)
+    # A key may be written only where the row is found by another property: `set [ find default-name=ether1 ] name=wan`.
+    renamed = [key for key in menu.keys if key in values and values[key] != found[key]]
+    if renamed:
+        raise Mistake(f"`{renamed[0]}` tells the rows of {menu.title} apart and cannot be changed: declare a new row")
+    return Item(menu.path, {**found, **values}, statement.line, exists=True)
+
+
+def _found(menu: Menu, statement: Statement) -> dict[str, str]:
+    """Return the keys that the statement's selector names."""
+    example = " ".join(f"{key}=..." for key in menu.keys)
+    if not menu.keys:
+        raise Mistake(f"rows of {menu.title} have no name to find them by: declare them with `add`")
+    if statement.target is not None:
+        if statement.target.isdecimal() or statement.target.startswith("*") or len(menu.keys) > 1:
+            raise Mistake(f"`{statement.target}` is another row on another router: write `set [ find {example} ]`")
+        return {menu.keys[0]: statement.target}
+    found = dict(statement.find or ())
+    if set(found) != set(menu.keys):
+        raise Mistake(f"a row of {menu.title} is found by its {' and '.join(menu.keys)}: write `[ find {example} ]`")
+    return found
+
+
+def _values(menu: Menu, statement: Statement) -> dict[str, str | None]:
+    values: dict[str, str | None] = {}
+    for name, value in statement.values:
+        if name not in menu.by_name:
+            raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
+        if name in values:
+            raise Mistake(f"`{name}` is given twice")
+        values[name] = value
+    return values

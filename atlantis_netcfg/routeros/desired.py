@@ -1,0 +1,127 @@
+"""Desired state: export-style text, plus directives in comments, to the rows that a device shall have.
+
+`# atlantis:entire /ip firewall filter` says that the menu is ours entirely. All mistakes are
+reported together.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros._items import Desired, Item, Mistake, item_of, known_menu, near
+from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+from atlantis_netcfg.rsc import parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from atlantis_netcfg.rsc import Statement
+
+__all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
+
+_DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
+_ENTIRE = "entire"
+
+
+def read(text: str, source: str = "text") -> Desired:
+    """Read what a text declares; `source` is what messages call it.
+
+    Raises RscError where the text is not export text, and Mistake with every line that declares something impossible.
+    """
+    export = parse(text, source)
+    mistakes: list[str] = []
+    entire = frozenset(_entire_menus(text, source, mistakes))
+    items: dict[str, list[Item]] = {menu: [] for menu in (*export.menus, *entire) if menu in MENUS}
+    first: dict[tuple[str, tuple[str, ...]], int] = {}
+    for statement in export.statements:
+        try:
+            item = item_of(statement)
+            _once(item, first)
+        except Mistake as mistake:
+            mistakes.append(f"{source}, line {statement.line}: {mistake}")
+        else:
+            items[item.menu].append(item)
+    if mistakes:
+        raise Mistake("\n".join(mistakes))
+    return Desired(source, {menu: tuple(rows) for menu, rows in items.items()}, entire)
+
+
+def _entire_menus(text: str, source: str, mistakes: list[str]) -> Iterator[str]:
+    for match in _DIRECTIVE.finditer(text):
+        try:
+            yield _entire_menu(*match.groups())
+        except Mistake as mistake:
+            line = text.count("\n", 0, match.start()) + 1
+            mistakes.append(f"{source}, line {line}: {mistake}")
+
+
+def _entire_menu(word: str, argument: str) -> str:
+    if word != _ENTIRE:
+        raise Mistake(f"`atlantis:{word}` is no directive{near(word, [_ENTIRE])}")
+    menu = known_menu("/" + "/".join(argument.strip("/").replace("/", " ").split()))
+    if menu.shape is not Shape.LIST or menu.readonly:
+        raise Mistake(f"{menu.title} cannot be ours entirely, because nobody can add rows to it")
+    return menu.path
+
+
+def _once(item: Item, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
+    """Refuse a second row with the same identity; first-match rows may repeat."""
+    if MENUS[item.menu].ordered:
+        return
+    line = first.setdefault((item.menu, item.identity), item.line)
+    if line != item.line:
+        name = MENUS[item.menu].name_of(item.given)
+        raise Mistake(f"{name} is declared a second time; the first is on line {line}")
+
+
+def from_export(text: str, only: Iterable[str], source: str = "export") -> Desired:
+    """Read a saved export as the state to go back to, in the menus of `only`, each of them entirely.
+
+    What an export leaves out is at its default, but for what it hides: secrets, and menus that it never prints, stay
+    as they are on the device. `notes` says what cannot be restored. Raises RscError if the text is no export.
+    """
+    wanted = [known_menu(path) for path in dict.fromkeys(only)]
+    restored = [menu for menu in wanted if menu.exported and not menu.readonly]
+    notes = [f"{menu.title} is not part of an export: it stays as it is" for menu in wanted if menu not in restored]
+    items: dict[str, list[Item]] = {menu.path: [] for menu in restored}
+    for statement in parse(text, source).statements:
+        if statement.menu in items:
+            items[statement.menu] += _restored(MENUS[statement.menu], statement, source, notes)
+    return Desired(
+        source,
+        {menu: tuple(rows) for menu, rows in items.items()},
+        frozenset(items),
+        restores=True,
+        notes=tuple(notes),
+    )
+
+
+def _restored(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[Item]:
+    """Return the statement's row, or nothing and a note about why it cannot be restored."""
+    foreign = [name for name, _ in statement.values if name not in menu.by_name]
+    notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} stays as it is" for name in foreign]
+    try:
+        item = item_of(_understood(menu, statement))
+    except Mistake as mistake:
+        notes.append(f"{source}, line {statement.line}: not restored: {mistake}")
+        return ()
+    hidden = menu.secrets - set(item.values)
+    return (Item(item.menu, item.values, item.line, item.exists, hidden),)
+
+
+def _understood(menu: Menu, statement: Statement) -> Statement:
+    """Leave out arguments that the table lacks, and call rows of the system (`set 3`) by their names."""
+    target = statement.target
+    if target is not None and target.isdecimal() and len(menu.keys) == 1 and int(target) < len(menu.stock):
+        target = menu.stock[int(target)][0]
+    values = tuple((name, value) for name, value in statement.values if name in menu.by_name)
+    return type(statement)(
+        menu=statement.menu,
+        verb=statement.verb,
+        values=values,
+        find=statement.find,
+        target=target,
+        line=statement.line,
+        comments=statement.comments,
+    )

@@ -1,0 +1,99 @@
+"""A plan as text: the rows in the language of the device's own export, with `+`, `-` and ` ` in the margin.
+
+Settings and rows that change in place show only what changes. Secrets are masked. Rows that stay are left out, but for
+a few around a change where their order matters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.menus import Kind, Shape, canonical
+from atlantis_netcfg.rsc import Statement, print_statement
+from atlantis_netcfg.secret import MASK
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.menus import Field, Menu
+
+__all__ = ["Line", "added_row", "existing_row", "render", "set_lines"]
+
+_CONTEXT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One row as text, and its margin: `+` new, `-` old, ` ` as it is."""
+
+    margin: str
+    text: str
+
+
+def render(menus: Iterable[tuple[Menu, Sequence[Line]]]) -> str:
+    """Return the whole text; empty when no line has a `+` or `-`."""
+    parts = [_menu_text(menu, lines) for menu, lines in menus if any(line.margin != " " for line in lines)]
+    return "".join(parts)
+
+
+def _menu_text(menu: Menu, lines: Sequence[Line]) -> str:
+    shown = [f"  {menu.title}", *_shortened(lines)]
+    return "".join(f"{line}\n" for line in shown)
+
+
+def _shortened(lines: Sequence[Line]) -> list[str]:
+    """Keep rows that stay only beside those that change, and say how many are left out."""
+    changed = [index for index, line in enumerate(lines) if line.margin != " "]
+    near = {index + offset for index in changed for offset in range(-_CONTEXT, _CONTEXT + 1)}
+    shown: list[str] = []
+    for is_near, run in groupby(enumerate(lines), key=lambda each: each[0] in near):
+        texts = [f"{line.margin} {line.text}" for _, line in run]
+        shown += texts if is_near or len(texts) == 1 else [f"  # {len(texts)} rows as they are"]
+    return shown
+
+
+def added_row(menu: Menu, values: Mapping[str, str]) -> str:
+    """Return the line that adds a row with these values."""
+    return _print(menu, "add", values)
+
+
+def existing_row(menu: Menu, row: Row) -> str:
+    """Return the line that would add a row that is on the device, as an export prints it: without defaults."""
+    names = sorted(each.name for each in menu.fields if each.name in row and not each.keep)
+    values = {
+        name: row[name]
+        for name in names
+        if name in (*menu.keys, "action") or menu.form(name, row) != _default(menu, name, row)
+    }
+    return _print(menu, "add", values)
+
+
+def _default(menu: Menu, name: str, row: Row) -> str:
+    return menu.by_name[name].form(menu.default_of(name, row))
+
+
+def set_lines(menu: Menu, row: Row, values: Sequence[tuple[str, str]]) -> list[Line]:
+    """Return what a change in place takes away and what it puts there."""
+    names = [name.removeprefix("!") for name, _ in values]
+    old = {name: row.get(name, menu.default_of(name, row)) for name in names}
+    new = {name.removeprefix("!"): None if name.startswith("!") else value for name, value in values}
+    return [Line("-", _print(menu, "set", old, row)), Line("+", _print(menu, "set", new, row))]
+
+
+def _print(menu: Menu, verb: str, values: Mapping[str, str | None], row: Row | None = None) -> str:
+    """Print one statement; `row` is what a `set` is about."""
+    shown = tuple((name, _shown(menu.by_name[name], value)) for name, value in values.items())
+    keys = tuple((key, row[key]) for key in menu.keys if key in row) if row is not None else ()
+    if menu.shape is Shape.FIXED and menu.keys == ("name",):
+        return print_statement(Statement(menu.path, verb, shown, target=keys[0][1]))
+    return print_statement(Statement(menu.path, verb, shown, find=keys or None))
+
+
+def _shown(field: Field, value: str | None) -> str | None:
+    """Return a value as an export prints it (the API says `true` for `yes`), or the mask."""
+    if field.secret and value:
+        return MASK
+    return canonical(field.kind, value) if value and field.kind is Kind.BOOLEAN else value

@@ -1,0 +1,122 @@
+"""From what is declared and what is on the device to the actions between them: a pure function, without I/O.
+
+Additions and changes go layer by layer, so that a row only names rows that are there; removals come last, in the
+opposite order. `simulate` tells what a plan leaves behind: planning again from there gives nothing to do.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
+from atlantis_netcfg.routeros.diff import render
+from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
+from atlantis_netcfg.routeros.planner._change import CannotPlan, Change, Context, MenuPlan, Names
+from atlantis_netcfg.routeros.planner._firstmatch import plan_first_match
+from atlantis_netcfg.routeros.planner._identified import plan_identified
+from atlantis_netcfg.routeros.planner._rename import new_names, renamed, renaming_order
+from atlantis_netcfg.routeros.planner._simulate import after, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.routeros._items import Desired, Item
+    from atlantis_netcfg.routeros._types import Observed, Row, Version
+
+__all__ = ["CannotPlan", "after", "plan", "simulate"]
+
+
+def plan(device: str, desired: Desired, observed: Observed) -> Plan:
+    """Return the actions that make the device as declared, with their diff and what was found besides.
+
+    Raises CannotPlan, with all reasons and the lines of the text, for a device that lacks what the text needs, and
+    KeyError for a menu of the text that was not read.
+    """
+    menus = sorted(desired.menus, key=rank)
+    problems = [problem for path in menus for problem in _unsupported(path, desired, observed.facts.version)]
+    names = new_names(desired, observed.rows)
+    context = Context(desired, Names(observed.rows), "sensitive" in observed.facts.policies)
+    parts = [_plan_menu(path, desired, renamed(path, observed.rows[path], names), context) for path in menus]
+    for part in parts:
+        _order_renames(part, names)
+        problems += part.problems
+    if problems:
+        raise CannotPlan("\n".join(f"{device}: {desired.source}, {problem}" for problem in problems))
+    return Plan(
+        device=device,
+        actions=tuple(_numbered(parts)),
+        diff=render((part.menu, part.lines) for part in parts),
+        drift=tuple(drift for part in parts for drift in part.drift),
+        notes=(*desired.notes, *dict.fromkeys(note for part in parts for note in part.notes)),
+    )
+
+
+def _unsupported(path: str, desired: Desired, version: Version) -> Iterator[str]:
+    menu = MENUS[path]
+    if menu.since is not None and version < menu.since:
+        yield f"{menu.title} is there from RouterOS {menu.since} on, and this device has {version}"
+    for item in desired.items[path]:
+        for name in item.values:
+            field = menu.by_name[name]
+            if field.since is not None and version < field.since:
+                yield _version_problem(item, name, f"from RouterOS {field.since} on", version)
+            elif not field.exists(version):
+                yield _version_problem(item, name, f"only before RouterOS {field.gone}", version)
+
+
+def _version_problem(item: Item, name: str, when: str, version: Version) -> str:
+    return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, and this device has {version}"
+
+
+def _plan_menu(path: str, desired: Desired, rows: tuple[Row, ...], context: Context) -> MenuPlan:
+    menu = MENUS[path]
+    items = desired.items[path]
+    if menu.ordered:
+        return plan_first_match(menu, items, rows, context)
+    if menu.shape is Shape.SINGLETON and not rows:
+        rows = ({},)
+    return plan_identified(menu, items, rows, context)
+
+
+def _order_renames(part: MenuPlan, names: Mapping[str, str]) -> None:
+    """Put changes of names in an order in which every new name is free."""
+    targets = {dict(change.values)["name"]: change for change in part.changes if _is_rename(change)}
+    if not targets:
+        return
+    order = renaming_order({old: new for old, new in names.items() if new in targets})
+    if order is None:
+        part.problems.append(
+            f"the new names of {', '.join(sorted(targets))} go round in a circle: choose one that is free"
+        )
+        return
+    rest = [change for change in part.changes if not _is_rename(change)]
+    part.changes = [*(targets[names[old]] for old in order), *rest]
+
+
+def _is_rename(change: Change) -> bool:
+    return change.menu.shape is Shape.FIXED and change.verb is Verb.SET and "name" in dict(change.values)
+
+
+def _numbered(parts: list[MenuPlan]) -> Iterator[Action]:
+    changes = [change for part in parts for change in part.changes]
+    for number, change in enumerate(sorted(changes, key=_turn), start=1):
+        yield Action(
+            number=number,
+            layer=change.layer,
+            menu=change.menu.path,
+            verb=change.verb,
+            subject=change.subject,
+            ids=change.ids,
+            values=change.values,
+            before=change.before,
+            secrets=change.menu.secrets & {name for name, _ in change.values},
+            inert=change.inert,
+        )
+
+
+def _turn(change: Change) -> tuple[int, int, int, int]:
+    """Layer, then menu by the table's order; what is taken away goes last, against the order in which it came."""
+    place = rank(change.menu.path)
+    if change.verb is Verb.REMOVE and change.layer is Layer.CLEANUP:
+        return (Layer.CLEANUP, 1, -change.menu.layer, -place)
+    return (change.layer, 0, 0, place)

@@ -1,0 +1,141 @@
+"""A change of one menu before it is numbered, and what of it a person sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros._types import Layer, Verb
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.routeros._items import Desired, Item
+    from atlantis_netcfg.routeros._types import Drift, Row
+    from atlantis_netcfg.routeros.diff import Line
+    from atlantis_netcfg.routeros.menus import Menu
+
+__all__ = ["CannotPlan", "Change", "Context", "MenuPlan", "Names", "added", "removed", "writes"]
+
+_SHOWN_NAMES = 3
+
+
+class CannotPlan(DeviceFailed):
+    """The device cannot become what is declared: it lacks a row, a version or a property. It was not touched."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One action-to-be."""
+
+    menu: Menu
+    verb: Verb
+    layer: Layer
+    subject: str
+    ids: tuple[str, ...] = ()
+    values: tuple[tuple[str, str], ...] = ()
+    before: str | None = None
+    inert: bool = False
+
+
+@dataclass(slots=True)
+class MenuPlan:
+    """Everything that one menu adds to the plan."""
+
+    menu: Menu
+    changes: list[Change] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    drift: list[Drift] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What the planning of every menu may look at."""
+
+    desired: Desired
+    names: Names
+    sensitive: bool
+    """Our group may read secrets, so that a secret which is not printed is not set."""
+
+    def is_entire(self, menu: Menu) -> bool:
+        """Tell whether all rows of the menu are ours."""
+        return menu.path in self.desired.entire
+
+    def is_hidden(self, value: str | None) -> bool:
+        """Tell whether a secret was kept from us: it is missing, or stars."""
+        return not self.sensitive if value is None else value != "" and not value.strip("*")
+
+
+class Names:
+    """Which rows are named by others already: adding such a row is no harmless thing."""
+
+    def __init__(self, rows: Mapping[str, tuple[Row, ...]]) -> None:
+        self._rows = rows
+        self._by: dict[tuple[str, ...], frozenset[str]] = {}
+
+    def name(self, menu: Menu, value: str) -> bool:
+        """Tell whether any row on the device names `value` in one of the properties that name rows of `menu`."""
+        if menu.named_by not in self._by:
+            self._by[menu.named_by] = frozenset(self._named(menu.named_by))
+        return value in self._by[menu.named_by]
+
+    def _named(self, properties: tuple[str, ...]) -> Iterator[str]:
+        for rows in self._rows.values():
+            for row in rows:
+                yield from (row[name].removeprefix("!") for name in properties if name in row)
+
+
+def added(menu: Menu, values: tuple[tuple[str, str], ...], names: Names, before: str | None = None) -> Change:
+    """Return the change that adds a row."""
+    row = dict(values)
+    late = bool(menu.late) and all(menu.form(name, row) == menu.by_name[name].form(value) for name, value in menu.late)
+    inert = menu.inert and not late and not names.name(menu, row.get(menu.keys[0], ""))
+    layer = Layer.CLEANUP if late else menu.layer
+    return Change(menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert)
+
+
+def removed(menu: Menu, rows: list[Row], layer: Layer = Layer.CLEANUP) -> Change:
+    """Return the change that removes rows, in that order."""
+    names = [menu.name_of(row) for row in rows]
+    subject = ", ".join(names[:_SHOWN_NAMES])
+    if len(names) > _SHOWN_NAMES:
+        subject += f" and {len(names) - _SHOWN_NAMES} more"
+    return Change(menu, Verb.REMOVE, layer, subject, ids=tuple(row[".id"] for row in rows))
+
+
+def writes(context: Context, report: MenuPlan, item: Item, row: Row, *, managed: bool) -> tuple[tuple[str, str], ...]:
+    """Return what must be set so that `row` is as declared.
+
+    Properties that the item does not name go back to their default only where the row is `managed` by us.
+    """
+    menu = report.menu
+    wanted: dict[str, str | None] = {}
+    for name in item.values:
+        wanted |= _named(context, report, item, row, name)
+    if managed:
+        for each in menu.fields:
+            if each.name in row and each.name not in item.values and not each.keep and each.name not in item.unknown:
+                wanted |= _differing(menu, row, each.name, menu.default_of(each.name, row))
+    return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in wanted.items())
+
+
+def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:
+    menu, each = report.menu, report.menu.by_name[name]
+    if each.unread:
+        return {}
+    if each.secret and context.is_hidden(row.get(name)):
+        report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
+        return {}
+    value = item.values[name]
+    changes = _differing(menu, row, name, menu.default_of(name, row) if value is None else value)
+    if changes and each.board and name not in row:
+        report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
+        return {}
+    return changes
+
+
+def _differing(menu: Menu, row: Row, name: str, wanted: str | None) -> dict[str, str | None]:
+    return {} if menu.by_name[name].form(wanted) == menu.form(name, row) else {name: wanted}

@@ -1,0 +1,247 @@
+"""Menus in which the first row that matches decides: from the old list to the new one without a gap in between.
+
+Old list O, new list N, kept rows K = a longest common subsequence of both, chain by chain, by full content. The rows
+of N that are not kept are inserted from the top down, each behind the rows of N above it; then the rows of O that are
+not kept are removed from the bottom up. At every moment each packet meets the verdict of O or that of N. While
+inserting: if a new row is the first that matches, all rows of N above it are there and do not match; if an old row is,
+no row of O above it matches, since none was taken away. While removing: all of N is there, and so are all rows of O
+above any old row.
+
+A row that N wants higher up is moved: whoever matched it still meets it or a row of N above it. A row that N wants
+further down is added there and removed above. So a row is changed in place only where it neither matches nor decides.
+
+With jumps this holds for each chain; `_sequence` makes it hold for the whole where a chain is new, or goes, or its
+callers stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
+from atlantis_netcfg.routeros.diff import Line, added_row, existing_row
+from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, removed, writes
+from atlantis_netcfg.routeros.planner._lcs import common
+from atlantis_netcfg.routeros.planner._sequence import Rule, insertion, removal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.routeros._items import Item
+    from atlantis_netcfg.routeros.menus import Menu
+
+__all__ = ["plan_first_match"]
+
+_Content = tuple[tuple[str, str], ...]
+
+
+@dataclass(slots=True)
+class _Lists:
+    """Both lists, and where the work stands."""
+
+    menu: Menu
+    context: Context
+    report: MenuPlan
+    old: list[Row]
+    new: list[Item]
+    kept: dict[int, int] = field(default_factory=dict)
+    """New place to old place."""
+    moved: set[int] = field(default_factory=set)
+    """Old places of rows that stand higher up now."""
+    inserted: dict[int, list[Line]] = field(default_factory=dict)
+    """What was inserted right before an old place, in order."""
+    spare: dict[_Content, list[int]] = field(default_factory=dict)
+    """Old places of rows that are not kept, ascending."""
+
+    def chain(self, values: Mapping[str, str]) -> str:
+        """Return the chain of a row; a menu without chains is one chain."""
+        return self.menu.form(self.menu.chain, values) if self.menu.chain else ""
+
+    def standing(self, place: int) -> int:
+        """Return the first old place from `place` on whose row was not moved away."""
+        while place in self.moved:
+            place += 1
+        return place
+
+    def id_at(self, place: int) -> str | None:
+        """Return the `.id` of the row at an old place, None at the end."""
+        return self.old[place][".id"] if place < len(self.old) else None
+
+
+def plan_first_match(menu: Menu, items: Iterable[Item], rows: Iterable[Row], context: Context) -> MenuPlan:
+    """Plan one first-match menu. Dynamic rows stand where the device puts them and do not count."""
+    lists = _Lists(menu, context, MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
+    old = [_content(menu, row) for row in lists.old]
+    new = [_content(menu, item.given) for item in lists.new]
+    _keep(lists, old, new)
+    _insert(lists, new)
+    _remove(lists)
+    _show(lists)
+    _warn(lists)
+    return lists.report
+
+
+def _content(menu: Menu, values: Mapping[str, str]) -> _Content:
+    """Return everything of a row that matches or decides, in canonical form."""
+    fields = [menu.by_name[name] for name in values if name in menu.by_name]
+    content = [(each.name, each.form(values[each.name])) for each in fields if not each.cosmetic and not each.keep]
+    return tuple(sorted((name, form) for name, form in content if form != menu.by_name[name].absent))
+
+
+def _keep(lists: _Lists, old: Sequence[_Content], new: Sequence[_Content]) -> None:
+    chains: dict[str, tuple[list[int], list[int]]] = {}
+    for place, row in enumerate(lists.old):
+        chains.setdefault(lists.chain(row), ([], []))[0].append(place)
+    for place, item in enumerate(lists.new):
+        chains.setdefault(lists.chain(item.given), ([], []))[1].append(place)
+    for olds, news in chains.values():
+        pairs = common([old[place] for place in olds], [new[place] for place in news])
+        lists.kept.update((news[j], olds[i]) for i, j in pairs)
+    staying = set(lists.kept.values())
+    for place, content in enumerate(old):
+        if place not in staying:
+            lists.spare.setdefault(content, []).append(place)
+
+
+def _insert(lists: _Lists, new: Sequence[_Content]) -> None:
+    """Go through the new list from the top down; `lows` and `highs` bound where a row may stand within its chain."""
+    chains = [lists.chain(item.given) for item in lists.new]
+    highs = _next_kept(lists, chains)
+    lows: dict[str, int] = {}
+    cursor = 0
+    for place in insertion(_rules(lists, [item.given for item in lists.new], set(lists.kept))):
+        chain = chains[place]
+        if place in lists.kept:
+            cursor = lists.kept[place] + 1
+            _cosmetics(lists, lists.new[place], lists.old[lists.kept[place]])
+        else:
+            low = lows.get(chain, 0)
+            slot = max(low, min(cursor, highs[place]))
+            cursor = _place(lists, place, slot, _liftable(lists, new[place], low))
+        lows[chain] = cursor
+
+
+def _next_kept(lists: _Lists, chains: Sequence[str]) -> dict[int, int]:
+    """Return, for every new place, the old place of the next kept row of its chain, or the end."""
+    result: dict[int, int] = {}
+    following: dict[str, int] = {}
+    for place in range(len(chains) - 1, -1, -1):
+        result[place] = following.get(chains[place], len(lists.old))
+        if place in lists.kept:
+            following[chains[place]] = lists.kept[place]
+    return result
+
+
+def _rules(lists: _Lists, rows: Sequence[Mapping[str, str]], staying: set[int]) -> list[Rule]:
+    return [
+        Rule(lists.chain(row), row.get("jump-target") if row.get("action") == "jump" else None, place in staying)
+        for place, row in enumerate(rows)
+    ]
+
+
+def _liftable(lists: _Lists, content: _Content, low: int) -> int | None:
+    """Take an equal row that stands further down in the old list, if there is one."""
+    places = lists.spare.get(content, [])
+    place = next((each for each in places if each >= low), None)
+    if place is not None:
+        places.remove(place)
+    return place
+
+
+def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
+    """Put the row of a new place before an old one; return where the next row may stand."""
+    item = lists.new[place]
+    anchor = lists.standing(slot if lifted is None else min(slot, lifted))
+    if lifted is None:
+        values = tuple(item.given.items())
+        lists.report.changes.append(added(lists.menu, values, lists.context.names, lists.id_at(anchor)))
+        lists.inserted.setdefault(anchor, []).append(Line("+", added_row(lists.menu, item.given)))
+        return anchor
+    row = lists.old[lifted]
+    if anchor == lifted:
+        lists.kept[place] = lifted
+        _cosmetics(lists, item, row)
+        return lifted + 1
+    lists.moved.add(lifted)
+    lists.report.changes.append(
+        Change(
+            lists.menu,
+            Verb.MOVE,
+            lists.menu.layer,
+            lists.menu.name_of(row),
+            ids=(row[".id"],),
+            before=lists.id_at(anchor),
+        )
+    )
+    lists.inserted.setdefault(anchor, []).append(Line("+", added_row(lists.menu, item.given)))
+    _cosmetics(lists, item, row)
+    return anchor
+
+
+def _cosmetics(lists: _Lists, item: Item, row: Row) -> None:
+    """Change in place what neither matches nor decides."""
+    values = writes(lists.context, lists.report, item, row, managed=True)
+    menu = lists.menu
+    if values:
+        name = menu.name_of({**row, **item.given})
+        lists.report.changes.append(Change(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values))
+    if item.is_marked and not menu.is_ours(row) and not lists.context.is_entire(menu):
+        lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
+
+
+def _remove(lists: _Lists) -> None:
+    """Remove what is not in the new list, from the bottom up; rows of others stay unless the menu is ours entirely."""
+    staying = set(lists.kept.values())
+    standing = [place for place in range(len(lists.old)) if place not in lists.moved]
+    going = {place for place in standing if place not in staying and _is_ours(lists, lists.old[place])}
+    rules = _rules(
+        lists, [lists.old[place] for place in standing], {at for at, place in enumerate(standing) if place not in going}
+    )
+    order = [standing[at] for at in removal(rules) if standing[at] in going]
+    if order:
+        lists.report.changes.append(removed(lists.menu, [lists.old[place] for place in order]))
+
+
+def _is_ours(lists: _Lists, row: Row) -> bool:
+    return lists.context.is_entire(lists.menu) or lists.menu.is_ours(row)
+
+
+def _show(lists: _Lists) -> None:
+    """Write both lists as one: the old rows at their places, the new ones where they were inserted."""
+    menu, report = lists.menu, lists.report
+    declared = {old: lists.new[new] for new, old in lists.kept.items()}
+    for place in range(len(lists.old) + 1):
+        report.lines += lists.inserted.get(place, [])
+        if place < len(lists.old):
+            report.lines += _shown(lists, lists.old[place], declared.get(place), moved=place in lists.moved)
+    for place, row in enumerate(lists.old):
+        if place not in declared and place not in lists.moved and not _is_ours(lists, row):
+            message = "not declared, and not ours: left as it is"
+            report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message))
+
+
+def _shown(lists: _Lists, row: Row, item: Item | None, *, moved: bool) -> list[Line]:
+    text = existing_row(lists.menu, row)
+    if item is not None:
+        changed = any(lists.menu.form(name, item.given) != lists.menu.form(name, row) for name in _cosmetic(lists.menu))
+        return [Line("-", text), Line("+", added_row(lists.menu, item.given))] if changed else [Line(" ", text)]
+    return [Line("-" if moved or _is_ours(lists, row) else " ", text)]
+
+
+def _cosmetic(menu: Menu) -> list[str]:
+    return [each.name for each in menu.fields if each.cosmetic]
+
+
+def _warn(lists: _Lists) -> None:
+    """Name chains that change together with those that call them, since then the two changes meet."""
+    changed = {lists.chain(lists.old[place]) for place in range(len(lists.old)) if place not in lists.kept.values()}
+    changed |= {lists.chain(item.given) for place, item in enumerate(lists.new) if place not in lists.kept}
+    for place in lists.kept.values():
+        row = lists.old[place]
+        caller, target = lists.chain(row), row.get("jump-target", "")
+        if row.get("action") == "jump" and caller != target and {caller, target} <= changed:
+            lists.report.notes.append(
+                f"{lists.menu.title}: chain {target} and its caller {caller} both change; for a moment a packet may "
+                f"meet the old rows of one and the new rows of the other"
+            )

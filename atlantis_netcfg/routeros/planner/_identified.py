@@ -1,0 +1,223 @@
+"""Menus whose rows are told apart by keys, and settings: match what is declared with what is there, then compare."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros._items import Item
+from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
+from atlantis_netcfg.routeros.diff import Line, added_row, existing_row, set_lines
+from atlantis_netcfg.routeros.menus import Menu, Shape
+from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, removed, writes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+__all__ = ["plan_identified"]
+
+_Value = tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Match:
+    """One declared row, the row on the device that shall become it, and whether that needs a new row after all."""
+
+    item: Item
+    row: Row | None = None
+    writes: tuple[tuple[str, str], ...] = ()
+    replaced: bool = False
+
+    def after(self) -> dict[str, str]:
+        """Return the row as it will be."""
+        return {**(self.row or {}), **self.item.given}
+
+
+@dataclass(slots=True)
+class _Rows:
+    """The rows of one menu and who shall become what."""
+
+    menu: Menu
+    context: Context
+    report: MenuPlan
+    matches: list[_Match] = field(default_factory=list)
+    left: list[Row] = field(default_factory=list)
+    """Rows that nobody declared."""
+    early: list[Row] = field(default_factory=list)
+    """Rows that hold a value which another row needs: removed first."""
+
+
+def plan_identified(menu: Menu, items: Iterable[Item], rows: Iterable[Row], context: Context) -> MenuPlan:
+    """Plan one menu of settings, of fixed rows, or of rows with keys."""
+    work = _Rows(menu, context, MenuPlan(menu))
+    _match(work, items, [row for row in rows if menu.is_touchable(row)])
+    for match in work.matches:
+        if match.row is not None:
+            match.writes = writes(context, work.report, match.item, match.row, managed=_is_managed(work, match))
+    _make_room(work)
+    _report_changes(work)
+    _report_left(work)
+    return work.report
+
+
+def _match(work: _Rows, items: Iterable[Item], rows: list[Row]) -> None:
+    """Pair by keys, then by properties that the device allows only once, then complain."""
+    menu = work.menu
+    waiting: dict[_Value, deque[Row]] = {}
+    for row in sorted(rows, key=lambda each: not menu.is_ours(each)):
+        waiting.setdefault(menu.identity(row), deque()).append(row)
+    for item in items:
+        found = waiting.get(item.identity)
+        work.matches.append(_Match(item, found.popleft() if found else None))
+    work.left = _not_matched(work, rows)
+    for name in menu.unique:
+        _match_by(work, name)
+    _match_settings(work)
+    for match in work.matches:
+        if match.row is None and (match.item.exists or menu.shape is not Shape.LIST):
+            work.report.problems.append(_missing(menu, match.item, rows))
+    work.matches += [_Match(Item(menu.path, _keys(menu, row)), row) for row in _implied(work)]
+    work.left = _not_matched(work, work.left)
+
+
+def _not_matched(work: _Rows, rows: list[Row]) -> list[Row]:
+    taken = {id(match.row) for match in work.matches}
+    return [row for row in rows if id(row) not in taken]
+
+
+def _match_by(work: _Rows, name: str) -> None:
+    free = {work.menu.form(name, row): row for row in work.left if row.get(name)}
+    for match in work.matches:
+        if match.row is None and match.item.values.get(name) and not match.item.exists:
+            match.row = free.pop(work.menu.form(name, match.item.given), None)
+    work.left = _not_matched(work, work.left)
+
+
+def _match_settings(work: _Rows) -> None:
+    """Settings are one row, which a device that answers with nothing has all the same."""
+    if work.menu.shape is Shape.SINGLETON:
+        for match in work.matches:
+            match.row = match.row if match.row is not None else {}
+
+
+def _keys(menu: Menu, row: Row) -> dict[str, str | None]:
+    return {key: row[key] for key in menu.keys if key in row}
+
+
+def _implied(work: _Rows) -> list[Row]:
+    """Return rows that a saved state does not mention because they were at their defaults."""
+    if not (work.context.desired.restores and work.context.is_entire(work.menu)):
+        return []
+    if work.menu.shape is Shape.LIST:
+        return [row for row in work.left if work.menu.is_stock(row)]
+    return list(work.left)
+
+
+def _missing(menu: Menu, item: Item, rows: list[Row]) -> str:
+    there = ", ".join(menu.name_of(row) for row in rows)
+    return f"line {item.line}: there is no {menu.name_of(item.given)} in {menu.title}; the device has {there or 'none'}"
+
+
+def _is_managed(work: _Rows, match: _Match) -> bool:
+    """Tell whether properties that nobody declared go back to their defaults."""
+    if work.context.is_entire(work.menu):
+        return True
+    if work.menu.shape is not Shape.LIST or match.item.exists or match.row is None:
+        return False
+    return work.menu.is_ours(match.row) or match.item.is_marked
+
+
+def _make_room(work: _Rows) -> None:
+    """Find rows that must go before others can have their value of a property that the device allows only once."""
+    if not work.menu.unique:
+        return
+    for names in (work.menu.keys, *((name,) for name in work.menu.unique)):
+        holders = {_value(work.menu, names, row): row for row in _present(work)}
+        matched = {id(match.row): match for match in work.matches if match.row is not None}
+        for match in work.matches:
+            if match.row is None or match.writes:
+                wanted = _value(work.menu, names, match.after())
+                holder = holders.get(wanted) if wanted is not None else None
+                if holder is not None and holder is not match.row:
+                    _displace(work, match, holder, matched.get(id(holder)))
+
+
+def _present(work: _Rows) -> Iterator[Row]:
+    yield from (match.row for match in work.matches if match.row is not None and not match.replaced)
+    yield from (row for row in work.left if row not in work.early)
+
+
+def _value(menu: Menu, names: tuple[str, ...], values: Row) -> _Value | None:
+    """Return the value that must be there only once, or None where a row has none."""
+    return tuple(menu.form(name, values) for name in names) if any(values.get(name) for name in names) else None
+
+
+def _displace(work: _Rows, match: _Match, holder: Row, owner: _Match | None) -> None:
+    """Let the holder of a value go, if it may; `owner` is what the holder shall become, if it is declared at all."""
+    if owner is not None and owner.writes:
+        owner.replaced = True
+        work.early.append(holder)
+    elif owner is None and _is_removable(work, holder):
+        work.early.append(holder)
+    else:
+        here, there = work.menu.name_of(match.item.given), work.menu.name_of(holder)
+        work.report.problems.append(
+            f"line {match.item.line}: {here} cannot be had beside {there}, which is on the device"
+        )
+
+
+def _is_removable(work: _Rows, row: Row) -> bool:
+    if work.menu.shape is not Shape.LIST or work.menu.is_stock(row):
+        return False
+    return work.context.is_entire(work.menu) or work.menu.is_ours(row)
+
+
+def _report_changes(work: _Rows) -> None:
+    menu, report = work.menu, work.report
+    if work.early:
+        report.changes.append(removed(menu, work.early, menu.layer))
+        report.lines += [Line("-", existing_row(menu, row)) for row in work.early]
+    for match in work.matches:
+        if match.row is None or match.replaced:
+            _add(work, match.item)
+        elif match.writes:
+            _set(work, match, match.row)
+
+
+def _add(work: _Rows, item: Item) -> None:
+    if item.exists or work.menu.shape is not Shape.LIST:
+        return  # reported as a problem
+    name = work.menu.name_of(item.given)
+    work.report.changes.append(added(work.menu, tuple(item.given.items()), work.context.names))
+    work.report.lines.append(Line("+", added_row(work.menu, item.given)))
+    for secret in sorted(item.unknown):
+        work.report.notes.append(
+            f"{work.menu.title}: `{secret}` of {name} is not in the saved export: enter it by hand"
+        )
+
+
+def _set(work: _Rows, match: _Match, row: Row) -> None:
+    menu = work.menu
+    ids = () if menu.shape is Shape.SINGLETON else (row[".id"],)
+    work.report.changes.append(
+        Change(menu, Verb.SET, menu.layer, menu.name_of(match.after()), ids=ids, values=match.writes)
+    )
+    work.report.lines += set_lines(menu, row, match.writes)
+    if match.item.is_marked and not menu.is_ours(row) and menu.shape is Shape.LIST:
+        work.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
+
+
+def _report_left(work: _Rows) -> None:
+    """Remove what was ours, or all in a menu that is ours entirely; tell of the rest."""
+    menu = work.menu
+    if menu.shape is not Shape.LIST:
+        return
+    going = [row for row in work.left if _is_removable(work, row) and row not in work.early]
+    if going:
+        work.report.changes.append(removed(menu, going[::-1]))
+        work.report.lines += [Line("-", existing_row(menu, row)) for row in going]
+    for row in work.left:
+        if not _is_removable(work, row) and not menu.is_stock(row):
+            message = "not declared, and not ours: left as it is"
+            work.report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message))
