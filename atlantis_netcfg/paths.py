@@ -1,4 +1,4 @@
-"""Where provision keeps what must outlive a run: journals, backups, pinned certificates, logs."""
+"""Where things are: the checkout, and what must outlive a run (journals, backups, pinned certificates, logs)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ from atlantis_netcfg.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["private_directory", "state_dir"]
+__all__ = ["checkout", "private_directory", "state_dir"]
 
 _HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
+
+
+def checkout() -> Path:
+    """The checkout that this package runs from: it holds inventory/, playbooks/, roles/ and templates/."""
+    return Path(__file__).resolve().parents[1]
 
 
 def state_dir(environ: Mapping[str, str] | None = None) -> Path:

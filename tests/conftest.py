@@ -1,4 +1,4 @@
-"""Two rules for every test: in CI a skip is a failure unless it was reviewed, and nothing connects beyond loopback."""
+"""Rules for every test: unreviewed skips fail CI, nothing connects beyond loopback, state is kept in a test folder."""
 
 from __future__ import annotations
 
@@ -74,6 +74,17 @@ def _guarded(connect: Callable[[socket.socket, Any], Any]) -> Callable[[socket.s
         return connect(sock, address)
 
     return guarded
+
+
+@pytest.fixture(scope="session")
+def state_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("state")
+
+
+@pytest.fixture(autouse=True)
+def own_state(state_of_tests: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing that a test runs keeps state in the home of whoever runs the tests."""
+    monkeypatch.setenv("ATLANTIS_STATE", str(state_of_tests))
 
 
 @pytest.fixture(autouse=True)

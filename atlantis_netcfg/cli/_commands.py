@@ -33,13 +33,21 @@ def load(name: str, table: Mapping[str, str]) -> CommandModule:
 def choose(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
     """Which command a line means, and what is left for it; UsageError when the first word is no command."""
     places = [place for place, argument in enumerate(typed) if not argument.startswith("-")]
-    if not places or "=" in typed[places[0]]:
-        return _default(typed, table)
     for length in range(len(places), 0, -1):
         name = " ".join(typed[place] for place in places[:length])
         if name in table:
             return name, [argument for place, argument in enumerate(typed) if place not in places[:length]]
-    raise _no_such_command(typed[places[0]], table)
+    if not places or _means_default(typed, places[0], table):
+        return _default(typed, table)
+    raise _no_such_command([typed[place] for place in places], table)
+
+
+def _means_default(typed: Sequence[str], first: int, table: Mapping[str, str]) -> bool:
+    """Also where `site=coastal` was meant and `site = coastal` or `--site coastal` was typed."""
+    if "=" in typed[first]:
+        return True
+    words = [word.name for word in load(DEFAULT, table).COMMAND.words]
+    return typed[first] in words or (first > 0 and typed[first - 1].lstrip("-") in words)
 
 
 def _default(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
@@ -50,7 +58,13 @@ def _default(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[
     return DEFAULT, list(typed)
 
 
-def _no_such_command(name: str, table: Mapping[str, str]) -> UsageError:
-    near = nearest(name, table)
-    hint = f"did you mean `provision {near}`?" if near else f"there are: {', '.join(table)}"
-    return UsageError(f"`{name}` is no command of provision", hint=hint)
+def _no_such_command(words: Sequence[str], table: Mapping[str, str]) -> UsageError:
+    longer = [name for name in table if name.startswith(f"{words[0]} ")]
+    near = nearest(" ".join(words[:2]), longer) or nearest(words[0], table)
+    if longer and near not in longer:
+        hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
+    elif near is not None:
+        hint = f"did you mean `provision {near}`?"
+    else:
+        hint = f"there are: {', '.join(table)}"
+    return UsageError(f"`{' '.join(words[:2] if longer else words[:1])}` is no command of provision", hint=hint)

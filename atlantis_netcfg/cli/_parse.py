@@ -51,38 +51,38 @@ class _Reader:
         self._misspelt: set[str] = set()
 
     def read(self, typed: list[str]) -> None:
-        rest = iter(typed)
-        for argument in rest:
+        rest = list(reversed(typed))
+        while rest:
+            argument = rest.pop()
             if argument.startswith("-") and argument != "-":
                 self._read_flag(argument, rest)
             elif "=" in argument.lstrip("="):
-                self._read_word(argument)
+                self._read_word(argument, rest)
             else:
-                self._refuse_bare(argument)
+                self._refuse_bare(argument, rest)
         self._require()
 
     def _error(self, message: str, hint: str) -> None:
         self.errors.append(UsageError(message, hint=hint))
 
-    def _read_word(self, argument: str) -> None:
+    def _read_word(self, argument: str, rest: list[str]) -> None:
         name, _, value = argument.partition("=")
         word = self.command.word(name)
         if word is None:
             self._unknown_word(argument, name, value)
         elif not value:
-            self._misspelt.add(name)
-            self._error(f"`{argument}` has no value", f"write it without spaces: `{word.typed}`")
+            self._refuse_spaces(word, argument, _bare(rest))
         else:
-            self._take(word, argument, value.split(",") if word.many else [value])
+            self._take(word, argument, value.split(",") if word.many else [value], rest)
 
-    def _take(self, word: Word, argument: str, values: list[str]) -> None:
+    def _take(self, word: Word, argument: str, values: list[str], rest: list[str]) -> None:
         self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
         if "" in values:
-            self._error(f"`{argument}` has an empty place in its list", f"no spaces around commas: `{word.typed},…`")
+            wanted = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
+            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{wanted}`")
         elif word.name in self.words and not word.many:
-            self._error(
-                f"`{word.name}=` is given twice", f"keep one of `{word.name}={self.words[word.name][0]}`, `{argument}`"
-            )
+            both = f"`{word.name}={self.words[word.name][0]}`, `{argument}`"
+            self._error(f"`{word.name}=` is given twice", f"keep one of {both}")
         else:
             self._check_choices(word, argument, values)
             self.words.setdefault(word.name, []).extend(values)
@@ -94,6 +94,12 @@ class _Reader:
                 known = f"it takes one of: {', '.join(word.choices)}"
                 self._error(f"`{argument}`: `{value}` is not known", _meant(near and f"{word.name}={near}", known))
 
+    def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
+        """For `site=`, and for `site = coastal` and its like, whose pieces are one mistake."""
+        self._misspelt.add(word.name)
+        wanted = f"{word.name}={value}" if value else word.typed
+        self._error(f"`{argument}` has no value", f"write it without spaces: `{wanted}`")
+
     def _unknown_word(self, argument: str, name: str, value: str) -> None:
         near = nearest(name, [word.name for word in self.command.words])
         if near is not None:
@@ -101,22 +107,23 @@ class _Reader:
         message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
         self._error(message, _meant(near and f"{near}={value}", self._see_help()))
 
-    def _read_flag(self, argument: str, rest: Iterable[str]) -> None:
+    def _read_flag(self, argument: str, rest: list[str]) -> None:
         name, given, value = argument.lstrip("-").partition("=")
         flag = self._find_flag(argument, name)
         if flag is None:
-            self._unknown_flag(argument, name, value)
+            self._unknown_flag(argument, name, value or (_bare(rest) if self.command.word(name) else ""))
         elif not flag.takes:
             if given:
                 self._error(f"`{argument}`: `--{flag.name}` takes no value", f"type `--{flag.name}`")
             self.flags[flag.name] = None
-        elif flag.name in self.flags:
-            self._error(f"`--{flag.name}` is given twice", "keep one")
         else:
-            self._take_flag(flag, value if given else next(iter(rest), ""))
+            self._take_flag(flag, value if given else _bare(rest))
 
     def _take_flag(self, flag: Flag, value: str) -> None:
-        if not value or value.startswith("--"):
+        if flag.name in self.flags:
+            both = f"`--{flag.name} {self.flags[flag.name]}`, `--{flag.name} {value}`"
+            self._error(f"`--{flag.name}` is given twice", f"keep one of {both}")
+        elif not value:
             self._error(f"`--{flag.name}` has no value", f"type `--{flag.name} {flag.takes}`")
         self.flags[flag.name] = value
 
@@ -135,29 +142,27 @@ class _Reader:
         message = f"`{argument}`: `provision {self.command.name}` has no such flag"
         self._error(message, _meant(hint, self._see_help()))
 
-    def _refuse_bare(self, argument: str) -> None:
-        name = argument.strip("=")
-        word = self.command.word(name)
-        near_flag = nearest(name, [flag.name for flag in self.command.flags])
+    def _refuse_bare(self, argument: str, rest: list[str]) -> None:
+        word = self.command.word(argument)
         if word is not None:
-            self._misspelt.add(name)
-            hint = f"write it without spaces: `{word.typed}`"
-        elif near_flag is not None:
-            hint = f"did you mean `--{near_flag}`?"
-        else:
-            hint = self._see_help()
+            self._refuse_spaces(word, argument, _bare(rest).removeprefix("=") or _bare(rest))
+            return
+        near = nearest(argument, [flag.name for flag in self.command.flags])
+        hint = _meant(near and f"--{near}", self._see_help())
         self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
 
     def _require(self) -> None:
         for word in self.command.words:
             if word.required and word.name not in self.words and word.name not in self._misspelt:
-                self._error(
-                    f"`{word.name}=` is missing: {word.help}",
-                    f"type `provision {self.command.name} {word.typed}`",
-                )
+                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, as in `{word.typed}`")
 
     def _see_help(self) -> str:
         return f"`provision {self.command.name} --help` lists what it takes"
+
+
+def _bare(rest: list[str]) -> str:
+    """Take what follows, if it is neither a flag nor a word; empty otherwise."""
+    return rest.pop() if rest and not rest[-1].startswith("--") and "=" not in rest[-1].strip("=") else ""
 
 
 def _meant(near: str | None, otherwise: str) -> str:

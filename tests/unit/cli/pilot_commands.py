@@ -1,0 +1,60 @@
+"""Commands that stand in for the real ones where the frame itself is tested."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Arguments, Command, Flag, Word
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pytest
+
+RUN = Command(
+    "run",
+    "change a site",
+    words=(
+        Word("site", "the site to change", required=True, example="coastal"),
+        Word("only", "these devices only", many=True, example="router"),
+        Word("bearer", "the link in use", choices=("ptp", "lte", "satellite")),
+    ),
+    flags=(
+        Flag("plan", "stop after planning"),
+        Flag("keep", "keep the run there", takes="DIR"),
+        JSON,
+        VERBOSE,
+    ),
+    details="Nothing is changed with --plan.",
+    changes=True,
+)
+SHOW = Command("show", "show a site", words=(Word("site", "the site to show"),), flags=(JSON,))
+ONBOARD = Command("vpn onboard", "let a partner in", words=(Word("partner", "the partner", required=True),))
+
+
+class Table(dict[str, str]):
+    """A table of stand-in commands; `runs` holds the arguments with which each was run."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, act: Callable[[Arguments], ExitCode]) -> None:
+        super().__init__()
+        self.runs: list[Arguments] = []
+        for command in (RUN, SHOW, ONBOARD):
+            name = f"stand_in_for_{command.name.replace(' ', '_')}"
+            module = ModuleType(name)
+            vars(module).update(COMMAND=command, run=self._recorded(act))
+            monkeypatch.setitem(sys.modules, name, module)
+            self[command.name] = name
+
+    def _recorded(self, act: Callable[[Arguments], ExitCode]) -> Callable[[Arguments], ExitCode]:
+        def run(arguments: Arguments) -> ExitCode:
+            self.runs.append(arguments)
+            return act(arguments)
+
+        return run
+
+
+def done(_arguments: Arguments) -> ExitCode:
+    return ExitCode.DONE

@@ -1,0 +1,113 @@
+"""Every way in which a command line can end."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from pilot_commands import Table, done
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._arguments import Arguments
+
+LINE = ["site=coastal"]
+
+
+def raising(error: BaseException) -> Callable[[Arguments], ExitCode]:
+    def act(_arguments: Arguments) -> ExitCode:
+        raise error
+
+    return act
+
+
+@pytest.mark.parametrize("code", list(ExitCode))
+def test_the_exit_code_is_the_commands(code: ExitCode, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert main(LINE, table=Table(monkeypatch, lambda _arguments: code)) == code
+
+
+@pytest.mark.parametrize("error", [UsageError, NothingMatched, DeviceFailed, OutcomeUnknown])
+def test_an_error_of_ours_is_told_with_its_hint(
+    error: type[UsageError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = Table(monkeypatch, raising(error("the router is gone", hint="look at its cable")))
+    assert main(LINE, table=table) == error.exit
+    assert capsys.readouterr() == ("", "error: the router is gone\n       look at its cable\n")
+
+
+def test_an_error_without_hint_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    main(LINE, table=Table(monkeypatch, raising(DeviceFailed("refused"))))
+    assert capsys.readouterr().err == "error: refused\n"
+
+
+def test_json_holds_the_exit_code_and_every_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(["sit=coastal", "--paln", "--json"], table=Table(monkeypatch, done))
+    said = capsys.readouterr()
+    told = json.loads(said.out)
+    assert (code, told["exit"], said.err) == (3, 3, "")
+    assert [error["hint"] for error in told["errors"]] == ["did you mean `site=coastal`?", "did you mean `--plan`?"]
+
+
+def test_an_unforeseen_error_is_one_sentence_and_a_log_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    assert main(LINE, table=Table(monkeypatch, raising(ZeroDivisionError("by nothing")))) == ExitCode.OUR_FAULT
+    (log,) = (tmp_path / "state" / "log").iterdir()
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    assert str(log) in said
+    assert log.stat().st_mode & 0o777 == 0o600
+    assert "ZeroDivisionError: by nothing" in log.read_text()
+
+
+def test_an_unforeseen_error_is_told_without_a_place_for_logs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "file"))
+    table = Table(monkeypatch, raising(ZeroDivisionError("by nothing")))
+    assert main([*LINE, "--json"], table=table) == ExitCode.OUR_FAULT
+    (error,) = json.loads(capsys.readouterr().out)["errors"]
+    assert "by nothing" in error["hint"]
+
+
+@pytest.mark.parametrize(("line", "code"), [(LINE, ExitCode.UNKNOWN), (["show"], ExitCode.FAILED)])
+def test_ctrl_c_is_told_in_words(
+    line: list[str], code: ExitCode, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(line, table=Table(monkeypatch, raising(KeyboardInterrupt()))) == code
+    assert capsys.readouterr().err.startswith("error: stopped by Ctrl-C")
+
+
+def test_nothing_typed_is_answered_with_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == ExitCode.USAGE
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "Usage:" in said.err
+
+
+def test_a_reader_who_leaves_is_no_crash() -> None:
+    source = "import sys; from atlantis_netcfg.cli import main; sys.exit(main(['--help']))"
+    read, write = os.pipe()
+    os.close(read)
+    process = subprocess.run([sys.executable, "-c", source], stdout=write, stderr=subprocess.PIPE, check=False)
+    os.close(write)
+    assert (process.returncode, process.stderr) == (ExitCode.OUR_FAULT, b"")
+
+
+def test_a_console_without_the_character_gets_another_one() -> None:
+    source = "import sys; from atlantis_netcfg.cli import _speak_any_text as s; s(); print('…')"
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    assert subprocess.run([sys.executable, "-c", source], capture_output=True, env=environment, check=True).stdout

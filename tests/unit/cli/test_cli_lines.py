@@ -1,0 +1,68 @@
+"""Command lines with mistakes, and every word that is said about them: golden/lines.txt reads like a console."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+from pilot_commands import Table, done
+
+from atlantis_netcfg.cli import main
+
+GOLDEN = Path(__file__).with_name("golden") / "lines.txt"
+CASES = {
+    line.removeprefix("$ provision "): said.strip()
+    for line, _, said in (block.partition("\n") for block in GOLDEN.read_text().strip().split("\n\n"))
+}
+
+
+@pytest.mark.parametrize("line", CASES)
+def test_what_is_said_about_a_mistake(
+    line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = Table(monkeypatch, done)
+    code = main(shlex.split(line), table=table)
+    said = capsys.readouterr()
+    assert said.err.strip() == CASES[line]
+    assert (code, said.out, table.runs) == (3, "", [])
+
+
+@pytest.mark.parametrize(
+    ("line", "words", "flags"),
+    [
+        ("site=coastal", {"site": ("coastal",)}, {}),
+        ("run site=coastal --plan --plan", {"site": ("coastal",)}, {"plan": None}),
+        ("--plan site=coastal -v", {"site": ("coastal",)}, {"plan": None, "verbose": None}),
+        ("site=a=b only=x,y only=z", {"site": ("a=b",), "only": ("x", "y", "z")}, {}),
+        ("site=coastal --keep dir --json", {"site": ("coastal",)}, {"keep": "dir", "json": None}),
+        ("site=coastal --keep=a=b", {"site": ("coastal",)}, {"keep": "a=b"}),
+        ("--json show", {}, {"json": None}),
+        ("vpn onboard partner=iqua", {"partner": ("iqua",)}, {}),
+        ("vpn --json partner=iqua onboard", None, None),
+    ],
+)
+def test_what_is_understood(
+    line: str,
+    words: dict[str, tuple[str, ...]] | None,
+    flags: dict[str, str | None] | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = Table(monkeypatch, done)
+    code = main(shlex.split(line), table=table)
+    assert [(dict(run.words), dict(run.flags)) for run in table.runs] == ([] if words is None else [(words, flags)])
+    assert code == (3 if words is None else 0)
+
+
+def test_the_values_as_a_command_asks_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = Table(monkeypatch, done)
+    main(["site=coastal", "only=a,b", "--keep", "dir"], table=table)
+    (arguments,) = table.runs
+    assert arguments.word("site") == "coastal"
+    assert arguments.optional("bearer") is None
+    assert arguments.many("only") == ("a", "b")
+    assert arguments.flag("plan") is False
+    assert arguments.value("keep") == "dir"
+    for asked in (arguments.optional, arguments.flag):
+        with pytest.raises(KeyError):
+            asked("vehicle")

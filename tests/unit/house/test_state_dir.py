@@ -1,0 +1,77 @@
+"""Where the state lives, and what is said when there is no place for it."""
+
+from __future__ import annotations
+
+import os
+import pwd
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.paths import checkout, state_dir
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.parametrize(
+    ("variables", "place"),
+    [
+        ({"ATLANTIS_STATE": "{tmp}/own", "XDG_STATE_HOME": "{tmp}/xdg", "HOME": "{tmp}"}, "own"),
+        ({"XDG_STATE_HOME": "{tmp}/xdg", "HOME": "{tmp}"}, "xdg/atlantis"),
+        ({"XDG_STATE_HOME": "relative", "HOME": "{tmp}"}, ".local/state/atlantis"),
+        ({"ATLANTIS_STATE": "", "XDG_STATE_HOME": "", "HOME": "{tmp}"}, ".local/state/atlantis"),
+    ],
+)
+def test_the_place_and_its_mode(variables: dict[str, str], place: str, tmp_path: Path) -> None:
+    made = state_dir({name: value.format(tmp=tmp_path) for name, value in variables.items()})
+    assert made == tmp_path / place
+    assert made.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_place_that_others_can_read_is_closed(tmp_path: Path) -> None:
+    tmp_path.chmod(0o755)
+    assert state_dir({"ATLANTIS_STATE": str(tmp_path)}).stat().st_mode & 0o777 == 0o700
+
+
+def test_a_relative_place_is_fixed_where_it_was_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert state_dir({"ATLANTIS_STATE": "here"}) == tmp_path / "here"
+
+
+def test_without_home_the_one_on_record_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pwd, "getpwuid", lambda _uid: SimpleNamespace(pw_dir=str(tmp_path), pw_name="anyone"))
+    assert state_dir({}) == tmp_path / ".local" / "state" / "atlantis"
+
+
+def test_a_home_that_does_not_exist_is_an_error_with_the_way_out(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"missing does not exist") as caught:
+        state_dir({"HOME": str(tmp_path / "missing")})
+    assert "ATLANTIS_STATE=" in str(caught.value.hint)
+
+
+def test_no_home_anywhere_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(_uid: int) -> None:
+        raise KeyError(_uid)
+
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    with pytest.raises(UsageError, match="there is no home directory"):
+        state_dir({})
+
+
+def test_a_file_in_the_way_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="no place to keep the journal"):
+        state_dir({"ATLANTIS_STATE": str(tmp_path / "file" / "below")})
+
+
+def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_arguments: False)
+    with pytest.raises(UsageError, match="cannot be written by"):
+        state_dir({"ATLANTIS_STATE": str(tmp_path)})
+
+
+def test_the_checkout_holds_the_launcher() -> None:
+    assert (checkout() / "provision").is_file()
