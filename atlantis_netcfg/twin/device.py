@@ -13,7 +13,7 @@ from atlantis_netcfg.twin.answers import DONE, EMPTY, Answer, Caller, Category, 
 from atlantis_netcfg.twin.boot import boot
 from atlantis_netcfg.twin.commands._call import Call, Result
 from atlantis_netcfg.twin.commands.dispatch import dispatch
-from atlantis_netcfg.twin.console.export import export_text
+from atlantis_netcfg.twin.console.export import Form, export_text
 from atlantis_netcfg.twin.core import Core, File
 from atlantis_netcfg.twin.listen import emit, listen
 from atlantis_netcfg.twin.path import path_open
@@ -57,8 +57,8 @@ class Service:
 class Device:
     """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
 
-    It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the management path.
-    It cannot stand for what NOT_REHEARSED lists.
+    It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the
+    management path. It cannot stand for what NOT_REHEARSED lists.
     """
 
     def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:
@@ -253,14 +253,8 @@ class Device:
         header: bool = True,
     ) -> str:
         """What `/export` prints; `header=False` leaves out the lines with the clock, to compare two exports."""
-        return export_text(
-            self._core,
-            menu=menu,
-            verbose=verbose,
-            terse=terse,
-            show_sensitive=show_sensitive,
-            with_header=header,
-        )
+        form = Form(verbose=verbose, terse=terse, show_sensitive=show_sensitive, header=header)
+        return export_text(self._core, menu, form)
 
     # --- flash -----------------------------------------------------------------------------------------------------
 

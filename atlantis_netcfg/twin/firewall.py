@@ -1,7 +1,7 @@
 """One packet through one chain (Manual, Packet Flow; Manual, Filter).
 
-A matcher that depends on traffic or content (`limit`, `content`, `layer7-protocol`, ...) cannot be decided here. A rule that has
-one is taken at its worst: it matches if it would drop, and does not match if it would let the packet through.
+A matcher that depends on traffic or content (`limit`, `content`, `layer7-protocol`, ...) cannot be decided here. A rule
+that has one is taken at its worst: it matches if it would drop, and does not match if it would let the packet through.
 """
 
 from __future__ import annotations
@@ -91,28 +91,34 @@ def _decide(topology: Topology, name: str, stored: str, packet: Packet) -> bool 
     """Tell whether one matcher fits; None: that cannot be known."""
     negated, plain = stored.startswith("!"), stored.removeprefix("!")
     value = spell(plain, topology.store)
-    found: bool | None = None
-    if name == "connection-state":
-        found = packet.state in value.split(",")
-    elif name == "protocol":
-        found = value in (packet.protocol, _NUMBERS.get(packet.protocol))
-    elif name in _ADDRESSES:
-        found = _within(getattr(packet, _ADDRESSES[name]), value)
-    elif name in _ADDRESS_LISTS:
-        found = _listed(topology, value, getattr(packet, _ADDRESS_LISTS[name]))
-    elif name in _ADDRESS_TYPES:
-        found = _type(topology, getattr(packet, _ADDRESS_TYPES[name])) in value.split(",")
-    elif name in _INTERFACES:
-        found = _is_interface(topology, plain, getattr(packet, _INTERFACES[name]))
-    elif name in _INTERFACE_LISTS:
-        found = _in_list(topology, plain, getattr(packet, _INTERFACE_LISTS[name]))
-    elif name in _PORT_MATCHERS:
-        found = any(_port_in(getattr(packet, which), value) for which in _PORT_MATCHERS[name])
-    elif name in _MARKS:
-        found = value == "no-mark"
-    elif name == "connection-nat-state":
-        found = False
+    found = _decide_plain(topology, name, plain, value, packet)
     return None if found is None else found != negated
+
+
+def _decide_plain(topology: Topology, name: str, stored: str, value: str, packet: Packet) -> bool | None:
+    if name in _FIELDS:
+        field = getattr(packet, _FIELDS[name])
+        if name in _INTERFACES:
+            return _is_interface(topology, stored, field)
+        if name in _INTERFACE_LISTS:
+            return _in_list(topology, stored, field)
+        return _of_packet(topology, name, value, field)
+    if name in _PORT_MATCHERS:
+        return any(_port_in(getattr(packet, which), value) for which in _PORT_MATCHERS[name])
+    if name in _MARKS:
+        return value == "no-mark"
+    return False if name == "connection-nat-state" else None
+
+
+def _of_packet(topology: Topology, name: str, value: str, field: IPv4Address | str) -> bool:
+    """Compare the packet's state, protocol or one of its addresses."""
+    if isinstance(field, str):
+        return field in value.split(",") or _NUMBERS.get(field) == value
+    if name in _ADDRESSES:
+        return _within(field, value)
+    if name in _ADDRESS_LISTS:
+        return _listed(topology, value, field)
+    return _type(topology, field) in value.split(",")
 
 
 _ADDRESSES = {"src-address": "src", "dst-address": "dst"}
@@ -134,6 +140,15 @@ _PORT_MATCHERS = {
     "src-port": ("src_port",),
     "dst-port": ("dst_port",),
     "port": ("src_port", "dst_port"),
+}
+_FIELDS = {
+    "connection-state": "state",
+    "protocol": "protocol",
+    **_ADDRESSES,
+    **_ADDRESS_LISTS,
+    **_ADDRESS_TYPES,
+    **_INTERFACES,
+    **_INTERFACE_LISTS,
 }
 _MARKS = ("connection-mark", "packet-mark", "routing-mark")
 _UNDECIDED = (
@@ -168,21 +183,7 @@ _UNDECIDED = (
     "tos",
     "ttl",
 )
-_MATCHERS = frozenset(
-    {
-        "connection-nat-state",
-        "connection-state",
-        "protocol",
-        *_ADDRESSES,
-        *_ADDRESS_LISTS,
-        *_ADDRESS_TYPES,
-        *_INTERFACES,
-        *_INTERFACE_LISTS,
-        *_PORT_MATCHERS,
-        *_MARKS,
-        *_UNDECIDED,
-    }
-)
+_MATCHERS = frozenset({"connection-nat-state", *_FIELDS, *_PORT_MATCHERS, *_MARKS, *_UNDECIDED})
 
 
 def _within(address: IPv4Address, value: str) -> bool:

@@ -1,8 +1,8 @@
-"""Does a packet from the technician still arrive, and does the answer come back?
+"""The management path: does a packet from the technician still arrive, and does the answer come back.
 
-The walk is the router's, not the planner's: written from the packet flow of the manual (Manual, Packet Flow), so that what the
-planner believes about a plan is judged by somebody else. It is cautious: an address on a port that has become a bridge's slave
-does not answer, and NAT rules that would take the packet elsewhere close the path.
+The walk is the router's, not the planner's: written from the packet flow of the manual (Manual, Packet Flow), so that
+what the planner believes about a plan is judged by somebody else. It is cautious: an address on a port that has become
+a bridge's slave does not answer, and NAT rules that would take the packet elsewhere close the path.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`/system/scheduler`: when its rows run, and what a blocked one looks like (Manual, Scheduler; Manual, Device-mode)."""
+"""`/system/scheduler`: when its rows run (Manual, Scheduler); in a device-mode without `scheduler` none does."""
 
 from __future__ import annotations
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands import files, read, safe, system, write
-from atlantis_netcfg.twin.commands._call import Call, Handler, Result
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.twin.commands._call import Call, Handler, Result
     from atlantis_netcfg.twin.core import Core
 
 __all__ = ["dispatch"]

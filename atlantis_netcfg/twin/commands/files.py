@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands._call import Call, MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.twin.console.export import export_text
+from atlantis_netcfg.twin.console.export import Form, export_text
 from atlantis_netcfg.twin.console.run import check_syntax, run_file, run_script
 from atlantis_netcfg.twin.core import File
 from atlantis_netcfg.twin.spec import Execute
@@ -114,13 +114,12 @@ def export(core: Core, call: Call) -> Result:
     _arguments(core, call)
     if "where" in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} where")
-    text = export_text(
-        core,
-        menu=call.menu,
+    form = Form(
         verbose="verbose" in call.arguments,
         terse="terse" in call.arguments,
         show_sensitive="show-sensitive" in call.arguments and "sensitive" in core.policies(call.caller),
     )
+    text = export_text(core, call.menu, form)
     if "file" in call.arguments:
         name = call.arguments["file"]
         _write(core, name if name.endswith(".rsc") else f"{name}.rsc", text)

@@ -37,7 +37,7 @@ _POSITIONAL = {
 
 @dataclass(frozen=True, slots=True)
 class Find:
-    """`[find name=value ...]`; a bare value with `/` or `:` is of another type than the property and matches nothing."""
+    """`[find name=value ...]`; a bare value with `/` or `:` has another type than the property: it matches nothing."""
 
     menu: str
     where: dict[str, str]

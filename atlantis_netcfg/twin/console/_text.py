@@ -1,7 +1,7 @@
 r"""The characters of a script: where they stand, how lines join, how values are quoted.
 
-Quoting (Manual, Scripting: Constant Escape Sequences): only double quotes; within them `$name` is substituted, by nothing if no
-such variable exists, and `\` starts an escape; outside them `$` and `\` are errors.
+Quoting (Manual, Scripting: Constant Escape Sequences): only double quotes; within them `$name` is substituted, by
+nothing if no such variable exists, and `\` starts an escape; outside them `$` and `\` are errors.
 """
 
 from __future__ import annotations
@@ -97,6 +97,8 @@ class Text:
 
     def value(self) -> str:
         """Read a quoted or bare value. Raises ConsoleError if none comes."""
+        while self._join():
+            pass
         if self.peek() == '"':
             return self._quoted()
         start = self.at

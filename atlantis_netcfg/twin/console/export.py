@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.rsc import Export, Statement, print_export, print_statement
@@ -18,28 +19,30 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.menus import Arg
     from atlantis_netcfg.twin.store import Item, Table
 
-__all__ = ["export_text", "header"]
+__all__ = ["Form", "export_text", "header"]
 
 Values = tuple[tuple[str, str | None], ...]
 
 
-def export_text(
-    core: Core,
-    *,
-    menu: str = "/",
-    verbose: bool = False,
-    terse: bool = False,
-    show_sensitive: bool = False,
-    with_header: bool = True,
-) -> str:
-    """Print a menu and everything below it; compact (what differs from the defaults) unless `verbose`."""
+@dataclass(frozen=True, slots=True)
+class Form:
+    """How an export is wanted: compact (what differs from the defaults) unless `verbose`."""
+
+    verbose: bool = False
+    terse: bool = False
+    show_sensitive: bool = False
+    header: bool = True
+
+
+def export_text(core: Core, menu: str, form: Form) -> str:
+    """Print a menu and everything below it."""
     statements = tuple(
         statement
         for path in _paths(core, menu)
-        for statement in _section(core, path, verbose=verbose, sensitive=show_sensitive)
+        for statement in _section(core, path, verbose=form.verbose, sensitive=form.show_sensitive)
     )
-    top = header(core) if with_header else ()
-    if not terse:
+    top = header(core) if form.header else ()
+    if not form.terse:
         return print_export(Export(top, statements))
     lines = [f"# {line}".rstrip() for line in top] + [print_statement(one, path=True) for one in statements]
     return "".join(f"{line}\n" for line in lines)
@@ -61,7 +64,7 @@ def header(core: Core) -> tuple[str, ...]:
 
 def _paths(core: Core, menu: str) -> list[str]:
     known = [path for path, table in core.store.tables.items() if table.menu.exported]
-    wanted = [path for path in known if menu == "/" or path == menu or path.startswith(f"{menu}/")]
+    wanted = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
     places = {path: place for place, path in enumerate(EXPORT_ORDER)}
     return sorted(wanted, key=lambda path: (places.get(path, len(places)), path))
 

@@ -1,7 +1,7 @@
 """Scripts of `/execute`, files of `/import`, events of the scheduler.
 
-A script is parsed as a whole before its first command runs, a file statement by statement: that is why an import with a mistake
-in its last line has changed the router by then. Both stop at the first error and undo nothing.
+A script is parsed as a whole before its first command runs, a file statement by statement: that is why an import with
+a mistake in its last line has changed the router by then. Both stop at the first error and undo nothing.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from atlantis_netcfg.twin.values import (
     Bool,
     Choice,
     Choices,
+    Granted,
     Int,
     Moment,
     Prefixes,
@@ -156,13 +157,14 @@ _USER = Menu(
 
 _READ = "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
 _WRITE = "local,telnet,ssh,reboot,read,write,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
+_NOTHING = ",".join(f"!{policy}" for policy in POLICIES)
 _GROUP = Menu(
     "/user/group",
     Shape.LIST,
     (
         COMMENT,
         Arg("name", Text(empty=False), ""),
-        Arg("policy", Topics(POLICIES), ""),
+        Arg("policy", Granted(POLICIES), _NOTHING),
         Arg("skin", Text(), "default"),
     ),
     noun="user group",

@@ -39,7 +39,7 @@ from atlantis_netcfg.twin.values._plain import (
     interval,
     seconds,
 )
-from atlantis_netcfg.twin.values._refs import Ref, Refs, Topics
+from atlantis_netcfg.twin.values._refs import Granted, Ref, Refs, Topics
 
 __all__ = [
     "INVALID",
@@ -52,6 +52,7 @@ __all__ = [
     "Choices",
     "Flag",
     "Gateway",
+    "Granted",
     "HostPrefix",
     "Int",
     "Kind",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from atlantis_netcfg.twin.values._base import NOT_OFFERED, BadValue, Kind, Names, reference
 
-__all__ = ["Ref", "Refs", "Topics"]
+__all__ = ["Granted", "Ref", "Refs", "Topics"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,3 +59,18 @@ class Topics(Kind):
             if part.removeprefix("!") not in self.words:
                 raise BadValue(NOT_OFFERED)
         return text
+
+
+@dataclass(frozen=True, slots=True)
+class Granted(Kind):
+    """A set of words that is printed whole: those in it, then those not in it with a `!` (`policy` of a user group)."""
+
+    words: tuple[str, ...]
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take those without `!`; what is not named is not granted."""
+        parts = text.split(",") if text else []
+        if any(part.removeprefix("!") not in self.words for part in parts):
+            raise BadValue(NOT_OFFERED)
+        inside = [word for word in self.words if word in parts]
+        return ",".join([*inside, *(f"!{word}" for word in self.words if word not in parts)])
