@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given as drawn
 from hypothesis import settings
 from hypothesis import strategies as st
-from render_declared import SITES, declaration
+from render_declared import SITES, declaration, with_site
 from render_walk import Packet, Walk
 from test_render_text import parsed
 
-from atlantis_netcfg.site.model import BearerKind, Router
+from atlantis_netcfg.site.model import AllowedTarget, BearerKind, Router
 
 STATES = ("new", "established", "related", "invalid", "untracked")
 WITH_SATELLITE = ("coastal", "te4sea")
@@ -91,8 +91,59 @@ def test_terminal_pages_are_for_the_technician(site: str) -> None:
     out = link(site, "satellite")
     technician = str(DECLARED.sites[site].management.technician)
     robot = str(DECLARED.sites[site].lan.network[21])
+    own = Packet(str(satellite.address), str(satellite.gateway), "", out, "icmp")
+    assert WALKS[site].accepts("output", own)
     assert WALKS[site].accepts("forward", Packet(technician, str(satellite.gateway), "ether8", out, "tcp", 80))
     assert not WALKS[site].accepts("forward", Packet(robot, str(satellite.gateway), "bridge-lan", out, "tcp", 80))
+
+
+def test_a_target_without_port_is_open_for_every_port() -> None:
+    satellite = DECLARED.sites["te4sea"].bearers[1]
+    whole = AllowedTarget.model_validate({"name": "control centre", "address": "192.0.2.200"})
+    opened = with_site(
+        DECLARED,
+        "te4sea",
+        bearers=(DECLARED.sites["te4sea"].bearers[0], satellite.model_copy(update={"allow": (whole,)})),
+    )
+    walk = Walk(parsed("te4sea", opened))
+    for protocol, port in (("tcp", 1), ("udp", 65535), ("icmp", 0)):
+        assert walk.accepts("forward", Packet("10.64.2.21", "192.0.2.200", "bridge-lan", "ether2", protocol, port))
+        assert not walk.accepts("forward", Packet("10.64.2.21", "192.0.2.201", "bridge-lan", "ether2", protocol, port))
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_an_address_that_left_the_list_is_closed(site: str) -> None:
+    export = parsed(site)
+    kept = tuple(
+        row for row in export.statements if (row.get("list"), row.get("address")) != ("sat-allow", "192.0.2.123")
+    )
+    packet = Packet("10.10.2.2", "192.0.2.123", "", link(site, "satellite"), "udp", 123)
+    assert Walk(export).accepts("output", packet)
+    assert not Walk(replace(export, statements=kept)).accepts("output", packet)
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_answers_come_back_and_strays_do_not(site: str) -> None:
+    robot = str(DECLARED.sites[site].lan.network[21])
+    for bearer in DECLARED.sites[site].bearers:
+        arrives = link(site, bearer.name)
+        for state, passes in (("established", True), ("related", True), ("new", False), ("invalid", False)):
+            to_router = Packet("192.0.2.123", str(bearer.address), arrives, "", "udp", 123, state)
+            to_robot = Packet("93.184.216.34", robot, arrives, "bridge-lan", "tcp", 50000, state, frozenset({"srcnat"}))
+            assert WALKS[site].accepts("input", to_router) is passes
+            assert WALKS[site].accepts("forward", to_robot) is passes
+    local, out = str(DECLARED.sites[site].lan.gateway), link(site, DECLARED.sites[site].bearers[0].name)
+    for chain in ("input", "forward"):
+        stray = Packet(robot, local, "bridge-lan", out, "icmp", 0, "invalid")
+        assert WALKS[site].verdict(chain, stray) == ("drop", "atlantis: invalid")
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_technician_reaches_the_robots(site: str) -> None:
+    technician = str(DECLARED.sites[site].management.technician)
+    robot = str(DECLARED.sites[site].lan.network[21])
+    assert WALKS[site].accepts("forward", Packet(technician, robot, "ether8", "bridge-lan", "tcp", 22))
+    assert not WALKS[site].accepts("forward", Packet(robot, technician, "bridge-lan", "ether8", "tcp", 22))
 
 
 @pytest.mark.parametrize("site", SITES)
