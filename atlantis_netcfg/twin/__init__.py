@@ -4,7 +4,7 @@ Asyncio programs use `Router` or `Site`; others `RunningSite` (a thread) or `spa
 """
 
 from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
-from atlantis_netcfg.twin.device import Device, Service
+from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
 from atlantis_netcfg.twin.router import Router
 from atlantis_netcfg.twin.running import RunningSite, SpawnedSite, TwinsFailed, spawn
 from atlantis_netcfg.twin.site import Site, SiteSpec, TwinSpec
@@ -16,6 +16,7 @@ from atlantis_netcfg.twin.wire.tally import Counters, Tally
 
 __all__ = [
     "COMMANDS",
+    "NOT_REHEARSED",
     "Counters",
     "Device",
     "DeviceMode",

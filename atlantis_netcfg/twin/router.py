@@ -123,10 +123,16 @@ class Router:
         return self._flash.pin(service.certificate, common_name=self.spec.name, address=self.spec.management.local)
 
     def export(
-        self, *, verbose: bool = False, terse: bool = False, show_sensitive: bool = False, menu: str = "/"
+        self,
+        *,
+        verbose: bool = False,
+        terse: bool = False,
+        show_sensitive: bool = False,
+        menu: str = "/",
+        header: bool = True,
     ) -> str:
-        """What `/export` prints, read beside all sessions."""
-        return self.device.export(verbose=verbose, terse=terse, show_sensitive=show_sensitive, menu=menu)
+        """What `/export` prints, read beside all sessions; without `header` (it has the clock) for comparisons."""
+        return self.device.export(verbose=verbose, terse=terse, show_sensitive=show_sensitive, menu=menu, header=header)
 
     def counters(self) -> Counters:
         """Totals over all connections since the last reset."""

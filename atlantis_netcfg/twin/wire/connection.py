@@ -77,6 +77,11 @@ class Connection:
         self._dialogue.leave()
         self._host.tell()
 
+    def check(self) -> None:
+        """Close if somebody has removed this session from `/user/active`."""
+        if self._dialogue.evicted:
+            self.hang_up()
+
     # Faults that concern one connection only.
 
     def drop(self) -> None:
@@ -170,6 +175,8 @@ class Connection:
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
         if self._over:
             return []
+        for fault in faults:
+            sentence = _Heard(fault.shorten(sentence.words), sentence.answered)
         replies = self._run(sentence)
         await self._host.settle()
         self._suffer(faults, "after")

@@ -49,7 +49,7 @@ class Dialogue:
         elif answered < self._greeted_at and not knobs.pipelined_login:
             answers = [(None, Answer.fatal("not logged in"))]
         elif command == "/cancel":
-            answers = self._cancel(tag, words)
+            answers = self._cancel(self.caller, tag, words)
         else:
             answers = self._run(self.caller, tag, words)
         return self._count(answers)
@@ -58,8 +58,12 @@ class Dialogue:
         """Later replies of sentences that go on."""
         if self.caller is None:
             return []
-        later = [(tag or None, answer) for tag, answer in self._device.pending(self.caller)]
-        return self._count([reply for reply in later if reply[0] in self._going_on])
+        return self._count(self._pending(self.caller))
+
+    @property
+    def evicted(self) -> bool:
+        """Somebody has removed this session from `/user/active`."""
+        return self.caller is not None and self.caller.number in self._device.ended
 
     def leave(self) -> None:
         """The session has ended and the router knows it."""
@@ -110,13 +114,20 @@ class Dialogue:
             self._going_on.append(tag)
         return [(tag, answer) for answer in answers]
 
-    def _cancel(self, tag: str | None, words: Sequence[str]) -> list[Reply]:
+    def _pending(self, caller: Caller) -> list[Reply]:
+        later = [(tag or None, answer) for tag, answer in self._device.pending(caller)]
+        return [reply for reply in later if reply[0] in self._going_on]
+
+    def _cancel(self, caller: Caller, tag: str | None, words: Sequence[str]) -> list[Reply]:
         """End what goes on; the `!done` of `/cancel` comes before the victim's (Manual, API, its own example)."""
+        earlier = self._pending(caller)
         named = [word.removeprefix("=tag=") for word in words if word.startswith("=tag=")]
         victims = [other for other in self._going_on if not named or other in named]
         self._going_on = [other for other in self._going_on if other not in victims]
+        self._device.run(caller, words)
+        others = self._pending(caller)
         interrupted: Iterable[Reply] = ((victim, _INTERRUPTED) for victim in victims)
-        return [*interrupted, (tag, DONE), *((victim, DONE) for victim in victims)]
+        return [*earlier, *interrupted, (tag, DONE), *((victim, DONE) for victim in victims), *others]
 
     def _count(self, replies: list[Reply]) -> list[Reply]:
         self._completed += sum(answer.last for _, answer in replies)

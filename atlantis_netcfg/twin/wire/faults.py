@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
 from fnmatch import fnmatchcase
 from typing import Literal
@@ -45,9 +46,21 @@ class Fault(BaseModel):
     when: Literal["before", "after"] = "before"
     """Before the sentence is executed, or after and before its answer leaves."""
     seconds: float = Field(default=0.0, ge=0)
+    lines: int | None = Field(default=None, ge=0)
+    """With `when="after"`: only so many lines of the script in `/execute` are run before it strikes."""
     offset: int | None = Field(default=None, ge=0)
     data: str = "f8ffffff"
     """Bytes in hex; the default begins with a control byte that the manual reserves."""
+
+    def shorten(self, words: tuple[str, ...]) -> tuple[str, ...]:
+        """The sentence as far as it gets; a line that ends with a backslash goes on in the next."""
+        if self.lines is None:
+            return words
+        return tuple(self._first_lines(word) if word.startswith("=script=") else word for word in words)
+
+    def _first_lines(self, word: str) -> str:
+        script = word.removeprefix("=script=")
+        return "=script=" + "\n".join(re.split(r"(?<!\\)\r?\n", script)[: self.lines])
 
 
 class Faults:

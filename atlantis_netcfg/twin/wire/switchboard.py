@@ -183,6 +183,8 @@ class Switchboard:
         async with self._settling:
             if self._device.wants_reboot:
                 self.reboot(clean=True)
+            for connection in self.connections:
+                connection.check()
             if self._revision == self._device.revision:
                 return
             self._revision = self._device.revision

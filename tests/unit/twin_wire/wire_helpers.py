@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from librouteros import async_create_transport  # type: ignore[import-untyped]
 from librouteros.protocol import AsyncApiProtocol, encode_sentence  # type: ignore[import-untyped]
 
+from atlantis_netcfg.twin import Knobs, Link, Router, RouterSpec, User
+
 if TYPE_CHECKING:
     from collections.abc import Coroutine, Mapping
+    from pathlib import Path
     from types import TracebackType
-
-    from atlantis_netcfg.twin import Router
 
 T = TypeVar("T")
 PASSWORD = "open sesame"
@@ -127,3 +128,15 @@ class Client:
 def row(reply: Reply) -> Mapping[str, str]:
     """The properties of a `!re`."""
     return dict(word[1:].split("=", 1) for word in reply[1] if word.startswith("="))
+
+
+def router_spec(**changes: Any) -> RouterSpec:  # noqa: ANN401 - fields of RouterSpec
+    return RouterSpec(name="router", users=(User(name="provision", password=PASSWORD),), **changes)
+
+
+def router(tmp_path: Path, *, link: Link | None = None, knobs: Knobs | None = None, **changes: Any) -> Router:  # noqa: ANN401
+    return Router(router_spec(**changes), state_dir=tmp_path / "flash", link=link, knobs=knobs)
+
+
+def now() -> float:
+    return asyncio.get_running_loop().time()

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import librouteros  # type: ignore[import-untyped]
+import pytest
+from pydantic import ValidationError
+from wire_helpers import PASSWORD, router_spec
+
+from atlantis_netcfg.twin import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SITE = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec()),))
+RENAME = ["/system/identity/set", "=name=renamed"]
+
+
+def process(tmp_path: Path, spec: SiteSpec = SITE) -> subprocess.Popen[str]:
+    file = tmp_path / "site.json"
+    file.write_text(spec.model_dump_json())
+    return subprocess.Popen(
+        [sys.executable, "-m", "atlantis_netcfg.twin", str(file), "--state", str(tmp_path / "state")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def ask(twins: subprocess.Popen[str], line: str) -> Any:  # noqa: ANN401 - JSON
+    assert twins.stdin is not None
+    assert twins.stdout is not None
+    if line:
+        twins.stdin.write(line + "\n")
+        twins.stdin.flush()
+    return json.loads(twins.stdout.readline())
+
+
+def test_the_protocol_and_sigterm(tmp_path: Path) -> None:
+    with process(tmp_path) as twins:
+        ready = ask(twins, "")
+        assert ready["ready"] is True
+        assert set(ready["twins"]["router"]) == {"host", "api", "api_ssl", "ports", "pin", "address"}
+        assert ask(twins, "not json")["ok"] is False
+        assert ask(twins, '{"do": "drop"}')["ok"] is False
+        assert ask(twins, '{"twin": "router", "do": "export"}')["result"].startswith("# ")
+        assert ask(twins, json.dumps({"twin": "router", "do": "console", "words": RENAME}))["ok"] is True
+        twins.send_signal(signal.SIGTERM)
+        assert twins.wait(20) == 0
+    with process(tmp_path) as twins:
+        again = ask(twins, "")
+        assert again["twins"]["router"]["pin"] == ready["twins"]["router"]["pin"]
+        assert "name=renamed" in ask(twins, '{"twin": "router", "do": "export"}')["result"]
+        twins.communicate("")
+        assert twins.returncode == 0
+
+
+def test_a_killed_process_has_saved_what_it_confirmed(tmp_path: Path) -> None:
+    with process(tmp_path) as twins:
+        ask(twins, "")
+        assert ask(twins, json.dumps({"twin": "router", "do": "console", "words": RENAME}))["ok"] is True
+        twins.kill()
+    assert "renamed" in (tmp_path / "state" / "router" / "flash.json").read_text()
+
+
+def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
+    (tmp_path / "site.json").write_text('{"name": "x", "twins": [{"rooter": {}}]}')
+    ended = subprocess.run(
+        [sys.executable, "-m", "atlantis_netcfg.twin", "site.json", "--state", "state"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 3
+    assert "rooter" in ended.stderr
+    assert ended.stdout == ""
+
+
+def test_two_twins_with_one_name_are_refused() -> None:
+    with pytest.raises(ValidationError, match="two twins are called router"):
+        SiteSpec(name="x", twins=SITE.twins * 2)
+
+
+def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
+    with spawn(SITE, tmp_path) as twins:
+        where = twins.ready["router"]
+        api = librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"])
+        api.close()
+        assert twins.do("router", "counters")["logins"] == 1
+        with pytest.raises(TwinRefused, match="explode"):
+            twins.do("router", "explode")
+    assert PASSWORD not in (tmp_path / "twins.log").read_text()
+    assert (tmp_path / "site.json").stat().st_mode & 0o777 == 0o600
+
+
+def test_twins_that_died_are_reported(tmp_path: Path) -> None:
+    twins = spawn(SITE, tmp_path)
+    twins._process.kill()
+    with pytest.raises(TwinsFailed, match="process has ended"):
+        twins.do("router", "info")
+    twins.close()

@@ -1,0 +1,19 @@
+from __future__ import annotations
+
+import atlantis_netcfg.twin as package
+from atlantis_netcfg.twin import Link, RouterSpec, SiteSpec, TwinSpec
+
+
+def test_the_public_surface_is_what_it_says() -> None:
+    assert set(package.__all__) == {
+        *("COMMANDS", "NOT_REHEARSED", "Counters", "Device", "DeviceMode", "Execute", "Fault", "FaultKind", "Knobs"),
+        *("Link", "Management", "Mode", "Router", "RouterSpec", "RunningSite", "Service", "Site", "SiteSpec"),
+        *("SpawnedSite", "Tally", "TwinRefused", "TwinSpec", "TwinsFailed", "User", "spawn"),
+    }
+    assert all(hasattr(package, name) for name in package.__all__)
+
+
+def test_a_site_survives_json() -> None:
+    twin = TwinSpec(router=RouterSpec(name="router"), link=Link(delay_s=0.35, rate_up_bps=176_000), ports={8729: 18729})
+    site = SiteSpec(name="coastal", twins=(twin,))
+    assert SiteSpec.model_validate_json(site.model_dump_json()) == site
