@@ -1,7 +1,7 @@
 """`python -m atlantis_netcfg.twin SITE.json --state DIR`: the twins of a site as a process.
 
-One JSON line on stdout when all listen, then one for each command on stdin (see control.py). Ends when stdin closes or
-on SIGTERM; the state is on flash by then.
+One JSON line on stdout when all listen (or cannot), then one for each command on stdin (see control.py). Ends when
+stdin closes or on SIGTERM; the state is on flash by then.
 """
 
 from __future__ import annotations
@@ -36,21 +36,29 @@ def main() -> int:
     except (OSError, ValidationError) as error:
         sys.stderr.write(f"{given.site}: {error}\n")
         return ExitCode.USAGE
-    asyncio.run(_serve(spec, given.state))
-    return ExitCode.DONE
+    return asyncio.run(_serve(spec, given.state))
 
 
-async def _serve(spec: SiteSpec, state_dir: Path) -> None:
+async def _serve(spec: SiteSpec, state_dir: Path) -> ExitCode:
     lines: asyncio.Queue[str | None] = asyncio.Queue()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, lines.put_nowait, None)
-    async with Site(spec, state_dir) as site:
+    site = Site(spec, state_dir)
+    try:
+        await site.start()
+    except (OSError, ValueError) as refused:
+        _say({"ready": False, "site": spec.name, "error": f"{type(refused).__name__}: {refused}"})
+        return ExitCode.USAGE
+    try:
         _say({"ready": True, "site": spec.name, "twins": site.describe(), "control": "stdin"})
         threading.Thread(target=_listen, args=(loop, lines), daemon=True).start()
         while (line := await lines.get()) is not None:
             if line.strip():
                 _say(await _answer(site, line))
+    finally:
+        await site.stop()
+    return ExitCode.DONE
 
 
 def _listen(loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -> None:

@@ -40,7 +40,7 @@ async def obey(site: Site, twin: str, do: str, arguments: Mapping[str, Any]) -> 
     try:
         bound = inspect.signature(COMMANDS[do]).bind(site.routers[twin], **arguments)
         return await COMMANDS[do](*bound.args, **bound.kwargs)
-    except (TypeError, ValidationError, Trap) as refused:
+    except (LookupError, TypeError, ValidationError, Trap) as refused:
         raise TwinRefused(f"{do}: {refused}") from refused
 
 

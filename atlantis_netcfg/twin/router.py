@@ -57,7 +57,7 @@ class Router:
         self._consoles: dict[str, Caller] = {}
 
     async def start(self) -> None:
-        """Boot from the state directory and listen."""
+        """Boot from the state directory and listen. Raises SeedRefused, or OSError if a port is taken."""
         self.device = Device(self.spec, asyncio.get_running_loop().time)
         flash = self._flash.load()
         if flash is not None:
@@ -72,7 +72,11 @@ class Router:
         self.relink(self._link)
         self.turn(self._knobs)
         self._consoles.clear()
-        await self._board.start()
+        try:
+            await self._board.start()
+        except OSError:
+            await self.stop()
+            raise
 
     async def stop(self) -> None:
         """Pull the plug: sockets close, the flash stays; raises what went wrong inside the twin meanwhile."""
@@ -155,8 +159,13 @@ class Router:
     # What it does to the router.
 
     async def console(self, words: Sequence[str], *, user: str | None = None) -> list[Answer]:
-        """Run a sentence as another admin, who keeps his session from call to call and needs no path."""
-        account = next(one for one in self.spec.users if user in (None, one.name))
+        """Run a sentence as another admin, who keeps his session from call to call and needs no path.
+
+        `user` is one of the spec's, the first without. Raises LookupError, or Trap if the router does not let him in.
+        """
+        account = next((one for one in self.spec.users if user in (None, one.name)), None)
+        if account is None:
+            raise LookupError(f"{self.spec.name} has no user {user!r}")
         if account.name not in self._consoles:
             self._consoles[account.name] = self.device.login(
                 account.name, account.password, via="api", address=self.spec.management.technician

@@ -87,7 +87,7 @@ class SpawnedSite:
         self._process = process
         self._log = log
         self._turn = threading.Lock()
-        self.ready: dict[str, Any] = self._hear()["twins"]
+        self.ready: dict[str, Any] = self._start()
 
     def __enter__(self) -> Self:
         return self
@@ -117,6 +117,14 @@ class SpawnedSite:
             self._process.wait()
         if self._process.stdout is not None:
             self._process.stdout.close()
+
+    def _start(self) -> dict[str, Any]:
+        heard = self._hear()
+        if not heard["ready"]:
+            self.close()
+            raise TwinsFailed(f"the twins of {heard['site']} do not start: {heard['error']}")
+        twins: dict[str, Any] = heard["twins"]
+        return twins
 
     def _say(self, command: dict[str, Any]) -> None:
         try:

@@ -149,7 +149,7 @@ class Switchboard:
     def admits(self, service: str) -> bool:
         """Does the service, which has seen a packet, talk to this client."""
         row = self._device.services().get(service)
-        busy = sum(pipe.service == service and pipe.established for pipe in self._connections)
+        busy = sum(pipe.service == service and pipe.established and not pipe.lost for pipe in self._connections)
         return row is not None and row.enabled and busy <= row.max_sessions
 
     def reaches(self, service: str, *, established: bool) -> bool:

@@ -79,6 +79,7 @@ def test_commands_reach_the_twin_in_its_thread(site: RunningSite) -> None:
         ("router", "explode", {}, "twins do not know 'explode'"),
         ("router", "gap", {}, "missing a required argument: 'seconds'"),
         ("router", "link", {"delay": 1}, "Extra inputs are not permitted"),
+        ("router", "console", {"words": ["/quit"], "user": "nobody"}, "router has no user 'nobody'"),
         ("router", "arm", {"fault": {"do": "sulk"}}, "Input should be"),
     ],
 )

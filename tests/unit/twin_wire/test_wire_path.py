@@ -6,7 +6,9 @@ import ssl
 from typing import TYPE_CHECKING
 
 import pytest
-from wire_helpers import Client, now, router, run
+from wire_helpers import Client, now, router, router_spec, run
+
+from atlantis_netcfg.twin import Router
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -112,14 +114,15 @@ def test_a_disabled_service_refuses(tmp_path: Path) -> None:
     run(main())
 
 
-def test_a_service_for_other_addresses_resets_after_the_packet_arrived(tmp_path: Path) -> None:
+def test_a_service_for_other_addresses_does_not_answer(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin, "api-ssl") as client:
             await client.login()
             await client.talk("/ip/service/set", "=numbers=api", "=address=10.99.0.0/24")
             async with Client(twin) as other:
                 other.write(("/login",))
-                assert not await other.ends()
+                await asyncio.sleep(1000)
+                assert other.transport.reader._buffer == b""
 
     run(main())
 
@@ -184,5 +187,19 @@ def test_flash_is_written_while_it_runs_and_is_private(tmp_path: Path) -> None:
             files = [path for path in (tmp_path / "flash").rglob("*") if path.is_file()]
             assert "kept" in (tmp_path / "flash" / "flash.json").read_text()
             assert {path.stat().st_mode & 0o777 for path in files} == {0o600}
+
+    run(main())
+
+
+def test_a_loopback_port_that_is_taken(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with router(tmp_path) as twin:
+            taken = twin.ports["api-ssl"]
+            other = Router(router_spec(), state_dir=tmp_path / "other", ports={8729: taken})
+            with pytest.raises(OSError, match="address already in use"):
+                await other.start()
+            assert other.ports == {}
+        async with Router(router_spec(), state_dir=tmp_path / "other", ports={8729: taken}) as other:
+            assert other.port_map[8729] == taken
 
     run(main())

@@ -81,6 +81,12 @@ def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
     assert ended.stdout == ""
 
 
+def test_twins_that_cannot_start_say_why(tmp_path: Path) -> None:
+    spec = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec(seed="/ip nonsense\nadd x=y")),))
+    with pytest.raises(TwinsFailed, match="twins of coastal do not start: SeedRefused: "):
+        spawn(spec, tmp_path)
+
+
 def test_two_twins_with_one_name_are_refused() -> None:
     with pytest.raises(ValidationError, match="two twins are called router"):
         SiteSpec(name="x", twins=SITE.twins * 2)
