@@ -1,14 +1,14 @@
 """Templates to desired text: what a device should hold, in the language that technicians read on it.
 
-A template (`templates/` of the checkout) only loops and decides; everything it prints is prepared in `view`, a frozen
-object that is a pure function of the declaration. Names that a template misspells are errors, never empty text.
+A template (`templates/` of the checkout) only loops and decides; what it prints is prepared in a view, a frozen object
+that is a pure function of the declaration. Names that a template misspells are errors, never empty text.
 """
 
 from __future__ import annotations
 
 from atlantis_netcfg.render._declared import RenderError
-from atlantis_netcfg.render._router import prerequisites, router, view
-from atlantis_netcfg.render.environment import environment, template_folder
+from atlantis_netcfg.render._environment import environment, template_folder
+from atlantis_netcfg.render._router import prerequisites, router, router_view
 from atlantis_netcfg.render.view import Prerequisite, RouterView
 
 __all__ = [
@@ -18,6 +18,6 @@ __all__ = [
     "environment",
     "prerequisites",
     "router",
+    "router_view",
     "template_folder",
-    "view",
 ]

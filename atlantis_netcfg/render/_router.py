@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.render._declared import address_in_site, hosts_of, router_of
+from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render._remote import forwards, remotes, server_in_lan, tunnel
-from atlantis_netcfg.render.environment import environment
 from atlantis_netcfg.render.view import BRIDGE, LanView, ManagementView, Named, Prerequisite, RouterView
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
     from atlantis_netcfg.site.model import Lan, Router, Site
 
-__all__ = ["prerequisites", "router", "view"]
+__all__ = ["prerequisites", "router", "router_view"]
 
 API_CERTIFICATE = "atlantis-api"
 """Made on the device when it is adopted; service api-ssl presents it and we pin it."""
@@ -25,10 +25,10 @@ API_CERTIFICATE = "atlantis-api"
 def router(declaration: Declared, host: DeclaredHost) -> str:
     """Render the whole desired text of one router, secrets in clear: never print it. Raises RenderError."""
     template = environment().get_template("routeros/router.rsc.j2")
-    return template.render(router=view(declaration, host))
+    return template.render(router=router_view(declaration, host))
 
 
-def view(declaration: Declared, host: DeclaredHost) -> RouterView:
+def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
     """Prepare what the template sees. Raises RenderError."""
     device, site = router_of(host), declaration.sites[host.site]
     own_tunnel = tunnel(declaration, device)

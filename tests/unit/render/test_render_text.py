@@ -1,20 +1,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from jinja2 import UndefinedError
 from pydantic import TypeAdapter
 from render_declared import GOLDEN, SITES, Declaration, declaration, with_router, with_site
 
-from atlantis_netcfg import rsc
-from atlantis_netcfg.render import Prerequisite, RenderError, environment, prerequisites, router, template_folder, view
-from atlantis_netcfg.render.environment import MARK, duration
+import atlantis_netcfg
+from atlantis_netcfg import render, rsc
+from atlantis_netcfg.render import (
+    Prerequisite,
+    RenderError,
+    environment,
+    prerequisites,
+    router,
+    router_view,
+    template_folder,
+)
+from atlantis_netcfg.render._environment import MARK, duration
 from atlantis_netcfg.site.model import Forward, Router, Transport
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WITHOUT_COMMENT = {"/system/logging", "/system/logging/action"}
 ENTIRE = (
@@ -136,7 +142,7 @@ def test_a_password_is_in_the_text_but_not_in_the_view() -> None:
     given = declaration()
     host = given.router("coastal")
     assert "password=EXAMPLE-vpn-coastal " in router(given, host)
-    assert "EXAMPLE-vpn-coastal" not in repr(view(given, host))
+    assert "EXAMPLE-vpn-coastal" not in repr(router_view(given, host))
 
 
 def test_prerequisites_name_what_the_text_refers_to() -> None:
@@ -169,11 +175,18 @@ def test_a_misspelt_name_is_an_error(tmp_path: Path) -> None:
     made = environment(tmp_path)
     for name in ("typo.rsc.j2", "loop.rsc.j2"):
         with pytest.raises(UndefinedError):
-            made.get_template(name).render(router=view(given, given.router("coastal")))
+            made.get_template(name).render(router=router_view(given, given.router("coastal")))
 
 
-def test_templates_are_found_beside_the_package() -> None:
+def test_templates_are_found_beside_the_package_or_inside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (template_folder() / "routeros" / "router.rsc.j2").is_file()
+    monkeypatch.setattr("atlantis_netcfg.render._environment.checkout", lambda: tmp_path)
+    assert template_folder() == Path(atlantis_netcfg.__file__).parent / "templates"
+
+
+def test_what_is_public_is_said() -> None:
+    assert render.__all__ == sorted(render.__all__, key=lambda name: (name[0].islower(), name))
+    assert all(hasattr(render, name) for name in render.__all__)
 
 
 def test_a_part_that_nothing_includes_would_be_forgotten() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from atlantis_netcfg.paths import checkout
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
@@ -24,8 +25,8 @@ _UNITS = (("w", 7 * 24 * 3600), ("d", 24 * 3600), ("h", 3600), ("m", 60), ("s", 
 
 def template_folder() -> Path:
     """`templates/` of the checkout; in an installed wheel the copy inside the package."""
-    checkout = _PACKAGE.parent / "templates"
-    return checkout if (checkout / "routeros").is_dir() else _PACKAGE / "templates"
+    beside = checkout() / "templates"
+    return beside if (beside / "routeros").is_dir() else _PACKAGE / "templates"
 
 
 def environment(templates: Path | None = None) -> Environment:
