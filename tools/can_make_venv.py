@@ -3,7 +3,6 @@
 It is how old Pythons are found out: they print nothing, or fail.
 """
 
-import importlib.util
 import os
 import sys
 
@@ -15,8 +14,20 @@ def _lacking() -> str:
     return "python3-venv" if distribution else f"python{version}-venv"
 
 
+def _can_make_venv() -> bool:
+    """Whether pip can be put into an environment: Debian packs venv, ensurepip and its wheels apart from Python."""
+    try:
+        import ensurepip  # noqa: PLC0415 - its absence is the answer
+        import venv  # noqa: F401, PLC0415 - as above
+
+        ensurepip.version()
+    except (ImportError, AttributeError, OSError):
+        return False
+    return True
+
+
 if sys.version_info >= (3, 11):  # noqa: UP036 - older Pythons run this file to be told apart
-    if importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip"):
+    if _can_make_venv():
         print("yes", ".".join(map(str, sys.version_info[:3])))
     else:
         print("no", _lacking())

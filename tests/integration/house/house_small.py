@@ -1,0 +1,88 @@
+"""A small checkout for tests in which only the launcher matters: the launcher and its tools are the real ones.
+
+Its package tells how it was started. It is installed from a folder of wheels made here, so that its environment is made
+in seconds and without any index.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import shutil
+import zipfile
+from typing import TYPE_CHECKING
+
+from house_checkout import ROOT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MAIN = """\
+import json, os, sys
+print(json.dumps({"argv": sys.argv[1:], "cwd": os.getcwd(), "path": sys.path, "python": sys.executable}))
+sys.exit(7)
+"""
+PROJECT = """\
+[build-system]
+requires = ["setuptools"]
+build-backend = "setuptools.build_meta"
+[project]
+name = "atlantis-netcfg"
+version = "1"
+dependencies = []
+"""
+BACKEND = """\
+# Stands for setuptools: an editable wheel is a path file and a record.
+import os, tomllib, zipfile
+
+FILES = {
+    "METADATA": "Metadata-Version: 2.1\\nName: atlantis-netcfg\\nVersion: 1\\n",
+    "WHEEL": "Wheel-Version: 1.0\\nGenerator: x\\nRoot-Is-Purelib: true\\nTag: py3-none-any\\n",
+}
+
+def build_editable(folder, config_settings=None, metadata_directory=None):
+    name = "atlantis_netcfg-1-py3-none-any.whl"
+    files = {f"atlantis_netcfg-1.dist-info/{name}": text for name, text in FILES.items()}
+    with open("pyproject.toml", "rb") as project:
+        for needed in tomllib.load(project)["project"]["dependencies"]:
+            files["atlantis_netcfg-1.dist-info/METADATA"] += f"Requires-Dist: {needed}\\n"
+    files["atlantis_netcfg.pth"] = os.getcwd() + "\\n"
+    files["atlantis_netcfg-1.dist-info/RECORD"] = "".join(f"{name},,\\n" for name in files)
+    with zipfile.ZipFile(os.path.join(folder, name), "w") as wheel:
+        for path, text in files.items():
+            wheel.writestr(path, text)
+    return name
+"""
+
+
+def small_checkout(place: Path) -> Path:
+    """A checkout whose `provision` prints its arguments and ends with exit code 7."""
+    (place / "atlantis_netcfg").mkdir(parents=True)
+    shutil.copytree(ROOT / "tools", place / "tools", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy2(ROOT / "provision", place)
+    (place / "pyproject.toml").write_text(PROJECT)
+    (place / "constraints.txt").write_text("setuptools==999\n")
+    (place / "atlantis_netcfg" / "__init__.py").write_text("")
+    (place / "atlantis_netcfg" / "__main__.py").write_text(MAIN)
+    return place
+
+
+def folder_of_wheels(place: Path) -> Path:
+    """What PIP_FIND_LINKS points at where there is no index: a `setuptools` that can only do what pip asks of it."""
+    place.mkdir()
+    info = "setuptools-999.dist-info"
+    files = {
+        "setuptools/__init__.py": "",
+        "setuptools/build_meta.py": BACKEND,
+        f"{info}/METADATA": "Metadata-Version: 2.1\nName: setuptools\nVersion: 999\n",
+        f"{info}/WHEEL": "Wheel-Version: 1.0\nGenerator: x\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+    }
+    files[f"{info}/RECORD"] = "".join(f"{name},sha256={_digest(text)},{len(text)}\n" for name, text in files.items())
+    with zipfile.ZipFile(place / "setuptools-999-py3-none-any.whl", "w") as wheel:
+        for name, text in files.items():
+            wheel.writestr(name, text)
+    return place
+
+
+def _digest(text: str) -> str:
+    return base64.urlsafe_b64encode(hashlib.sha256(text.encode()).digest()).rstrip(b"=").decode()

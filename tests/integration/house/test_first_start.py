@@ -1,0 +1,50 @@
+"""The whole of it: this checkout in the hands of a stranger, its environment made from the pins by ./provision."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from house_checkout import as_nobody, clean_environment, let_others_pass, shared_checkout, start
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+@pytest.fixture(scope="session")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return shared_checkout(tmp_path_factory)
+
+
+def test_the_first_start_sets_itself_up_and_answers(checkout: Path) -> None:
+    said = (checkout.parent / "first.stderr").read_text()
+    assert said.endswith("exit 0\n"), said
+    assert [line[:5] for line in said.splitlines() if re.match(r"\[[124]", line)] == ["[1/4]", "[2/4]", "[4/4]"]
+    assert "Usage:" in (checkout.parent / "first.stdout").read_text()
+
+
+def test_every_installed_package_is_pinned(checkout: Path) -> None:
+    freeze = [str(checkout / ".venv" / "bin" / "python"), "-m", "pip", "freeze", "--all", "--exclude-editable"]
+    installed = subprocess.run(freeze, capture_output=True, text=True, check=True).stdout.split()
+    pins = (checkout / "constraints.txt").read_text().split()
+    assert [package for package in installed if package not in pins and not package.startswith("pip==")] == []
+
+
+def test_help_is_there_at_once_and_silent(checkout: Path) -> None:
+    began = time.monotonic()
+    later = start(checkout, "--help")
+    took = time.monotonic() - began
+    assert (later.returncode, later.stderr) == (0, "")
+    assert took < 2, "0.06 s on an idle machine; pip alone would take longer than this bound"
+
+
+def test_an_ordinary_user_starts_a_checkout_of_root(checkout: Path, tmp_path: Path) -> None:
+    let_others_pass(checkout / "below")
+    let_others_pass(tmp_path / "below")
+    theirs = start(checkout, "version", prefix=as_nobody(), environment=clean_environment(HOME="/nonexistent"))
+    assert (theirs.returncode, theirs.stderr) == (0, "")
