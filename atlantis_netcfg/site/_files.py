@@ -39,6 +39,8 @@ class Sources:
     group_vars: dict[str, list[Path]] = field(default_factory=dict)
     host_vars: dict[str, list[Path]] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    strays: set[str] = field(default_factory=set)
+    """Stems of files that nobody reads: their host or site is not without a file, the file is in a wrong place."""
     contents: dict[str, bytes] = field(default_factory=dict)
     """What was read, by the files' names in errors."""
 
@@ -83,8 +85,7 @@ def _scan_folder(sources: Sources, folder: Path, found: dict[str, list[Path]]) -
                 hint = f"move it into {sources.name(entry.with_suffix(''))}/"
                 message = f"Ansible does not read this file beside the folder `{entry.stem}`"
                 sources.findings.append(Finding.at(Mark(sources.name(entry), 1, 1), message, hint))
-            else:
-                found[entry.stem] = [entry]
+            found.setdefault(entry.stem, []).append(entry)
         else:
             _stray(sources, entry)
 
@@ -100,6 +101,7 @@ def _scan_inner(sources: Sources, folder: Path) -> Iterator[Path]:
 def _stray(sources: Sources, entry: Path, expected: tuple[str, ...] = ()) -> None:
     """Tell a file or folder that is not read; documents may lie about, Ansible passes them by as well."""
     shown = sources.name(entry)
+    sources.strays.update(path.stem for path in (entry, *entry.rglob("*")))
     if entry.is_dir():
         inside = next((path for path in sorted(entry.rglob("*")) if path.is_file()), None)
         if inside is None:

@@ -10,8 +10,6 @@ from atlantis_netcfg.site._near import meant, nearest
 from atlantis_netcfg.site.findings import Finding, Mark
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from atlantis_netcfg.site._node import Node
 
 __all__ = ["KIND_GROUPS", "Layout", "lay_out"]
@@ -67,20 +65,24 @@ def lay_out(root: Node) -> Layout:
     return layout
 
 
-def _block(layout: Layout, node: Node | None, name: str, known: Iterable[str] | None = None) -> dict[str, Node]:
-    """The keys of a block; an empty one has none."""
+def _block(layout: Layout, node: Node | None, name: str, known: tuple[str, ...] | None = None) -> dict[str, Node]:
+    """The keys of a block; an empty one has none. A misspelt key is told, and taken for what was meant."""
     if node is None or node.value is None:
         return {}
+    if isinstance(node.value, list):
+        layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` a line, without `- `")
+        return {item.text: item for item in node.value if item.text} if known is None else {}
     if not isinstance(node.value, dict):
-        hint = (
-            "write `name:` a line, without `- `" if isinstance(node.value, list) else "write `name:` below it, indented"
-        )
-        layout.wrong(node.mark, f"`{name}` wants a block of keys", hint)
+        layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` below it, indented")
         return {}
+    if known is None:
+        return node.value
+    block = {key: value for key, value in node.value.items() if key in known}
     for key, value in node.value.items():
-        if known is not None and key not in known:
+        if key not in known:
             layout.wrong(value.place, f"`{key}` is not known in `{name}`", meant(key, known, none=""))
-    return {key: value for key, value in node.value.items() if known is None or key in known}
+            block.setdefault(nearest(key, known) or key, value)
+    return block
 
 
 def _add_site(layout: Layout, site: str, node: Node) -> None:
@@ -94,14 +96,14 @@ def _add_site(layout: Layout, site: str, node: Node) -> None:
             continue
         layout.hosts[host] = site
         layout.marks[host] = value.place
-        _check_vars(layout, value)
+        _check_host(layout, host, value)
 
 
 def _add_kind(layout: Layout, group: str, kind: str, node: Node | None) -> None:
     block = _block(layout, node, group, ("hosts", "vars"))
     _check_vars(layout, block.get("vars"))
     for host, value in _block(layout, block.get("hosts"), f"{group}.hosts").items():
-        _check_vars(layout, value)
+        _check_host(layout, host, value)
         if host not in layout.hosts:
             message = f"`{host}` is in group `{group}` but at no site"
             layout.wrong(value.place, message, meant(host, layout.hosts, none="add it below its site"))
@@ -113,12 +115,17 @@ def _add_kind(layout: Layout, group: str, kind: str, node: Node | None) -> None:
             layout.kind_marks[host] = value.place
 
 
-def _check_vars(layout: Layout, node: Node | None) -> None:
+def _check_vars(layout: Layout, node: Node | None, name: str = "vars") -> None:
     """Only Ansible's own variables may stand in hosts.yml."""
-    for key, value in _block(layout, node, "vars").items():
+    for key, value in _block(layout, node, name).items():
         if not key.startswith("ansible_"):
             hint = "move it to group_vars/ or host_vars/"
             layout.wrong(value.place, f"`{key}` does not belong in hosts.yml", hint)
+
+
+def _check_host(layout: Layout, host: str, node: Node) -> None:
+    if node.text != host:  # an entry of a list, which is told, is its own value
+        _check_vars(layout, node, host)
 
 
 def _check_names(layout: Layout) -> None:

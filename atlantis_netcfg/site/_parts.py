@@ -15,7 +15,7 @@ from atlantis_netcfg.site._draft import Draft, Part
 from atlantis_netcfg.site._names import why_no_name
 from atlantis_netcfg.site._near import choices, meant, nearest
 from atlantis_netcfg.site._node import Node
-from atlantis_netcfg.site._words import explain
+from atlantis_netcfg.site._words import explain, label_of
 from atlantis_netcfg.site.findings import Finding
 from atlantis_netcfg.site.model import Partner, Pilot, Site, Vehicle
 
@@ -127,7 +127,9 @@ class _Builder:
             return model.model_validate(fixed.data())
         except ValidationError as error:
             errors = error.errors(include_url=False, include_input=False)
-        self.findings.extend(explain(one, fixed, model, name) for one in errors)
+        for one in errors:
+            if not fixed.at(*one["loc"]).told:
+                self.findings.append(explain(one, fixed, model, name))
         return None
 
     def _fix_keys(self, errors: Iterable[ErrorDetails], node: Node, model: type[BaseModel], name: str) -> Node:
@@ -138,23 +140,17 @@ class _Builder:
                 continue
             path = error["loc"]
             parent, key = path[:-1], str(path[-1])
-            block = parent[-1] if parent and isinstance(parent[-1], str) else (_entry(parent) if parent else name)
             inner = _schema.model_of(_schema.at(model, parent))
             known = list(inner.model_fields) if inner is not None else []
             present = node.at(*parent).keys
             free = [field for field in known if field not in present and (*parent, field) not in taken]
             near = nearest(key, free)
             hint = f"did you mean `{near}`?" if near else _instead(key, known)
-            self.findings.append(Finding.at(node.at(*path).place, f"`{block}` has no key `{key}`", hint))
+            self.findings.append(Finding.at(node.at(*path).place, f"{label_of(parent, name)} has no key `{key}`", hint))
             if near is not None:
                 taken.add((*parent, near))
             node = _renamed(node, parent, key, near)
         return node
-
-
-def _entry(path: _Path) -> str:
-    names = [step for step in path if isinstance(step, str)]
-    return f"an entry of {names[-1]}" if names else "this"
 
 
 def _instead(key: str, known: list[str]) -> str:

@@ -81,7 +81,7 @@ def wanted(annotation: Any) -> str:  # noqa: ANN401 - as above
     if (item := item_of(plain)) is not None:
         inner = model_of(item)
         return "a list: [" + ("{…}, {…}" if inner is not None else "…, …") + "]"
-    return _PLAIN.get(plain, "a text")
+    return _PLAIN.get(plain, "one line of text")
 
 
 _PLAIN: dict[Any, str] = {

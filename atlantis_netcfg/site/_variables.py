@@ -116,7 +116,7 @@ class _Gatherer:
             self._wrong(Mark(shown, 1, 1), message, hint)
 
     def _expect(self, name: str, mark: Mark, files: Mapping[str, list[Path]], variable: str, folder: str) -> None:
-        if files.get(name):
+        if files.get(name) or name in self.sources.strays:
             return
         known = self.layout.sites if folder == "group_vars" else self.layout.hosts
         orphans = [other for other in files if other not in known and nearest(other, known) == name]

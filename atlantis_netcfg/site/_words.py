@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.site._node import Node
 
-__all__ = ["FALLBACK", "explain"]
+__all__ = ["FALLBACK", "explain", "label_of"]
 
 FALLBACK = "cannot be understood"
 """Of a message for an error type that nobody has put into words; tests hold that none is reachable."""
@@ -32,25 +32,25 @@ def explain(error: ErrorDetails, root: Node, model: type[BaseModel], name: str) 
     if error["type"] == "missing":
         return _missing(path, root, model, name)
     node, field = root.at(*path), _schema.at(model, path)
-    label = _label(path, name)
+    label = label_of(path, name)
     message, hint = _of_value(error, node, field, label)
     place = node.place if isinstance(node.value, dict | list) else node.mark
     return Finding.at(place, message, hint)
 
 
-def _label(path: _Path, name: str) -> str:
+def label_of(path: _Path, name: str) -> str:
     """What a person calls the place: its key, or the list it is an entry of."""
     if not path:
         return f"`{name}`"
     if isinstance(path[-1], int):
-        return f"entry {path[-1] + 1} of {_label(path[:-1], name)}"
+        return f"entry {path[-1] + 1} of {label_of(path[:-1], name)}"
     return f"`{path[-1]}`"
 
 
 def _missing(path: _Path, root: Node, model: type[BaseModel], name: str) -> Finding:
     parent, key = path[:-1], str(path[-1])
     hint = f"add `{key}:` with {_schema.wanted(_schema.at(model, path))}"
-    return Finding.at(root.at(*parent).place, f"{_label(parent, name)} has no `{key}`", hint)
+    return Finding.at(root.at(*parent).place, f"{label_of(parent, name)} has no `{key}`", hint)
 
 
 def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type
@@ -104,8 +104,8 @@ def _unquoted(node: Node, field: Any, label: str, what: str) -> tuple[str, str]:
 
 
 def _number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    if isinstance(node.value, str) and not node.plain:
-        return f"{label} wants a number, here is a text", f"write it without quotes: {node.text}"
+    if isinstance(node.value, str) and node.text.strip().replace(".", "", 1).isdigit():
+        return f"{label} wants a number, here is a text", f"write it without quotes: {node.text.strip()}"
     kind = "a whole number" if isinstance(node.value, float) else "a number"
     return f"{label} wants {kind}, here is `{node.text}`", "write digits only"
 
@@ -153,5 +153,6 @@ _WORDS: dict[str, Callable[[str, Node, Mapping[str, Any], Any], tuple[str, str]]
     "greater_than": _least,
     "less_than_equal": _most,
     "string_too_long": _long,
+    "too_long": _long,
     "finite_number": _finite,
 }

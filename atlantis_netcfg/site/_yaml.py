@@ -87,11 +87,12 @@ class _Converter:
     def _node(self, node: yaml.Node) -> Node:
         if id(node) in self.seen:
             self._alias(node)
-            return Node(self._mark(node), None)
+            return Node(self._mark(node), None, told=True)
         self.seen.add(id(node))
         if isinstance(node, yaml.MappingNode):
             self._expect_tag(node, "map")
-            return Node(self._mark(node), self._mapping(node))
+            jinja = any(isinstance(key, yaml.MappingNode) for key, _ in node.value)
+            return Node(self._mark(node), self._mapping(node), told=jinja)
         if isinstance(node, yaml.SequenceNode):
             self._expect_tag(node, "seq")
             return Node(self._mark(node), [self._node(item) for item in node.value])
@@ -141,7 +142,7 @@ class _Converter:
 
     def _scalar(self, node: yaml.Node) -> Node:
         mark, text = self._mark(node), str(node.value)
-        plain = getattr(node, "style", None) is None
+        plain = not getattr(node, "style", None)
         if node.tag in {TAG, UNTAGGED}:
             return Node(mark, self._secret(node, text))
         kind = node.tag.removeprefix(_STANDARD)
@@ -150,11 +151,12 @@ class _Converter:
             return Node(mark, text, text, plain)
         if any(part in text for part in _JINJA):
             self._wrong(node, _IS_JINJA, "write the value itself")
+            return Node(mark, text, text, plain, told=True)
         try:
             value: Scalar = self.constructor.construct_object(node)
         except (ValueError, yaml.YAMLError):
             self._wrong(node, "this looks like a number or a date but is none", "write it in quotes")
-            value = text
+            return Node(mark, text, text, plain, told=True)
         return Node(mark, value, text, plain)
 
     def _secret(self, node: yaml.Node, text: str) -> Secret:

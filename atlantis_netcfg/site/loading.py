@@ -90,10 +90,10 @@ def _existing(inventory: Path) -> Path:
         parent = inventory.absolute().parent
         near = [path.name for path in sorted(parent.iterdir()) if (path / HOSTS).is_file()] if parent.is_dir() else []
         hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
-        what = "is no directory" if inventory.exists() else "does not exist"
-        raise NothingMatched(f"the inventory {inventory} {what}", hint=hint)
+        what = "is a file" if inventory.exists() else "does not exist"
+        raise NothingMatched(f"the inventory directory {inventory} {what}", hint=hint)
     if not (inventory / HOSTS).exists():
         there = [path.name for path in sorted(inventory.iterdir())]
         hint = f"it holds: {choices(there)}" if there else "it is empty"
-        raise NothingMatched(f"the inventory {inventory} has no {HOSTS}", hint=hint)
+        raise NothingMatched(f"there is no {HOSTS} in {inventory}", hint=hint)
     return inventory

@@ -24,11 +24,11 @@ def bridges(draft: Draft) -> Iterator[Finding]:
         return  # an invalid site may hold the other end
     bearers = [end for end in every if end.path[0] == "bearers" and end.kind is BearerKind.WIFI_PTP]
     served = [end for end in every if end.path[0] == "served_links"]
-    for end in served:
-        yield from _carried(draft, end, bearers)
+    lost = [finding for end in served for finding in _carried(draft, end, bearers)]
+    yield from lost
     for end in bearers:
         far = [other for other in served if _carries(other) == end.site]
-        if not far:
+        if not far and not lost:  # a served link that carries a wrong site may be the one
             message = f"no site serves the other end of link `{end.link.name}` of `{end.site}`"
             hint = f"add it to `served_links` of the other site, with `carries: {end.site}`"
             yield draft.wrong(end.part, end.path, message, hint)

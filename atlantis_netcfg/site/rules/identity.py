@@ -48,20 +48,22 @@ def macs(draft: Draft) -> Iterator[Finding]:
 
 def _twice(draft: Draft, uses: Iterator[_Use], what: str) -> Iterator[Finding]:
     first: dict[str, _Use] = {}
+    told: set[tuple[str, str]] = set()
     for use in uses:
         known = first.setdefault(use.value, use)
-        if known.owner != use.owner:
+        if known.owner != use.owner and (use.value, use.owner) not in told:
+            told.add((use.value, use.owner))
             where = draft.where(known.part, *known.path)
             message = f"{use.value} of {use.owner} is already the {what} of {known.owner} ({where})"
             yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
 
 
 def _addresses(draft: Draft) -> Iterator[_Use]:
-    for name, site in draft.sites.items():
-        yield from _of_site(draft, name, site)
     for host, device in draft.devices.items():
         part = Part("device", host)
         yield from (_Use(str(value), _owner(draft, host), part, path) for value, path in _of_device(device))
+    for name, site in draft.sites.items():
+        yield from _of_site(draft, name, site)
 
 
 def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_Use]:
@@ -95,12 +97,14 @@ def _owner(draft: Draft, host: str) -> str:
 
 def _far_end(draft: Draft, name: str, bearer: Bearer) -> str:
     """Who answers at the bearer's gateway: the box at this end, or the router that serves the link."""
-    device = draft.devices.get(bearer.device) if bearer.device is not None else None
-    if isinstance(device, LteRouter | SatelliteTerminal) and device.address == bearer.gateway:
-        return f"`{bearer.device}`"
+    for host, box in draft.devices.items():
+        if not isinstance(box, LteRouter | SatelliteTerminal) or draft.layout.hosts[host] != name:
+            continue
+        if box.address == bearer.gateway:
+            return f"`{host}`"
     if bearer.kind is BearerKind.WIFI_PTP:
         for other, site in draft.sites.items():
-            if any(link.carries == name and link.address == bearer.gateway for link in site.served_links):
+            if any((link.network, link.address) == (bearer.network, bearer.gateway) for link in site.served_links):
                 return _router(draft, other)
     return f"the gateway of link `{bearer.name}` at `{name}`"
 

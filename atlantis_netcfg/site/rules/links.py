@@ -128,7 +128,9 @@ def each_box_once(draft: Draft) -> Iterator[Finding]:
 def _shared(draft: Draft) -> Iterator[tuple[End, End]]:
     seen: dict[str, End] = {}
     for end in ends(draft):
-        first = seen.setdefault(end.link.device, end) if end.link.device is not None else end
+        if end.link.device is None or _wrong_device(draft, end, end.link.device, BOX_OF.get(end.kind)) is not None:
+            continue
+        first = seen.setdefault(end.link.device, end)
         if first is not end:
             yield end, first
 
@@ -154,16 +156,12 @@ def no_box_idle(draft: Draft) -> Iterator[Finding]:
 
 def boxes_in_network(draft: Draft) -> Iterator[Finding]:
     """The box at this end has an address of the link's network."""
+    second = [end for end, _ in _shared(draft)]
     for end in ends(draft):
         host = end.link.device
-        device = draft.devices.get(host) if host is not None else None
-        if (
-            host is None
-            or device is None
-            or draft.layout.hosts[host] != end.site
-            or device.kind != BOX_OF.get(end.kind)
-        ):
+        if host is None or end in second or _wrong_device(draft, end, host, BOX_OF.get(end.kind)) is not None:
             continue
+        device = draft.devices.get(host)
         path = ("access", "address") if isinstance(device, Cpe) else ("address",)
         address = device.access.address if isinstance(device, Cpe) else getattr(device, "address", None)
         if address is not None and (why := why_unusable(address, end.link.network)):

@@ -32,7 +32,8 @@ def technician_in_network(draft: Draft) -> Iterator[Finding]:
 def technician_admitted(draft: Draft) -> Iterator[Finding]:
     """The firewall of the devices admits the laptop."""
     for name, site in draft.sites.items():
-        if not any(site.management.technician in prefix for prefix in site.management.admit):
+        outside = why_unusable(site.management.technician, site.management.network)
+        if outside is None and not any(site.management.technician in one for one in site.management.admit):
             message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
             hint = f"add {site.management.network}"
             yield draft.wrong(Part("site", name), ("management", "admit"), message, hint)
@@ -65,9 +66,13 @@ def _accesses(draft: Draft) -> Iterator[tuple[str, str, Access]]:
 
 def partners_kept_out(draft: Draft) -> Iterator[Finding]:
     """No prefix lets a partner's robots manage our routers."""
+    if draft.pilot is None:
+        return
+    own = draft.pilot.vpn.infrastructure
     for name, site in draft.sites.items():
         for index, prefix in enumerate(site.management.admit):
-            inside = [partner for partner, one in draft.partners.items() if one.vpn_pool.overlaps(prefix)]
+            pools = {partner: one.vpn_pool for partner, one in draft.partners.items()}
+            inside = [partner for partner, pool in pools.items() if pool.overlaps(prefix) and not pool.overlaps(own)]
             if inside:
                 message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
                 hint = "admit the management network and the VPN's infrastructure pool only"

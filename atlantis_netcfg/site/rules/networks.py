@@ -34,38 +34,43 @@ class Claim:
     what: str
     part: Part
     path: tuple[str | int, ...]
-    wifi_of: str = ""
-    """Site that a Wi-Fi bridge carries: its two ends are one network."""
+    end: str = ""
+    """Which end of a Wi-Fi bridge it is: both ends are one network."""
 
 
 def claims(draft: Draft) -> Iterator[Claim]:
     """Every network of the pilot that must be disjoint from all others; the VPN's pools lie inside the VPN's."""
-    if draft.pilot is not None:
-        yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
     for name, site in draft.sites.items():
         part = Part("site", name)
         yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
         yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
         for index, bearer in enumerate(site.bearers):
-            wifi = name if bearer.kind is BearerKind.WIFI_PTP else ""
+            end = "carried" if bearer.kind is BearerKind.WIFI_PTP else ""
             what = f"link `{bearer.name}` of `{name}`"
-            yield Claim(bearer.network, what, part, ("bearers", index, "network"), wifi)
+            yield Claim(bearer.network, what, part, ("bearers", index, "network"), end)
         for index, link in enumerate(site.served_links):
             what = f"link `{link.name}` of `{name}`"
-            yield Claim(link.network, what, part, ("served_links", index, "network"), link.carries)
+            yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
+    if draft.pilot is not None:
+        yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
 
 
 def disjoint(draft: Draft) -> Iterator[Finding]:
-    """No two networks of the pilot overlap, at one site or across sites."""
+    """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
     seen: list[Claim] = []
     for claim in claims(draft):
-        for other in seen:
-            same_bridge = claim.wifi_of and claim.wifi_of == other.wifi_of and claim.part != other.part
-            if claim.network.overlaps(other.network) and not same_bridge:
-                where = draft.where(other.part, *other.path)
-                message = f"{claim.network} of {claim.what} overlaps {other.network} of {other.what} ({where})"
-                yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
+        others = [other for other in seen if claim.network.overlaps(other.network) and not _one_bridge(claim, other)]
+        if others:
+            first = others[0]
+            more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+            where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
+            message = f"{claim.network} of {claim.what} overlaps {where}"
+            yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
         seen.append(claim)
+
+
+def _one_bridge(claim: Claim, other: Claim) -> bool:
+    return {claim.end, other.end} == {"carried", "serving"} and claim.network == other.network
 
 
 def usable(draft: Draft) -> Iterator[Finding]:

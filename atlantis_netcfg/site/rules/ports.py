@@ -95,7 +95,8 @@ def one_port_a_link(draft: Draft) -> Iterator[Finding]:
         host, router = found
         part = Part("device", host)
         unclear = any(_unclear(port.use, port.link, site) for port in router.ports)
-        for link in dict.fromkeys(links_of(site)):
+        links = links_of(site)
+        for link in (one for one in links if links.count(one) == 1):
             used = [index for index, port in enumerate(router.ports) if port.use is PortUse.LINK and port.link == link]
             if not used and not unclear:
                 message = f"no port of `{host}` leads to link `{link}` of `{name}`"

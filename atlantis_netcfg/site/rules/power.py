@@ -18,9 +18,17 @@ __all__ = ["RULES"]
 
 
 def _fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
+    """Every device that says who feeds it."""
     for host, device in draft.devices.items():
         if device.powered_by is not None:
             yield host, device.powered_by
+
+
+def _rightly_fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
+    """Those that name the router of their own site."""
+    for host, source in _fed(draft):
+        if _wrong_source(draft, host, source.device, []) is None:
+            yield host, source
 
 
 def source_known(draft: Draft) -> Iterator[Finding]:
@@ -51,11 +59,9 @@ def _wrong_source(draft: Draft, host: str, source: str, routers: list[str]) -> t
 
 def port_feeds(draft: Draft) -> Iterator[Finding]:
     """The port exists, can feed, is switched on, and is the port that the device's link is on."""
-    for host, source in _fed(draft):
+    for host, source in _rightly_fed(draft):
         router = draft.devices.get(source.device)
-        if not isinstance(router, Router) or draft.layout.hosts[source.device] != draft.layout.hosts[host]:
-            continue
-        if problem := _wrong_port(draft, host, source, router):
+        if isinstance(router, Router) and (problem := _wrong_port(draft, host, source, router)):
             yield draft.wrong(Part("device", host), ("powered_by", "port"), *problem)
 
 
@@ -72,7 +78,7 @@ def _wrong_port(draft: Draft, host: str, source: PowerSource, router: Router) ->
     if any(other == source and name != host for name, other in _fed(draft)):
         return None  # two devices on one port: that is told, and which of them is right is not known
     link = _link_of(draft, host)
-    if link is not None and port.use is PortUse.LINK and port.link != link:
+    if link is not None and port.use is PortUse.LINK and port.link in _links_at(draft, host) - {link}:
         message = f"`{host}` carries link `{link}`, but port {port.name} leads to link `{port.link}`"
         return message, "power and data use one cable: " + _cable(router.ports, link)
     return None
@@ -83,16 +89,23 @@ def _cable(ports: tuple[Port, ...], link: str) -> str:
     return f"port: {right}" if right is not None else "name the port of its link"
 
 
-def _link_of(draft: Draft, host: str) -> str | None:
+def _links(draft: Draft, host: str) -> tuple[Bearer | ServedLink, ...]:
     site = draft.sites.get(draft.layout.hosts[host])
-    links: tuple[Bearer | ServedLink, ...] = (*site.bearers, *site.served_links) if site is not None else ()
-    return next((link.name for link in links if link.device == host), None)
+    return (*site.bearers, *site.served_links) if site is not None else ()
+
+
+def _links_at(draft: Draft, host: str) -> set[str | None]:
+    return {link.name for link in _links(draft, host)}
+
+
+def _link_of(draft: Draft, host: str) -> str | None:
+    return next((link.name for link in _links(draft, host) if link.device == host), None)
 
 
 def one_device_a_port(draft: Draft) -> Iterator[Finding]:
     """A port feeds one device."""
     seen: dict[tuple[str, str], str] = {}
-    for host, source in _fed(draft):
+    for host, source in _rightly_fed(draft):
         first = seen.setdefault((source.device, source.port), host)
         if first != host:
             where = draft.where(Part("device", first), "powered_by", "port")

@@ -106,7 +106,7 @@ def peers(draft: Draft) -> Iterator[Finding]:
         elif draft.kind_of(ptp.peer) not in {"cpe", None}:
             message = f"`{ptp.peer}` is a {draft.kind_of(ptp.peer)}, not the other end of the bridge"
             problem = (message, f"name the other end: {choices(known)}")
-        elif isinstance(peer, Cpe) and peer.ptp.peer != host and peer.ptp.peer in others:
+        elif isinstance(peer, Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
             where = draft.where(Part("device", ptp.peer), "ptp", "peer")
             problem = (
                 f"the peer `{ptp.peer}` has another peer, `{peer.ptp.peer}` ({where})",
@@ -124,7 +124,10 @@ def agree(draft: Draft) -> Iterator[Finding]:
         if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
             continue
         first = Part("device", ptp.peer)
-        for name in _SHARED:
+        shared = (
+            _SHARED if draft.pilot is None else [one for one in _SHARED if one != "country"]
+        )  # else told by `country`
+        for name in shared:
             here, there = getattr(ptp, name), getattr(other.ptp, name)
             if here != there:
                 said = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"

@@ -66,7 +66,7 @@ def examples_left(draft: Draft) -> Iterator[Finding]:
     for node in draft.nodes.values():
         for scalar in node.scalars():
             if what := _example(scalar.value):
-                message = f"this is still an example ({what}), but `example_values` is false ({where})"
+                message = f"{what} is still an example, but `example_values` is false ({where})"
                 hint = "write the real value, or set `example_values: true`"
                 yield Finding.at(scalar.mark, message, hint)
 
@@ -74,15 +74,15 @@ def examples_left(draft: Draft) -> Iterator[Finding]:
 def _example(value: object) -> str | None:
     text = value if isinstance(value, str) else ""
     if text.startswith(EXAMPLE_PREFIX):
-        return f"it begins with {EXAMPLE_PREFIX}"
+        return f"what begins with {EXAMPLE_PREFIX}"
     if any(text.lower().rstrip(".").endswith(f".{name}") or text.lower() == name for name in _EXAMPLE_NAMES):
-        return f"{text}, a name of RFC 2606"
+        return f"{text} (a name of RFC 2606)"
     try:
         address = IPv4Address(text.partition("/")[0].strip())
     except AddressValueError:
         return None
     if any(address in block for block in DOCUMENTATION):
-        return f"{text.strip()}, an address of RFC 5737"
+        return f"{text.strip()} (a documentation address, RFC 5737)"
     return None
 
 

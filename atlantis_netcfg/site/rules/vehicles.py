@@ -68,6 +68,9 @@ def aliases(draft: Draft) -> Iterator[Finding]:
 
 def partners(draft: Draft) -> Iterator[Finding]:
     """A vehicle's partner is declared."""
+    whole = draft.nodes.get(Part("partners"))
+    if whole is None or not isinstance(whole.value, dict):
+        return  # that is told
     known = draft.names("partner")
     for key, vehicle in draft.vehicles.items():
         if vehicle.partner is not None and vehicle.partner not in known:

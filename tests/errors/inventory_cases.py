@@ -1,0 +1,94 @@
+"""Golden cases: `<case>.yml` spoils a copy of the shipped inventory, `<case>.txt` is exactly what a person is told.
+
+An edit is one of `{file, old, new}` (`old` stands there exactly once), `{file, content}`, `{remove}`, `{rename, to}`.
+`python tests/errors/inventory_cases.py` writes the expected texts anew: read the difference before you commit it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TypedDict
+
+import yaml
+
+from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.site import report, validate
+
+HERE = Path(__file__).parent
+SHIPPED = HERE.parents[1] / "inventory"
+
+
+class Edit(TypedDict, total=False):
+    file: str
+    old: str
+    new: str
+    content: str
+    remove: str
+    rename: str
+    to: str
+
+
+class Case(TypedDict):
+    why: str
+    edits: list[Edit]
+
+
+def cases() -> list[Path]:
+    return sorted(HERE.glob("*.yml"))
+
+
+def load(path: Path) -> Case:
+    case: Case = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return case
+
+
+def spoil(case: Case, folder: Path) -> Path:
+    """A copy of the shipped inventory in `folder`, with the case's edits."""
+    inventory = folder / "inventory"
+    shutil.copytree(SHIPPED, inventory)
+    for edit in case["edits"]:
+        _apply(edit, inventory)
+    return inventory
+
+
+def _apply(edit: Edit, inventory: Path) -> None:
+    if "remove" in edit:
+        (inventory / edit["remove"]).unlink()
+    elif "rename" in edit:
+        target = inventory / edit["to"]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        (inventory / edit["rename"]).rename(target)
+    elif "content" in edit:
+        path = inventory / edit["file"]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(edit["content"], encoding="utf-8")
+    else:
+        path = inventory / edit["file"]
+        text = path.read_text(encoding="utf-8")
+        if text.count(edit["old"]) != 1:
+            raise ValueError(f"{path}: not exactly once: {edit['old']!r}")
+        path.write_text(text.replace(edit["old"], edit["new"]), encoding="utf-8")
+
+
+def told() -> str:
+    """What a person reads who validates `inventory` in the current directory."""
+    try:
+        return report(validate(Path("inventory"))) + "\n"
+    except NothingMatched as error:
+        return f"{error}\n  -> {error.hint}\n"
+
+
+def _regenerate() -> None:
+    for path in cases():
+        with tempfile.TemporaryDirectory() as folder:
+            spoil(load(path), Path(folder))
+            os.chdir(folder)
+            path.with_suffix(".txt").write_text(told(), encoding="utf-8")
+            os.chdir(HERE)
+
+
+if __name__ == "__main__":
+    _regenerate()

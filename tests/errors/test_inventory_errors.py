@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import inventory_cases
+import pytest
+
+from atlantis_netcfg.site import InventoryInvalid, load, validate
+from atlantis_netcfg.site._words import FALLBACK
+
+
+@pytest.mark.parametrize("path", inventory_cases.cases(), ids=lambda path: path.stem)
+def test_told(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    inventory_cases.spoil(inventory_cases.load(path), tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert inventory_cases.told() == path.with_suffix(".txt").read_text(encoding="utf-8")
+
+
+def test_enough_cases() -> None:
+    assert len(inventory_cases.cases()) >= 60
+
+
+def test_every_text_has_its_case() -> None:
+    texts = {path.stem for path in inventory_cases.HERE.glob("*.txt")}
+    assert texts == {path.stem for path in inventory_cases.cases()}
+
+
+@pytest.mark.parametrize("path", sorted(inventory_cases.HERE.glob("*.txt")), ids=lambda path: path.stem)
+def test_in_a_technicians_words(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    foreign = ("pydantic", "Input should", "yaml.", "Error", "Traceback", "NoneType", "None", "__", FALLBACK)
+    assert [word for word in foreign if word in text] == []
+    assert all(line.startswith("  -> ") and line.strip() != "->" for line in text.splitlines()[1:-1:2])
+
+
+def test_shipped_inventory_is_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(inventory_cases.SHIPPED.parent)
+    assert validate(Path("inventory")) == []
+
+
+def test_load_raises_what_validate_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    inventory = inventory_cases.spoil(
+        {"why": "", "edits": [{"file": "group_vars/all/pilot.yml", "old": "country:", "new": "contry:"}]}, tmp_path
+    )
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InventoryInvalid) as caught:
+        load(inventory)
+    assert list(caught.value.findings) == validate(Path("inventory"))
+    assert [str(error).split(" ", 1)[0] for error in caught.value.errors] == [
+        "inventory/group_vars/all/pilot.yml:10:3:"
+    ]
