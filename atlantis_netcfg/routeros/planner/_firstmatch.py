@@ -82,11 +82,13 @@ def plan_first_match(menu: Menu, items: Iterable[Item], rows: Iterable[Row], con
     return lists.report
 
 
-def _content(menu: Menu, values: Mapping[str, str]) -> _Content:
-    """Return everything of a row that matches or decides, in canonical form."""
+def _content(menu: Menu, values: Mapping[str, str], *, whole: bool = False) -> _Content:
+    """Return everything of a row that matches or decides, in canonical form; `whole` adds what does neither."""
     fields = [menu.by_name[name] for name in values if name in menu.by_name]
-    content = [(each.name, each.form(values[each.name])) for each in fields if not each.cosmetic and not each.keep]
-    return tuple(sorted((name, form) for name, form in content if form != menu.by_name[name].absent))
+    content = [
+        (each, each.form(values[each.name])) for each in fields if not each.keep and (whole or not each.cosmetic)
+    ]
+    return tuple(sorted((each.name, form) for each, form in content if form != each.absent))
 
 
 def _keep(lists: _Lists, old: Sequence[_Content], new: Sequence[_Content]) -> None:
@@ -96,12 +98,22 @@ def _keep(lists: _Lists, old: Sequence[_Content], new: Sequence[_Content]) -> No
     for place, item in enumerate(lists.new):
         chains.setdefault(lists.chain(item.given), ([], []))[1].append(place)
     for olds, news in chains.values():
-        pairs = common([old[place] for place in olds], [new[place] for place in news])
+        pairs = _common(lists, olds, news)
+        if len(pairs) < len(news):
+            pairs = common([old[place] for place in olds], [new[place] for place in news])
         lists.kept.update((news[j], olds[i]) for i, j in pairs)
     staying = set(lists.kept.values())
     for place, content in enumerate(old):
         if place not in staying:
             lists.spare.setdefault(content, []).append(place)
+
+
+def _common(lists: _Lists, olds: list[int], news: list[int]) -> list[tuple[int, int]]:
+    """Pair rows that are equal to the last comment: of several rows of one content the right one is known by that."""
+    return common(
+        [_content(lists.menu, lists.old[place], whole=True) for place in olds],
+        [_content(lists.menu, lists.new[place].given, whole=True) for place in news],
+    )
 
 
 def _insert(lists: _Lists, new: Sequence[_Content]) -> None:
