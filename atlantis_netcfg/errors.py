@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import ClassVar
 
 __all__ = [
     "DeviceFailed",
@@ -31,7 +30,7 @@ class ExitCode(IntEnum):
 class NetcfgError(Exception):
     """Root of every error that a person may see: `str()` says what is wrong, `hint` what to type next."""
 
-    exit: ClassVar[ExitCode] = ExitCode.OUR_FAULT
+    exit: ExitCode = ExitCode.OUR_FAULT
 
     def __init__(self, message: str, *, hint: str | None = None) -> None:
         super().__init__(message)

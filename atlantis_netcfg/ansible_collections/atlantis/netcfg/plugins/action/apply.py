@@ -1,8 +1,8 @@
 """Action `atlantis.netcfg.apply`: all network devices of the play in one process, one task for the whole play.
 
-It runs once for the whole play (`BYPASS_HOST_LOOP`), because a device's session, its safe mode and its verification must
-live in one process. The result is registered on the first live host; `per_host` holds one entry a device. `failed` is left
-to an ordinary assert per host, so that one dead device does not stop the play for the others.
+It runs once for the whole play (`BYPASS_HOST_LOOP`), because a device's session, its safe mode and its verification
+must live in one process. `per_host` of its result holds one entry a device. `failed` is left to an ordinary assert per
+host, so that one dead device does not stop the play for the others.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Stdout callback `atlantis.netcfg.events`: says nothing but what went wrong, since `provision` shows progress itself."""
+"""Stdout callback `atlantis.netcfg.events`: only what went wrong, since `provision` shows progress itself."""
 
 from __future__ import annotations
 

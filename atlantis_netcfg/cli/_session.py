@@ -1,0 +1,138 @@
+"""What the commands that run a playbook share: declaration, hosts, progress, and the closing words."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import paths
+from atlantis_netcfg.cli._playbook import play
+from atlantis_netcfg.cli._progress import progress
+from atlantis_netcfg.errors import ExitCode, NothingMatched
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.report.run import RunReport
+from atlantis_netcfg.site import choose, load
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["Session", "session"]
+
+
+@dataclass(slots=True)
+class Session:
+    """One command line's view of a site while its playbook runs."""
+
+    arguments: Arguments
+    declaration: Declaration
+    site: str
+    hosts: tuple[Host, ...]
+    rehearsal: Rehearsal | None
+    state: Path
+    via: str | None = None
+
+    @property
+    def rehearsed(self) -> bool:
+        """Whether the devices are emulated."""
+        return self.rehearsal is not None
+
+    @property
+    def store(self) -> Store:
+        """Journals and saved states of the site."""
+        return Store(self.state, rehearsed=self.rehearsed)
+
+    def narrow(self, names: Sequence[str]) -> None:
+        """Go on with these hosts only. Raises NothingMatched when none is left."""
+        self.hosts = tuple(host for host in self.hosts if host.name in names)
+        if not self.hosts:
+            raise NothingMatched(
+                "nothing to do for any device of that run", hint="`provision runs` lists what is there"
+            )
+
+    @property
+    def as_json(self) -> bool:
+        """Whether a program reads the output."""
+        return self.arguments.flag("json")
+
+    def perform(self, mode: Mode, *, plans: Mapping[str, str] | None = None, run: str | None = None) -> RunReport:
+        """Run the playbook once for the hosts that a role handles."""
+        asked = [host for host in self.hosts if handled(host)]
+        request = Request(
+            state=self.state,
+            mode=mode,
+            rehearsed=self.rehearsed,
+            targets=self.rehearsal.targets if self.rehearsal else {},
+            via={host.name: self.via for host in asked} if self.via else {},
+            plans=dict(plans) if plans is not None else None,
+            run=run,
+            command=shlex.join(["provision", *sys.argv[1:]]),
+        )
+        with progress(quiet=self.as_json) as notify:
+            outcome = play(paths.checkout(), self.declaration.root, [host.name for host in asked], request, notify)
+        return RunReport(
+            site=self.site,
+            rehearsed=self.rehearsed,
+            devices=outcome.devices,
+            not_handled={host.name: host.device.kind for host in self.hosts if not handled(host)},
+            not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
+            runs=tuple(outcome.runs.values()),
+        )
+
+    def rehearse(self) -> RunReport:
+        """The run and, as every change must converge, the same run again."""
+        first = self.perform(Mode.APPLY)
+        if self.arguments.flag("verbose"):
+            self.show_plan(first)
+        if first.exit is not ExitCode.DONE:
+            return first
+        second = self.perform(Mode.APPLY)
+        again = {name: int(result["planned"]) for name, result in second.devices.items()}
+        return replace(first, second_pass=again)
+
+    def show_plan(self, report: RunReport) -> None:
+        """Print the changes in the device's own language, and what they cost."""
+        if self.as_json:
+            return
+        for name, result in report.devices.items():
+            print(f"{name}:")
+            print(result["diff"].rstrip() or "  nothing to change")
+            print()
+
+    def close(self, report: RunReport) -> ExitCode:
+        """Print how it ended."""
+        print(json.dumps(report.as_json(), ensure_ascii=False) if self.as_json else report.as_text())
+        return report.exit
+
+
+@contextmanager
+def session(arguments: Arguments, *, rehearse: bool = False, via: str | None = None) -> Iterator[Session]:
+    """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context."""
+    named = arguments.optional("inventory")
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    only = arguments.many("only") if arguments.command.word("only") else ()
+    hosts = choose(declaration, arguments.word("site"), only)
+    _require_handled(hosts)
+    with ExitStack() as stack:
+        twins = None
+        if rehearse:
+            from atlantis_netcfg.operations.rehearsal import rehearsal
+
+            twins = stack.enter_context(rehearsal(declaration, hosts, via))
+        yield Session(arguments, declaration, arguments.word("site"), hosts, twins, paths.state_dir(), via)
+
+
+def _require_handled(hosts: tuple[Host, ...]) -> None:
+    if not any(handled(host) for host in hosts):
+        kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
+        raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")

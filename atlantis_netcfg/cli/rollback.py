@@ -1,0 +1,43 @@
+"""`provision rollback`: put back what a device was before a run, guarded like any other change."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "rollback",
+    "put a site's devices back to what they were before a run",
+    words=(
+        Word("site", "the site of the run", required=True, example="coastal"),
+        Word("to", "the run, as `provision runs` lists it: its saved state is put back", required=True, example="RUN"),
+        Word("only", "only these hosts of it", many=True, example="coastal-router"),
+        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+    ),
+    flags=(Flag("yes", "do not ask before changing devices"), JSON, VERBOSE),
+    details="Secrets are not in the saved state: what the device holds of them stays.",
+    changes=True,
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Ask, then roll back every device of which the run has saved a state."""
+    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.operations import Mode
+
+    with session(arguments) as opened:
+        saved = opened.store.run(opened.site, arguments.word("to"))
+        opened.narrow([host.name for host in opened.hosts if saved.before(host.name) is not None])
+        question = f"Put {', '.join(host.name for host in opened.hosts)} back to before run {saved.id}"
+        if not arguments.flag("yes"):
+            agreed(question)
+        report = opened.perform(Mode.ROLLBACK, run=saved.id)
+    return opened.close(report)

@@ -1,0 +1,71 @@
+"""`provision site=coastal`: plan, ask, change, verify."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.report.run import RunReport
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "run",
+    "bring a site to its declared state, guarded, and read back what came of it",
+    words=(
+        Word("site", "the site, or `all`", required=True, example="coastal"),
+        Word("only", "only these hosts of it", many=True, example="coastal-router"),
+        Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
+        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+    ),
+    flags=(
+        Flag("plan", "show what would change and what it costs, change nothing"),
+        Flag("rehearse", "the same run against emulated devices of the site"),
+        Flag("yes", "do not ask before changing devices"),
+        JSON,
+        VERBOSE,
+    ),
+    changes=True,
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Plan, ask, apply, read back."""
+    from atlantis_netcfg.cli._session import session
+
+    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
+        if arguments.flag("plan"):
+            report = _plan(opened)
+        elif opened.rehearsed:
+            report = opened.rehearse()
+        else:
+            report = _apply(opened, ask=not arguments.flag("yes"))
+    return opened.close(report)
+
+
+def _plan(opened: Session) -> RunReport:
+    from atlantis_netcfg.operations import Mode
+
+    report = opened.perform(Mode.PLAN)
+    opened.show_plan(report)
+    return report
+
+
+def _apply(opened: Session, *, ask: bool) -> RunReport:
+    """Change the devices; a person agrees to the plan that is shown, and only that plan is applied."""
+    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.operations import Mode
+
+    if not ask:
+        return opened.perform(Mode.APPLY)
+    planned = _plan(opened)
+    if planned.exit is not ExitCode.CHANGES:
+        return planned
+    changing = [name for name, result in planned.devices.items() if result["planned"]]
+    agreed(f"Change {', '.join(changing)} now")
+    return opened.perform(Mode.APPLY, plans={name: one["plan_hash"] for name, one in planned.devices.items()})

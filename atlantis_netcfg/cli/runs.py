@@ -1,0 +1,84 @@
+"""`provision runs`: what ran, how it ended, and what is still open."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+from atlantis_netcfg.errors import ExitCode, NothingMatched
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.journal import Run, Store
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "runs",
+    "list the runs that changed something or tried to, and what is still open",
+    words=(Word("site", "only the runs of this site", example="coastal"),),
+    flags=(Flag("rehearsed", "the runs of rehearsals instead of real ones"), JSON),
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """List them, oldest first; exit 7 when there is none."""
+    import json
+
+    from atlantis_netcfg import paths
+    from atlantis_netcfg.journal import Store
+
+    store = Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
+    listed = [row for site in _sites(store, arguments.optional("site")) for row in _rows(store, site)]
+    if not listed:
+        raise NothingMatched("there are no runs", hint="`provision site=NAME` makes the first one")
+    if arguments.flag("json"):
+        print(json.dumps({"exit": int(ExitCode.DONE), "errors": [], "runs": listed}, ensure_ascii=False))
+    else:
+        print("\n".join(_line(row) for row in listed))
+    return ExitCode.DONE
+
+
+def _sites(store: Store, site: str | None) -> tuple[str, ...]:
+    known = store.sites()
+    if site is None:
+        return known
+    if site not in known:
+        raise NothingMatched(
+            f"there are no runs of `{site}`", hint=f"there are runs of: {', '.join(known) or 'no site'}"
+        )
+    return (site,)
+
+
+def _rows(store: Store, site: str) -> Iterator[dict[str, Any]]:
+    open_runs = {unfinished.id for unfinished in store.unfinished(site)}
+    for one in store.runs(site):
+        yield _row(one, site, unfinished=one.id in open_runs)
+
+
+def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
+    started = one.started
+    hosts = started.hosts if started else ()
+    return {
+        "run": one.id,
+        "site": site,
+        "exit": one.exit,
+        "unfinished": unfinished,
+        "command": started.command if started else "",
+        "devices": {
+            host: {
+                "status": outcome.status if (outcome := one.outcomes.get(host)) else "not reached",
+                "confirmed": len(one.confirmed(host)),
+                "saved_state": one.before(host) is not None,
+            }
+            for host in hosts
+        },
+    }
+
+
+def _line(row: dict[str, Any]) -> str:
+    end = "UNFINISHED, see `provision resume`" if row["unfinished"] else f"exit {row['exit']}"
+    devices = ", ".join(f"{name} {told['status']} ({told['confirmed']})" for name, told in row["devices"].items())
+    return f"{row['run']}  {row['site']:<10} {end}  {devices}"

@@ -1,0 +1,37 @@
+"""What a session to a device runs over: the declared bearer, or the cable on the management port."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.routeros import Bearer
+from atlantis_netcfg.site.model import Router
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["LAN", "bearer_of"]
+
+LAN = Bearer(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
+"""The technician's cable: an ordinary 100 Mbit/s port."""
+
+
+def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> Bearer:
+    """The bearer to a router; `via` overrides the declared one. Raises UsageError if the site has no such bearer."""
+    device = host.device
+    name = via or (device.access.via if isinstance(device, Router) else LAN.name)
+    if name == LAN.name:
+        return LAN
+    bearers = {bearer.name: bearer for bearer in declaration.sites[host.site].bearers}
+    if name not in bearers:
+        known = ", ".join([LAN.name, *bearers])
+        raise UsageError(f"`via={name}`: {host.site} has no such bearer", hint=f"it has: {known}")
+    bearer = bearers[name]
+    return Bearer(
+        name=name,
+        rtt_s=bearer.rate.rtt_ms / 1000,
+        rate_up_bps=bearer.rate.up_kbps * 1000,
+        rate_down_bps=bearer.rate.down_kbps * 1000,
+        metered=bearer.metered,
+    )

@@ -1,0 +1,47 @@
+"""From a declared host to the engine's job: rendered text, endpoint, bearer, and where to record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros import DeviceJob, Endpoint, desired
+from atlantis_netcfg.site.model import Router
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["device_job"]
+
+
+def device_job(
+    declaration: Declaration, host: Host, request: Request, journal: Recorder, notify: Subscriber
+) -> DeviceJob:
+    """Build the job of one router."""
+    device = host.device
+    assert isinstance(device, Router)  # noqa: S101 - playbooks/site.yml asks for routers only
+    pins = Store(request.state, rehearsed=request.rehearsed).pins
+    return DeviceJob(
+        name=host.name,
+        site=host.site,
+        endpoint=_endpoint(host, device, request, pins.get(host.name)),
+        desired=desired.read(router(declaration, host), source=f"the desired text of {host.name}"),
+        bearer=bearer_of(declaration, host, request.via.get(host.name)),
+        events=notify,
+        journal=journal,
+        pin=pins.pin,
+        agreed=None if request.plans is None else request.plans.get(host.name, ""),
+    )
+
+
+def _endpoint(host: Host, device: Router, request: Request, pin: str | None) -> Endpoint:
+    access = device.access
+    if not request.rehearsed:
+        return Endpoint(str(access.address), access.port, access.user, access.password, pin)
+    target = request.targets[host.name]
+    return Endpoint(target.host, target.port, access.user, access.password, target.pin)

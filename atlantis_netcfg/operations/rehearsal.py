@@ -1,0 +1,98 @@
+"""The emulated devices of a site, started for one command: adopted, empty, and as far away as their bearer is.
+
+"Adopted" is what `provision adopt` leaves behind: our user, a certificate on api-ssl, and the management address on the
+management port, nothing else. A rehearsal therefore shows the first configuration of the site.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass
+from ipaddress import IPv4Interface
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.render import prerequisites
+from atlantis_netcfg.site.model import PortUse, Router
+from atlantis_netcfg.twin import (
+    NOT_REHEARSED,
+    Link,
+    Management,
+    RouterSpec,
+    SiteSpec,
+    SpawnedSite,
+    TwinSpec,
+    User,
+    spawn,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["Rehearsal", "rehearsal", "site_spec"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """Running twins."""
+
+    targets: Mapping[str, Target]
+    not_rehearsed: tuple[str, ...]
+    twins: SpawnedSite
+
+    def export(self, name: str) -> str:
+        """What the twin's own `/export` says now."""
+        return str(self.twins.do(name, "export"))
+
+
+@contextmanager
+def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> Iterator[Rehearsal]:
+    """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
+    routers = [host for host in hosts if handled(host)]
+    with (
+        tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
+        spawn(site_spec(declaration, routers, via), Path(folder)) as twins,
+    ):
+        targets = {
+            name: Target(host=ready["host"], port=ready["api_ssl"], pin=ready["pin"])
+            for name, ready in twins.ready.items()
+        }
+        yield Rehearsal(targets, NOT_REHEARSED, twins)
+
+
+def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> SiteSpec:
+    """Describe the twins of these routers."""
+    name = ",".join(sorted({host.site for host in hosts}))
+    return SiteSpec(name=name, twins=tuple(_twin(declaration, host, via) for host in hosts))
+
+
+def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
+    device = host.device
+    assert isinstance(device, Router)  # noqa: S101 - `handled` has said so
+    bearer = bearer_of(declaration, host, via)
+    return TwinSpec(
+        router=RouterSpec(
+            name=host.name,
+            ports=tuple(port.name for port in device.ports),
+            poe_ports=tuple(port.name for port in device.ports if port.poe is not None),
+            users=(User(name=device.access.user, password=device.access.password.reveal()),),
+            management=_management(declaration, host, device),
+            certificates=tuple(one.name for one in prerequisites(declaration, host) if one.menu == "/certificate"),
+        ),
+        link=Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps),
+    )
+
+
+def _management(declaration: Declaration, host: Host, device: Router) -> Management:
+    network = declaration.sites[host.site].management
+    return Management(
+        address=str(IPv4Interface(f"{device.access.address}/{network.network.prefixlen}")),
+        port=next(port.name for port in device.ports if port.use is PortUse.MANAGEMENT),
+        technician=str(network.technician),
+    )
