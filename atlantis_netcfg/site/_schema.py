@@ -15,7 +15,7 @@ from atlantis_netcfg.site.model import Device
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["DEVICES", "at", "choices_of", "item_of", "model_of", "optional", "unwrap", "wanted"]
+__all__ = ["DEVICES", "MODEL", "at", "choices_of", "item_of", "model_of", "optional", "unwrap", "wanted"]
 
 
 def unwrap(annotation: Any) -> Any:  # noqa: ANN401 - a type, whatever it is
@@ -96,3 +96,5 @@ DEVICES: dict[str, type[BaseModel]] = {
     get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(unwrap(Device))
 }
 """`kind` -> the model of its device."""
+MODEL = "atlantis_netcfg.site.model"
+"""The package that holds the models."""

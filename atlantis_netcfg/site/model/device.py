@@ -47,24 +47,31 @@ class PowerSource(Model):
     """The PoE port that feeds a device."""
 
     device: HostName
+    """The router of the same site."""
     port: PortName
+    """A port of it that has `poe`."""
 
 
 class _Box(Model):
     model: Text | None = None
     """What is printed on it; null until the partner has told."""
     mac: MacAddress | None = None
+    """Of its network card."""
     powered_by: PowerSource | None = None
+    """None if it has a supply of its own."""
 
 
 class Access(Model):
     """How the toolkit reaches a RouterOS device."""
 
     address: Address
+    """A router's on its management port, a CPE's in the network of its link."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 8729
     """Of service `api-ssl`."""
     user: Text = "provision"
+    """In group `full`."""
     password: SecretText
+    """Vaulted, or EXAMPLE-…."""
     via: Name = "lan"
     """`lan` from the management port, or the bearer over which the technician works."""
 
@@ -81,7 +88,9 @@ class Poe(Model):
     """Power on a port; 0 is the last to be cut when power is short."""
 
     out: PoeMode = PoeMode.AUTO_ON
+    """RouterOS' `poe-out`."""
     priority: Annotated[StrictInt, Field(ge=0, le=99)] = 10
+    """RouterOS' `poe-priority`."""
 
 
 class PortUse(StrEnum):
@@ -113,6 +122,7 @@ class VpnClient(Model):
     user: Annotated[Text, Field(max_length=27)]
     """RouterOS sends one even with certificates, 27 characters at most (MikroTik manual, OpenVPN)."""
     password: SecretText
+    """Vaulted, or EXAMPLE-…."""
     address: Address
     """Its fixed tunnel address, inside the infrastructure pool."""
 
@@ -122,7 +132,9 @@ class Forward(Model):
 
     transport: Transport
     port: Annotated[StrictInt, Field(ge=1, le=65535)]
+    """The same outside and inside."""
     to: HostName
+    """A host of the site's LAN."""
 
 
 class Router(_Box):
@@ -131,8 +143,11 @@ class Router(_Box):
     kind: Literal["router"]
     access: Access
     ports: Annotated[tuple[Port, ...], Field(min_length=2)]
+    """Every port of the box, also those that are off."""
     vpn_client: VpnClient | None = None
+    """None where another host is the site's end of the VPN."""
     forwards: tuple[Forward, ...] = ()
+    """What the public address lets in."""
 
 
 class PtpMode(StrEnum):

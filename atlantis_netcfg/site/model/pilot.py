@@ -45,6 +45,7 @@ class Vpn(Model):
     endpoint_name: DnsName
     """DNS name in the server's certificate; RouterOS compares it with what it connects to."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 1194
+    """Public port of the server, the same that its own router forwards."""
     transport: Transport = Transport.UDP
     network: Network
     """All tunnel addresses; the pools below and those of the partners lie inside."""
@@ -104,10 +105,13 @@ class Pilot(Model):
     """Values that every site shares."""
 
     name: Text
+    """What the pilot is called in reports."""
     example_values: StrictBool
     """True while the inventory holds the shipped example values: only rehearsals may use them."""
     country: Literal["portugal", "belgium"]
     """Regulatory domain of the radios, RouterOS' own word."""
     time_zone: Text
+    """Name of the IANA database; the clocks of all devices show it."""
     time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]
+    """In order of preference."""
     vpn: Vpn

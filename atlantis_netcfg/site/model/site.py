@@ -32,25 +32,33 @@ class Reservation(Model):
     """A DHCP address that always goes to the same network card."""
 
     name: Name
+    """Of the device that gets it; a host's own name where it is one of the inventory."""
     mac: MacAddress
+    """Of its network card."""
     address: Address
+    """In the LAN, outside the DHCP range."""
 
 
 class DhcpRange(Model):
     """Addresses that are handed to unknown devices."""
 
     first: Address
+    """Of the range."""
     last: Address
+    """Of the range, included."""
     lease_minutes: Annotated[StrictInt, Field(ge=2, le=10080)] = 60
+    """How long an address stays with a device that went silent."""
 
 
 class Lan(Model):
     """The site's local network: robots, gateway, operator stations."""
 
     network: Network
+    """Room for a router, a gateway computer and robots: /29 or larger."""
     gateway: Address
     """The router's own address in it."""
     domain: DnsName
+    """DNS suffix of the LAN's names."""
     dhcp: DhcpRange
     reservations: tuple[Reservation, ...] = ()
 
@@ -59,6 +67,7 @@ class Management(Model):
     """The network of the router's management port, where a technician's laptop stands."""
 
     network: Network
+    """Apart from the LAN."""
     technician: Address
     """Address of the laptop on that port."""
     admit: Annotated[tuple[Network, ...], Field(min_length=1)]
@@ -78,15 +87,20 @@ class LinkRate(Model):
     """What a bearer can do, for estimates and rehearsals."""
 
     rtt_ms: Annotated[StrictFloat, Field(gt=0, le=5000)]
+    """Round trip to the control centre, in milliseconds."""
     up_kbps: Annotated[StrictFloat, Field(gt=0)]
+    """From the site, in kbit/s."""
     down_kbps: Annotated[StrictFloat, Field(gt=0)]
+    """To the site, in kbit/s."""
 
 
 class AllowedTarget(Model):
     """A destination that may be reached over the satellite."""
 
     name: Text
+    """What it is for."""
     address: Address
+    """One host; a network cannot be admitted."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None admits every port; with a port, `transport` says of which protocol."""
     transport: Transport = Transport.UDP
@@ -100,10 +114,13 @@ class Bearer(Model):
     device: HostName | None = None
     """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
     metered: StrictBool
+    """True if every byte costs."""
     network: Network
+    """Between the router and the next hop."""
     address: Address
     """The router's own address in `network`."""
     gateway: Address
+    """The next hop."""
     canaries: tuple[Address, ...] = ()
     """Two addresses beyond the link, pinged over it and used for nothing else; none: the link is not probed."""
     rate: LinkRate
@@ -135,6 +152,7 @@ class Site(Model):
     """A place of the pilot."""
 
     title: Text
+    """What people call the place."""
     lan: Lan
     management: Management
     bearers: Annotated[tuple[Bearer, ...], Field(min_length=1)]
