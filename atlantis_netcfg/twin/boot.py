@@ -9,7 +9,7 @@ from atlantis_netcfg.twin.commands._complete import mac_of
 from atlantis_netcfg.twin.console.run import run_file
 from atlantis_netcfg.twin.menus import INTERFACES, MODELLED, Menu, Shape
 from atlantis_netcfg.twin.store import Item
-from atlantis_netcfg.twin.values import reference
+from atlantis_netcfg.twin.values import reference, spell
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.core import Core
@@ -49,8 +49,8 @@ def _factory(core: Core, menu: Menu) -> None:
         table.items.append(Item(core.store.new_id(menu.path), {}, dict(row), dynamic=menu.factory_dynamic))
     for item in table.items:
         known = {name: value for name, value in (item.factory or {}).items() if name in {*table.args, "name"}}
-        item.factory = known
         item.values = {name: _parse(core, menu, name, value) for name, value in known.items()}
+        item.factory = {name: spell(value, core.store) for name, value in item.values.items()}
 
 
 def _parse(core: Core, menu: Menu, name: str, value: str) -> str:

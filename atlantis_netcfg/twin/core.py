@@ -75,6 +75,9 @@ class Core:
         """Properties of certificates that whoever made them knows: fingerprint, validity."""
         self.ran: dict[int, float] = {}
         """When each job of the scheduler ran last."""
+        self.run_counts: dict[int, int] = {}
+        self.expires: dict[int, float] = {}
+        """When dynamic entries of address lists go."""
         self.scheduled_since: dict[int, float] = {}
         """When each job was seen first: what should have run before will not."""
         self.boot_clock = spec.clock
@@ -101,9 +104,14 @@ class Core:
         """What the router's clock shows at a time of `now`."""
         return self.boot_clock + timedelta(seconds=when - self.started)
 
-    def resume(self, clock: datetime) -> None:
-        """Go on with the clock of before a restart."""
-        self.boot_clock = clock
+    def resume(self, before: Core) -> None:
+        """Go on with the clock of before a restart, and with the numbers of its sessions."""
+        self.boot_clock = before.time()
+        self._numbers = before.number()
+
+    def set_clock(self, moment: datetime) -> None:
+        """Let the clock show `moment` now."""
+        self.boot_clock += moment - self.time()
 
     def stamp(self, moment: datetime | None = None) -> str:
         """Write a moment as this version does: `2026-01-31 12:00:00`, before 7.10 `jan/31/2026 12:00:00`."""

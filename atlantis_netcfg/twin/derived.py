@@ -139,6 +139,15 @@ def _firewall(topology: Topology, item: Item) -> Properties:
     return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _truth(gone)}
 
 
+def _ntp(topology: Topology, item: Item) -> Properties:
+    enabled = topology.store.text(topology.store.table("/system/ntp/client"), item, "enabled") == "yes"
+    return {"freq-drift": "0", "status": "waiting" if enabled else "stopped"}
+
+
+def _dns(_topology: Topology, _item: Item) -> Properties:
+    return {"dynamic-servers": "", "cache-used": "25"}
+
+
 _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
     "/interface/bridge": _bridge,
     "/interface/bridge/port": _port,
@@ -148,7 +157,9 @@ _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
     "/ip/dhcp-server": _dhcp_server,
     "/ip/dhcp-client": _dhcp_client,
     "/ip/dhcp-server/lease": _lease,
+    "/ip/dns": _dns,
     "/ip/route": _route,
+    "/system/ntp/client": _ntp,
     "/routing/table": _table,
     "/routing/rule": _rule,
     "/ip/firewall/filter": _firewall,

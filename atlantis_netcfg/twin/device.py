@@ -102,7 +102,10 @@ class Device:
             digest = hashlib.md5(b"\0" + known.encode() + bytes.fromhex(challenge))  # noqa: S324 - RouterOS' protocol
             return hmac.compare_digest(f"00{digest.hexdigest()}", response.lower())
 
-        return self._open(user, right, via, address)
+        try:
+            return self._open(user, right, via, address)
+        except Trap as refused:
+            raise Trap("cannot log in") from refused
 
     def _open(self, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
         self.tick()
@@ -194,7 +197,7 @@ class Device:
 
     def due(self) -> float | None:
         """When, on the `now` clock, `tick` has something to do; None if nothing is scheduled."""
-        moments = [*self._lost.values(), self._unroll_at, next_run(self._core)]
+        moments = [*self._lost.values(), *self._core.expires.values(), self._unroll_at, next_run(self._core)]
         return min((moment for moment in moments if moment is not None), default=None)
 
     def tick(self) -> None:
@@ -208,8 +211,18 @@ class Device:
             if holder is not None and holder.number not in self._core.sessions:
                 self._core.history.unroll(self._core.store)
                 self._core.note("system,info", f"safe mode of {holder.user} undone")
+        self._expire(now)
         run_due(self._core)
         emit(self._core)
+
+    def _expire(self, now: float) -> None:
+        """Let entries of address lists go whose time is over; that is no action of the history."""
+        core, path = self._core, "/ip/firewall/address-list"
+        for number in [number for number, when in core.expires.items() if when <= now]:
+            del core.expires[number]
+            if (item := core.store.table(path).find(number)) is not None:
+                core.store.remove(path, item)
+                core.store.changes.clear()
 
     def reboot(self) -> None:
         """Restart: all sessions and safe mode end (with undo), history is empty, the rest stays as on flash."""
@@ -275,9 +288,8 @@ class Device:
     def restore(self, flash: Mapping[str, Any]) -> None:
         """Boot from what `snapshot` returned; sessions, safe mode and history are gone."""
         revision = self._core.store.revision
-        clock = self._core.time()
-        self._core = Core(self.spec, self._now)
-        self._core.resume(clock)
+        before, self._core = self._core, Core(self.spec, self._now)
+        self._core.resume(before)
         self._core.store.load(flash["configuration"])
         self._core.store.revision = revision + 1
         self._core.files = {name: File(*parts) for name, parts in flash["files"].items()}

@@ -10,7 +10,7 @@ from atlantis_netcfg.twin.spec import Mode
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.spec import RouterSpec
 
-__all__ = ["FEATURES", "FLAGGED", "INACTIVE", "NOT_ALLOWED", "SUSPICIOUS", "allowed"]
+__all__ = ["COMMANDS", "FEATURES", "FLAGGED", "INACTIVE", "NOT_ALLOWED", "SUSPICIOUS", "allowed"]
 
 NOT_ALLOWED = "failure: not allowed by device-mode"
 INACTIVE = "inactivated, not allowed by device-mode"
@@ -47,6 +47,20 @@ FEATURES: dict[str, frozenset[Mode]] = {
     "routerboard": _NOBODY,
 }
 """Modes in which a feature is allowed."""
+
+
+COMMANDS = {
+    "/system/package/downgrade": "install-any-version",
+    "/tool/bandwidth-test": "bandwidth-test",
+    "/tool/e-mail/send": "email",
+    "/tool/fetch": "fetch",
+    "/tool/romon/ping": "romon",
+    "/tool/sniffer/quick": "sniffer",
+    "/tool/sniffer/start": "sniffer",
+    "/tool/traffic-generator/quick": "traffic-gen",
+    "/tool/traffic-generator/start": "traffic-gen",
+}
+"""Commands that are refused where their feature is not allowed."""
 
 
 def allowed(spec: RouterSpec, feature: str) -> bool:

@@ -34,6 +34,7 @@ def run_due(core: Core) -> None:
         if when > now:
             continue
         core.ran[item.id] = now
+        core.run_counts[item.id] = core.run_counts.get(item.id, 0) + 1
         script = item.values.get("on-event", "")
         error = run_script(core, SYSTEM, script).error
         if error is not None:

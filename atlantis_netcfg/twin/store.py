@@ -204,7 +204,11 @@ class Store:
         return {
             "counters": dict(self.counters),
             "tables": {
-                path: [[item.id, dict(item.values), item.factory, item.dynamic] for item in table.items]
+                path: [
+                    [item.id, dict(item.values), item.factory, item.dynamic]
+                    for item in table.items
+                    if not item.dynamic or item.factory is not None
+                ]
                 for path, table in sorted(self.tables.items())
             },
         }

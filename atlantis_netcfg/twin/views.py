@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.derived import dynamic_rows, properties
+from atlantis_netcfg.twin.devicemode import INACTIVE, allowed
 from atlantis_netcfg.twin.menus import Shape
-from atlantis_netcfg.twin.values import id_text, spell
+from atlantis_netcfg.twin.values import id_text, interval, spell
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
+    from atlantis_netcfg.twin.answers import Caller
     from atlantis_netcfg.twin.core import Core
     from atlantis_netcfg.twin.menus import Arg
     from atlantis_netcfg.twin.store import Item, Store, Table
 
-__all__ = ["HIDDEN", "applies", "configured", "factory_value", "item_row", "rows", "without_counters"]
+__all__ = ["HIDDEN", "applies", "configured", "factory_value", "item_row", "made_rows", "rows", "without_counters"]
 
 HIDDEN = "*****"
 """What a group without policy `sensitive` sees of a secret."""
@@ -58,15 +60,73 @@ def item_row(core: Core, path: str, table: Table, item: Item, *, sensitive: bool
     if item.dynamic:
         row["dynamic"] = "true"
     row.update(properties(core.topology, path, item))
+    extra = _OF_CORE.get(path)
+    if extra is not None:
+        row.update(extra(core, item))
     return row
+
+
+def _schedule(core: Core, item: Item) -> dict[str, str]:
+    """A job that device-mode blocks says so, and nothing else tells it from one that runs."""
+    row = {"owner": "*sys", "run-count": str(core.run_counts.get(item.id, 0))}
+    return row if allowed(core.spec, "scheduler") else {**row, ".about": INACTIVE}
+
+
+def _clock(core: Core, _item: Item) -> dict[str, str]:
+    now = core.time()
+    return {
+        "time": now.strftime("%H:%M:%S"),
+        "date": core.stamp().partition(" ")[0],
+        "gmt-offset": "+00:00",
+        "dst-active": "false",
+    }
+
+
+def _service(core: Core, _item: Item) -> dict[str, str]:
+    return {"dynamic": "false"} if core.schema.at_least("7.19") else {}
+
+
+def _expiring(core: Core, item: Item) -> dict[str, str]:
+    when = core.expires.get(item.id)
+    return {} if when is None else {"timeout": interval(max(0, round(when - core.now())))}
+
+
+_OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
+    "/ip/firewall/address-list": _expiring,
+    "/ip/service": _service,
+    "/system/clock": _clock,
+    "/system/scheduler": _schedule,
+}
+
+
+def made_rows(core: Core, path: str) -> list[dict[str, str]]:
+    """Return the rows that the router made by itself; they refuse every command but print."""
+    if path == "/ip/service" and core.schema.at_least("7.19"):
+        return [_connection(core, caller) for caller in core.sessions.values()]
+    return dynamic_rows(core.topology, path)
+
+
+def _connection(core: Core, caller: Caller) -> dict[str, str]:
+    """From 7.19 `/ip/service` also lists the connections that services serve (Manual, Services)."""
+    return {
+        ".id": id_text(core.store.dynamic_id("/ip/service", "session", caller.number)),
+        "name": caller.via,
+        "proto": "tcp",
+        "local": core.spec.management.local,
+        "remote": caller.address,
+        "connection": "true",
+        "dynamic": "true",
+        "disabled": "false",
+        "invalid": "false",
+    }
 
 
 def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str]]:
     """Return every row of a menu, those that the router made by itself first where RouterOS puts them first."""
     table = core.store.table(path)
     own = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
-    made = dynamic_rows(core.topology, path)
-    return [*own, *made] if path == "/ip/route" else [*made, *own]
+    made = made_rows(core, path)
+    return [*made, *own] if path.startswith("/ip/firewall/") else [*own, *made]
 
 
 def without_counters(row: dict[str, str]) -> dict[str, str]:

@@ -57,7 +57,8 @@ def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Item 
             raise Trap(NOT_ALLOWED)
         if core.spec.device_mode.flagged and feature in SUSPICIOUS:
             raise Trap(FLAGGED)
-    if table.menu.path == "/system/scheduler" and core.spec.device_mode.flagged:
+    flagged = core.spec.device_mode.flagged and values.get("disabled") != "yes"
+    if table.menu.path == "/system/scheduler" and flagged:
         raise Trap(FLAGGED)
 
 

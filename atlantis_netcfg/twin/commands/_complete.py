@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from datetime import UTC, datetime
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
@@ -66,6 +67,17 @@ def _tunnel(core: Core, values: dict[str, str], _changed: frozenset[str] | None)
     values.setdefault("mac-address", mac_of(core.spec.name + values.get("name", ""), 0xFE))
 
 
+def _clock(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
+    """Date and time are the clock's, not the configuration's."""
+    now = core.time()
+    date = values.pop("date", now.strftime("%Y-%m-%d"))
+    time = values.pop("time", now.strftime("%H:%M:%S"))
+    try:
+        core.set_clock(datetime.strptime(f"{date} {time}", "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC))
+    except ValueError as error:
+        raise Trap("invalid value for argument time", Category.ARGUMENT) from error
+
+
 def _schedule(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
     """A job without a start starts now."""
     values.setdefault("start-time", core.time().strftime("%H:%M:%S"))
@@ -76,5 +88,6 @@ def _schedule(core: Core, values: dict[str, str], _changed: frozenset[str] | Non
 _MORE: dict[str, Callable[[Core, dict[str, str], frozenset[str] | None], None]] = {
     "/ip/address": _address,
     "/interface/ovpn-client": _tunnel,
+    "/system/clock": _clock,
     "/system/scheduler": _schedule,
 }

@@ -168,7 +168,7 @@ def _poe(core: Core, _call: Call) -> Rows:
     names = [name for name in table.args if name.startswith(("poe-", "power-cycle"))]
     return [
         {".id": id_text(item.id), "name": core.store.text(table, item, "name") or ""}
-        | {name: value for name in names if (value := core.store.text(table, item, name)) is not None}
+        | {name: table.args[name].kind.show(value) for name in names if (value := core.store.text(table, item, name))}
         for item in table.items
         if (item.factory or {})["name"] in core.spec.poe_ports
     ]

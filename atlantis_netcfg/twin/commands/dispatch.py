@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands import files, read, safe, system, write
 from atlantis_netcfg.twin.commands._computed import COMPUTED
+from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call, Handler, Result
@@ -69,6 +70,9 @@ def dispatch(core: Core, call: Call) -> Result:
         raise Trap("no such command prefix", Category.MISSING)
     if not core.schema.has_command(call.menu, call.command):
         raise Trap("no such command", Category.MISSING)
+    feature = COMMANDS.get(call.path)
+    if feature is not None and not allowed(core.spec, feature):
+        raise Trap(NOT_ALLOWED)
     handler, policy = _handler(call)
     _permit(core, call, policy)
     return handler(core, call)

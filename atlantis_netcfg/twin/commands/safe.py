@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Trap
-from atlantis_netcfg.twin.commands._call import Result
+from atlantis_netcfg.twin.commands._call import Result, unknown
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call
@@ -17,8 +17,15 @@ if TYPE_CHECKING:
 __all__ = ["redo", "release", "take", "toggle", "undo", "unroll"]
 
 
+def _arguments(core: Core, call: Call) -> None:
+    for name in (*call.arguments, *call.unset):
+        if name not in core.schema.arguments(call.menu, call.command):
+            raise unknown(name)
+
+
 def take(core: Core, call: Call) -> Result:
     """Enter safe mode; only one session may hold it."""
+    _arguments(core, call)
     holder = core.history.holder
     if holder is not None and holder.number != call.caller.number:
         raise Trap(f"failure: safe mode is held by {holder.via}:{holder.user}@{holder.address}")
@@ -30,6 +37,7 @@ def take(core: Core, call: Call) -> Result:
 
 def release(core: Core, call: Call) -> Result:
     """Keep everything; any session may do that."""
+    _arguments(core, call)
     if core.history.holder is not None:
         core.history.release()
         core.note("system,info", f"safe mode released by {call.caller.user}")
@@ -38,6 +46,7 @@ def release(core: Core, call: Call) -> Result:
 
 def unroll(core: Core, call: Call) -> Result:
     """Undo everything and leave safe mode; the session goes on."""
+    _arguments(core, call)
     if core.history.holder is not None:
         core.history.unroll(core.store)
         core.note("system,info", f"safe mode unrolled by {call.caller.user}")

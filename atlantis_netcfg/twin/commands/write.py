@@ -10,9 +10,9 @@ from atlantis_netcfg.twin.commands import _undo
 from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.twin.commands._checks import check, check_removal
 from atlantis_netcfg.twin.commands._complete import complete
-from atlantis_netcfg.twin.derived import dynamic_rows
 from atlantis_netcfg.twin.menus import Shape
-from atlantis_netcfg.twin.values import BadValue, id_text
+from atlantis_netcfg.twin.values import BadValue, id_text, seconds
+from atlantis_netcfg.twin.views import made_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -44,9 +44,16 @@ def add(core: Core, call: Call) -> Result:
     complete(core, call.menu, values)
     check(core, call.menu, values, None)
     item = core.store.insert(call.menu, values, index)
-    item.dynamic = call.menu == "/ip/firewall/address-list" and "timeout" in values
+    _expire(core, call.menu, item)
     _undo.added(core, call, item)
     return Result(ret=id_text(item.id))
+
+
+def _expire(core: Core, menu: str, item: Item) -> None:
+    """An address-list entry with a timeout is dynamic: it goes by itself and no export shows it."""
+    if menu == "/ip/firewall/address-list" and "timeout" in item.values:
+        item.dynamic = True
+        core.expires[item.id] = core.now() + (seconds(item.values["timeout"]) or 0)
 
 
 def set_(core: Core, call: Call) -> Result:
@@ -66,6 +73,8 @@ def _set_one(core: Core, call: Call, item: Item, change: Mapping[str, str], unse
     if values == item.values:
         return
     complete(core, call.menu, values, changed=frozenset(change))
+    if values == item.values:
+        return
     check(core, call.menu, values, item)
     before = dict(item.values)
     core.store.update(call.menu, item, values)
@@ -180,7 +189,7 @@ def _selected(core: Core, call: Call, table: Table) -> list[Item]:
 def _item(core: Core, call: Call, table: Table, named: str) -> Item:
     item = located(core, table, named, console=call.console)
     if item is None:
-        if any(row[".id"] == named for row in dynamic_rows(core.topology, call.menu)):
+        if any(row[".id"] == named for row in made_rows(core, call.menu)):
             raise Trap(_BUILTIN)
         raise no_such_item()
     return item
@@ -212,7 +221,9 @@ def _given(core: Core, table: Table, call: Call, known: Iterable[str]) -> dict[s
             continue
         if name not in names or _fixed_name(table, name):
             raise unknown(name)
-        if name not in _PLACEMENT:
+        if name == "comment" and not text:
+            call.unset = (*call.unset, name)
+        elif name not in _PLACEMENT:
             values[name] = _parsed(core, table, name, text)
     for name in call.unset:
         if name not in names:

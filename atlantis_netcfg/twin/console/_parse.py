@@ -142,8 +142,15 @@ class Parser:
             self.text.space()
 
     def _arguments(self, command: Command) -> None:
+        """Read the rest of the command; brackets in it begin in the command's own menu."""
+        outer, self.menu = self.menu, command.menu
+        self.text.space()
         if command.name == "find" and not self._where(command):
             self._conditions(command)
+        self._plain_arguments(command)
+        self.menu = outer
+
+    def _plain_arguments(self, command: Command) -> None:
         known = self._known(command)
         positional = list(_POSITIONAL.get(command.name, ()))
         while self._more():

@@ -120,7 +120,8 @@ def _differs(table: Table, item: Item, arg: Arg, value: str | None) -> bool:
     if table.menu.sparse and item.factory is None:
         return arg.name in item.values
     always = arg.always and item.factory is None and value is not None
-    return always or value != factory_value(item, arg)
+    usual = arg.default if table.menu.shape is Shape.SETTINGS else factory_value(item, arg)
+    return always or value != usual
 
 
 def _shown(arg: Arg, value: str | None, item: Item) -> Iterator[tuple[str, str | None]]:

@@ -1,0 +1,155 @@
+"""Scripts of `/execute`: the subset, its quoting, its error texts (Manual, Scripting; Manual, Console)."""
+
+from __future__ import annotations
+
+import pytest
+from twin_bench import make
+
+
+def test_output_tells_how_far_a_script_came() -> None:
+    router = make()
+    printed = router.script(
+        ':put "ok 1"\n'
+        "/ip pool add name=a ranges=10.0.0.1\n"
+        ':put "ok 2"\n'
+        "/ip/pool/add name=a ranges=10.0.0.2\n"
+        ':put "never"\n'
+    )
+    assert printed == "ok 1\nok 2\nfailure: pool with such name exists"
+    assert router.count("/ip/pool") == 1
+
+
+def test_a_script_with_a_misspelt_name_does_not_start() -> None:
+    router = make()
+    assert router.script("/ip pool add name=a ranges=10.0.0.1\n/ip adress add") == (
+        "bad command name adress (line 2 column 5)"
+    )
+    assert router.count("/ip/pool") == 0
+
+
+PUT = [
+    (':put "ready"', "ready"),
+    (':put "a\\tb\\"c\\\\ \\24 \\$x\\_y"', 'a\tb"c\\ $ $x y'),
+    (':put "Po\\C3\\A7o"', "Poço"),
+    (':put "x$y z"', "x z"),
+    (":put [/system/identity/get value-name=name]", "MikroTik"),
+    (":put [/interface ethernet find default-name=ether3]", "*3"),
+    (":put [/interface/ethernet/get ether2 name]", "ether2"),
+    (":put [/ip/pool/add name=q ranges=10.0.0.1]", "*1"),
+    (":put [/interface/print count-only]", "8"),
+    (":put [/interface print count-only where name=ether1]", "1"),
+    (":put [/system/identity/print as-value]", "name=MikroTik"),
+    (":put [/ip/address/find where address=10.64.101.1/24]", ""),
+    (':put [/ip/address/find where address="10.64.101.1/24"]', "*1"),
+    ('# a remark\n\n:put "a"; :put "b"', "a\nb"),
+    (':put "a\\\n    b"', "ab"),
+    ("/ip firewall\n:put [filter/add chain=input]\n:put [/ip/firewall/filter/find]", "*1\n*1"),
+    (
+        "/safe-mode take\n:put [/safe-mode/get value-name=current]\n/safe-mode unroll",
+        "true\nUnrolling Safe Mode... Success!",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "printed"), PUT)
+def test_put(text: str, printed: str) -> None:
+    router = make()
+    assert router.script(text) == printed
+
+
+REFUSED = [
+    (":put ready", "syntax error (line 1 column 6)"),
+    (':put "a', "syntax error (line 1 column 6)"),
+    (':put "a\\qb"', "syntax error (line 1 column 8)"),
+    (':put "cost $ 5"', "syntax error (line 1 column 12)"),
+    (":local x 5", "syntax error (line 1 column 1)"),
+    (":if (true) do={ }", "syntax error (line 1 column 1)"),
+    ("{ }", "syntax error (line 1 column 1)"),
+    ("/ip address print", "syntax error (line 1 column 1)"),
+    (":put [/ip/address/print]", "syntax error (line 1 column 6)"),
+    ("/ip pool add name= ranges=10.0.0.1", "syntax error (line 1 column 19)"),
+    ("/ip pool add name=a$b ranges=10.0.0.1", "syntax error (line 1 column 20)"),
+    ("/ip pool add name=a\\b ranges=10.0.0.1", "syntax error (line 1 column 20)"),
+    ("/ip pool add name=a ranges=10.0.0.1 colour=blue", "expected end of command (line 1 column 37)"),
+    ("/ip pool add name=a ranges=10.0.0.1 blue", "expected end of command (line 1 column 37)"),
+    (':put "a" :put "b"', "expected end of command (line 1 column 10)"),
+    ("/ip pool frobnicate", "bad command name frobnicate (line 1 column 10)"),
+    ("/ip pool add ranges=10.0.0.1 name=[/ip pool get]", "missing value(s) of argument(s) number"),
+    ("/ip pool add name=a", "missing value(s) of argument(s) ranges"),
+    ("/ip pool remove [find name=none]", "expected item id"),
+    ("/ip pool remove *77", "no such item"),
+    ("/ip pool remove 0", "no such item"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), REFUSED)
+def test_refused(text: str, words: str) -> None:
+    router = make()
+    before = router.text()
+    assert router.script(text) == words
+    assert router.text() == before
+
+
+def test_selectors() -> None:
+    router = make()
+    script = (
+        "/interface ethernet set [ find default-name=ether1 ] comment=one name=wan\n/interface ethernet\n"
+        "set *2 comment=two\n"
+        "set ether3 comment=three\n"
+        "/interface/ethernet/set [find where comment=two] disabled=yes\n"
+        "/system logging set 0 topics=info,!dhcp\n"
+        "/ip firewall filter\nadd chain=input comment=a\n"
+        "add chain=input comment=b place-before=[find comment=a]\n"
+        "move [find comment=a] [find comment=b]\n"
+        "remove [find comment=b]\n"
+    )
+    assert router.script(script) == ""
+    assert router.value("/interface/ethernet", "comment", "?name=wan") == "one"
+    assert router.value("/interface/ethernet", "disabled", "?name=ether2") == "true"
+    assert router.value("/interface/ethernet", "comment", "?name=ether3") == "three"
+    assert router.value("/system/logging", "topics") == "info,!dhcp"
+    assert router.count("/ip/firewall/filter") == 1
+
+
+def test_unset_in_a_script() -> None:
+    router = make()
+    assert (
+        router.script("/ip firewall filter\nadd chain=input src-address=10.0.0.1\nset [find chain=input] !src-address")
+        == ""
+    )
+    assert router.value("/ip/firewall/filter", "src-address") is None
+
+
+def test_errors_as_traps() -> None:
+    router = make(execute="trap")
+    reply = router.say("/execute", "=script=/ip pool remove *5", "=as-string=")
+    assert reply == ["!trap =category=3 =message=no such item", "!done"]
+
+
+def test_no_execute() -> None:
+    router = make(execute="none")
+    reply = router.say("/execute", '=script=:put "x"', "=as-string=")
+    assert reply == ["!trap =category=0 =message=no such command", "!done"]
+
+
+def test_without_as_string_the_job_is_answered_and_the_log_has_the_error() -> None:
+    router = make()
+    (reply,) = router.say("/execute", "=script=/ip pool remove *5")
+    assert reply.startswith("!done =ret=*")
+    assert router.value("/log", "message", "?topics=script,error") == "no such item"
+
+
+def test_a_script_may_do_no_more_than_its_user() -> None:
+    router = make()
+    watch = router.session("watch", "look")
+    assert router.say("/execute", "=script=/ip pool add ranges=10.0.0.1", "=as-string=", by=watch) == [
+        "!trap =message=not enough permissions (9)",
+        "!done",
+    ]
+
+
+def test_longest_script() -> None:
+    router = make()
+    reply = router.say("/execute", f"=script=# {'x' * 65536}", "=as-string=")
+    assert reply == ["!trap =category=1 =message=invalid value for argument script", "!done"]
+    assert router.script("# " + "x" * 60000) == ""

@@ -1,0 +1,194 @@
+"""Sessions, time, flash: what the wire builds on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import pytest
+from twin_bench import make
+
+from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.twin.device import NOT_REHEARSED, Device
+from atlantis_netcfg.twin.spec import RouterSpec
+
+REFUSED = r"invalid user name or password \(6\)"
+
+
+@pytest.mark.parametrize(
+    ("user", "password"), [("provision", "x"), ("nobody", ""), ("gone", "x"), ("afar", "y"), ("admin", "")]
+)
+def test_login_refused(user: str, password: str) -> None:
+    router = make()
+    with pytest.raises(Trap, match=REFUSED):
+        router.session(user, password)
+
+
+def test_login_needs_the_policy_of_the_service() -> None:
+    router = make()
+    router.say("/user/group/add", "=name=terminal", "=policy=read,ssh")
+    router.say("/user/add", "=name=t", "=group=terminal", "=password=t")
+    with pytest.raises(Trap, match=REFUSED):
+        router.session("t", "t")
+
+
+def test_old_login() -> None:
+    router = make()
+    challenge = router.device.challenge()
+    digest = hashlib.md5(b"\0look" + bytes.fromhex(challenge), usedforsecurity=False).hexdigest()
+    caller = router.device.login_response("watch", challenge, f"00{digest}", via="api", address="10.64.101.10")
+    assert router.say("/system/identity/print", by=caller) == ["!re =name=MikroTik", "!done"]
+    with pytest.raises(Trap, match="cannot log in"):
+        router.device.login_response("watch", challenge, f"00{'0' * 32}", via="api", address="10.64.101.10")
+
+
+def test_who_is_there() -> None:
+    router = make()
+    router.session("watch", "look")
+    assert router.say("/user/active/print", "=.proplist=name,address,via,group") == [
+        "!re =name=provision =address=10.64.101.10 =via=api =group=full",
+        "!re =name=watch =address=10.64.101.10 =via=api =group=read",
+        "!done",
+    ]
+    router.device.logout(router.caller, clean=True)
+    other = router.session()
+    assert len(router.say("/user/active/print", by=other)) == 3
+
+
+def test_quit() -> None:
+    router = make()
+    assert router.say("/quit") == ["!fatal session terminated on request"]
+
+
+def test_listen_tells_changes_until_it_is_cancelled() -> None:
+    router = make()
+    listener = router.session()
+    assert router.say("/ip/pool/listen", ".tag=7", by=listener) == []
+    assert router.device.pending(listener) == []
+    router.say("/ip/pool/add", "=name=a", "=ranges=10.0.0.1")
+    router.say("/ip/pool/remove", "=.id=a")
+    told = [(tag, answer.words) for tag, answer in router.device.pending(listener)]
+    assert told[0][0] == "7"
+    assert "=name=a" in told[0][1]
+    assert told[1] == ("7", ("=.id=*1", "=.dead=yes"))
+    assert router.say("/cancel", "=tag=7", by=listener) == ["!done"]
+    assert [answer.kind for _, answer in router.device.pending(listener)] == ["!trap", "!done"]
+    router.say("/ip/pool/add", "=name=b", "=ranges=10.0.0.1")
+    assert router.device.pending(listener) == []
+
+
+def test_flash_survives() -> None:
+    router = make()
+    router.script("/interface bridge add name=lan\n/ip address add address=10.0.0.1/24 interface=lan")
+    router.say("/ip/firewall/address-list/add", "=list=a", "=address=10.0.0.1", "=timeout=1h")
+    flash = json.loads(json.dumps(router.device.snapshot()))
+    other = make()
+    revision = other.device.revision
+    other.device.restore(flash)
+    assert other.text() == router.text()
+    assert other.device.revision > revision
+    other.caller = other.session()
+    assert other.count("/ip/firewall/address-list") == 0
+    assert other.say("/interface/bridge/add", "=name=next") == ["!done =ret=*A"]
+
+
+def test_snapshot_is_without_what_safe_mode_would_undo() -> None:
+    router = make()
+    before = router.device.snapshot()["configuration"]["tables"]
+    router.say("/safe-mode/take")
+    router.script("/ip pool add name=a ranges=10.0.0.1\n/interface ethernet disable ether1")
+    assert router.device.snapshot()["configuration"]["tables"] == before
+    router.say("/safe-mode/release")
+    assert router.device.snapshot()["configuration"]["tables"] != before
+
+
+def test_the_revision_grows_with_changes_only() -> None:
+    router = make()
+    before = router.device.revision
+    router.say("/ip/address/print")
+    assert router.device.revision == before
+    router.say("/ip/address/disable", "=.id=*1")
+    assert router.device.revision > before
+
+
+def test_dynamic_entries_go_by_themselves() -> None:
+    router = make()
+    router.say("/ip/firewall/address-list/add", "=list=a", "=address=10.0.0.1", "=timeout=30m")
+    assert router.value("/ip/firewall/address-list", "dynamic") == "true"
+    assert "address-list" not in router.text()
+    assert router.device.due() == router.now + 1800
+    router.now += 600
+    assert router.value("/ip/firewall/address-list", "timeout") == "20m"
+    router.now += 1200
+    router.device.tick()
+    assert router.count("/ip/firewall/address-list") == 0
+
+
+def test_schedulers_run() -> None:
+    router = make()
+    event = '/ip pool add name="from the scheduler" ranges=10.0.0.1'
+    router.say("/system/scheduler/add", "=name=job", "=interval=10m", f"=on-event={event}")
+    assert router.device.due() == router.now
+    router.device.tick()
+    assert router.count("/ip/pool") == 1
+    assert router.device.due() == router.now + 600
+    router.now += 600
+    router.device.tick()
+    assert router.value("/system/scheduler", "run-count") == "2"
+    assert router.value("/log", "message", "?topics=script,error") == "failure: pool with such name exists"
+
+
+def test_a_scheduler_that_device_mode_blocks_never_runs() -> None:
+    router = make(device_mode={"features": {"scheduler": False}})
+    router.say("/system/scheduler/add", "=name=job", "=interval=1m", "=on-event=/ip pool add ranges=10.0.0.1")
+    router.now += 3600
+    router.device.tick()
+    assert router.device.due() is None
+    assert router.count("/ip/pool") == 0
+
+
+def test_the_clock() -> None:
+    router = make()
+    router.now += 90
+    assert router.value("/system/clock", "time") == "08:01:30"
+    router.say("/system/clock/set", "=date=2026-06-01", "=time=12:00:00")
+    assert router.value("/system/clock", "date") == "2026-06-01"
+    assert router.count("/system/history") == 0
+    router.device.reboot()
+    router.caller = router.session()
+    assert router.value("/system/clock", "date") == "2026-06-01"
+    assert router.value("/system/resource", "uptime") == "0s"
+
+
+def test_specs_survive_json() -> None:
+    spec = RouterSpec(name="r", version="7.20", seed="/system identity\nset name=x\n", neighbours=("10.0.0.1",))
+    again = RouterSpec.model_validate_json(spec.model_dump_json())
+    assert again == spec
+    assert Device(again, lambda: 0.0).export() == Device(spec, lambda: 0.0).export()
+
+
+def test_a_spec_names_only_ports_that_it_has() -> None:
+    with pytest.raises(ValueError, match="no such port on r: ether9"):
+        RouterSpec(name="r", poe_ports=("ether9",))
+
+
+def test_what_is_not_rehearsed_is_said() -> None:
+    assert len(NOT_REHEARSED) == len(set(NOT_REHEARSED)) > 5
+
+
+def test_facts_for_a_preflight() -> None:
+    router = make(version="7.21.5", device_mode={"mode": "basic"})
+    assert router.value("/system/resource", "version") == "7.21.5 (stable)"
+    assert router.value("/system/resource", "board-name") == "RB5009UPr+S+"
+    assert router.value("/system/device-mode", "mode") == "basic"
+    assert router.value("/system/device-mode", "proxy") == "false"
+    assert router.value("/system/package", "name") == "routeros"
+    assert router.value("/system/routerboard", "model") == "RB5009UPr+S+"
+    assert router.value("/certificate", "name") == "atlantis-api"
+    assert router.value(
+        "/user/group",
+        "policy",
+        "?name=read",
+    ) == (
+        "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api,!ftp,!write,!policy"
+    )

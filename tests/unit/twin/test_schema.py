@@ -1,0 +1,111 @@
+"""The vocabulary: RouterOS' own trees, what they lack, and our table of menus held against them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from importlib import resources
+
+import pytest
+
+from atlantis_netcfg.twin.menus import EXPORT_ORDER, MODELLED, Shape
+from atlantis_netcfg.twin.schema import TREES, Schema, features_of, offered, version_key
+
+EVERYTHING = frozenset({"poe", "routerboard"})
+DATA = resources.files("atlantis_netcfg.twin").joinpath("data")
+
+
+def test_the_data_is_what_the_readme_says() -> None:
+    sums = DATA.joinpath("SHA256SUMS").read_text(encoding="utf-8")
+    listed = {name: digest for digest, name in (line.split() for line in sums.splitlines())}
+    assert len(listed) == 4
+    for name, digest in listed.items():
+        assert hashlib.sha256(DATA.joinpath(name).read_bytes()).hexdigest() == digest
+        assert name in DATA.joinpath("README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("version", "tree"),
+    [
+        ("7.9", "7.16"),
+        ("7.16", "7.16"),
+        ("7.18.1", "7.16"),
+        ("7.18.2", "7.18.2"),
+        ("7.20", "7.18.2"),
+        ("7.22", "7.21.5"),
+    ],
+)
+def test_the_newest_tree_that_is_not_newer(version: str, tree: str) -> None:
+    assert Schema(version).tree == tree
+
+
+def test_versions_in_order() -> None:
+    versions = ["7.9", "7.16", "7.18beta2", "7.18rc1", "7.18", "7.18.2", "7.20"]
+    assert sorted(versions, key=version_key) == versions
+    with pytest.raises(ValueError, match="not a RouterOS version: latest"):
+        version_key("latest")
+
+
+@pytest.mark.parametrize(
+    ("version", "menu", "command", "argument"),
+    [
+        ("7.16", "/safe-mode", "take", None),
+        ("7.16", "/system/device-mode", "update", None),
+        ("7.18.2", "/routing/settings", "set", "check-gateway-ping-count"),
+        ("7.18.2", "/ip/dhcp-client", "set", "check-gateway"),
+        ("7.12", "/file", "read", None),
+    ],
+)
+def test_what_came_later(version: str, menu: str, command: str, argument: str | None) -> None:
+    old, new = Schema(version), Schema("7.21.5")
+    assert new.has_command(menu, command)
+    if argument is None:
+        assert not old.has_command(menu, command)
+    else:
+        assert argument in new.arguments(menu, command) - old.arguments(menu, command)
+
+
+def test_boards_and_packages() -> None:
+    plain, board = Schema("7.18.2"), Schema("7.18.2", features=EVERYTHING)
+    assert not plain.has_menu("/interface/ethernet/poe")
+    assert board.has_menu("/interface/ethernet/poe")
+    assert "poe" in board.submenus("/interface/ethernet")
+    assert "poe-out" in board.arguments("/interface/ethernet", "set") - plain.arguments("/interface/ethernet", "set")
+    assert not plain.has_menu("/interface/wireless")
+    assert Schema("7.18.2", ("routeros", "wireless")).has_menu("/interface/wireless")
+    assert "wireless" not in plain.submenus("/interface")
+    assert features_of("CHR", poe=False) == frozenset()
+    assert features_of("RB5009UPr+S+", poe=True) == EVERYTHING
+
+
+@pytest.mark.parametrize("menu", MODELLED.values(), ids=MODELLED.keys())
+def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
+    known: set[str] = {"name"} if menu.path == "/ip/service" else set()  # type: ignore[attr-defined]
+    for version in TREES:
+        schema = Schema(version, features=EVERYTHING)
+        assert schema.has_menu(menu.path)  # type: ignore[attr-defined]
+        known |= schema.arguments(menu.path, "add") | schema.arguments(menu.path, "set")  # type: ignore[attr-defined]
+    shared = {"connection-", "layer7", "p2p", "realm", "reject-with", "routing-mark", "tcp-flags", "tls-host"}
+    odd = {name for name in menu.by_name if name not in known}  # type: ignore[attr-defined]
+    assert not {name for name in odd if not name.startswith(tuple(shared))}
+
+
+@pytest.mark.parametrize("path", MODELLED)
+def test_shapes_are_those_of_the_tree(path: str) -> None:
+    schema = Schema("7.21.5", features=EVERYTHING)
+    if "add" in schema.commands(path):
+        expected = Shape.LIST
+    else:
+        expected = Shape.FIXED if "numbers" in schema.arguments(path, "set") else Shape.SETTINGS
+    assert MODELLED[path].shape is expected
+
+
+def test_every_exported_menu_has_its_place() -> None:
+    exported = {path for path, menu in MODELLED.items() if menu.exported}
+    assert exported == set(EXPORT_ORDER)
+
+
+def test_offered_values() -> None:
+    assert "fasttrack-connection" in offered("/ip/firewall/filter", "action")
+    assert not [value for value in offered("/ip/firewall/filter", "protocol") if re.search("[!,]", value)]
+    assert offered("/ip/firewall/filter", "comment") == ()
