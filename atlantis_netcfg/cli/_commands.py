@@ -19,8 +19,13 @@ DEFAULT = "run"
 """The command of a line that begins with a word: `provision site=coastal` is `provision run site=coastal`."""
 
 COMMANDS: Mapping[str, str] = {
-    "help": "atlantis_netcfg.cli.help",
+    "run": "atlantis_netcfg.cli.run",
+    "backup": "atlantis_netcfg.cli.backup",
+    "runs": "atlantis_netcfg.cli.runs",
+    "resume": "atlantis_netcfg.cli.resume",
+    "rollback": "atlantis_netcfg.cli.rollback",
     "version": "atlantis_netcfg.cli.version",
+    "help": "atlantis_netcfg.cli.help",
 }
 """Name -> module, in the order of the help; a name of two words is typed as two words."""
 

@@ -26,6 +26,8 @@ MEANING: Mapping[ExitCode, str] = {
 }
 """The exit codes in words; docs/exit-codes.md holds the same table."""
 
+_WIDTH = 100
+
 
 def overview(table: Mapping[str, str]) -> str:
     """What `provision --help` prints."""
@@ -53,7 +55,7 @@ def of_command(command: Command) -> str:
     optional = [f"[{word.shown}]" for word in command.words if not word.required]
     flags = [f"[--{flag.name}{f' {flag.takes}' if flag.takes else ''}]" for flag in command.flags]
     lines = [f"provision {command.name}: {command.summary}", "", "Usage:"]
-    lines += ["  " + " ".join(["provision", command.name, *required, *optional, *flags])]
+    lines += _wrapped(f"provision {command.name}", [*required, *optional, *flags])
     if command.words:
         lines += ["", "Words:", *_columns((word.shown, _word_help(word.help, word.required)) for word in command.words)]
     rows = [(flag.shown, flag.help) for flag in command.flags] + [("-h, --help", "print this text")]
@@ -65,6 +67,16 @@ def of_command(command: Command) -> str:
 
 def _word_help(text: str, required: bool) -> str:  # noqa: FBT001 - a row of a table, not a switch
     return f"{text} (required)" if required else text
+
+
+def _wrapped(start: str, pieces: list[str]) -> list[str]:
+    """The usage line, broken between its pieces where a console would break it anywhere."""
+    lines = [f"  {start}"]
+    for piece in pieces:
+        if len(lines[-1]) + len(piece) >= _WIDTH:
+            lines.append(" " * (len(start) + 2))
+        lines[-1] += f" {piece}"
+    return lines
 
 
 def _columns(rows: Iterable[tuple[str, str]]) -> list[str]:

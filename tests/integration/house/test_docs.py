@@ -1,0 +1,137 @@
+"""The docs keep their word: what they show on a console is run, in order, in the checkout of a stranger."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from docs_console import Shown, shown
+from house_checkout import ROOT, clean_environment, shared_checkout, start
+
+from atlantis_netcfg.cli._help import MEANING
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+@pytest.fixture(scope="session")
+def first_checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return shared_checkout(tmp_path_factory)
+
+
+@pytest.fixture
+def checkout(first_checkout: Path, tmp_path: Path) -> Path:
+    """A checkout for one page, past its first start."""
+    own = shutil.copytree(first_checkout, tmp_path / "atlantis", symlinks=True)
+    assert start(own, "--version", environment=clean_environment(HOME=str(tmp_path))).returncode == 0
+    return own
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("page", [page for page in PAGES if shown(page)], ids=lambda page: page.name)
+def test_what_a_page_shows_is_what_happens(page: Path, checkout: Path) -> None:
+    (checkout.parent / "home").mkdir()
+    environment = clean_environment(HOME=str(checkout.parent / "home"), TERM="dumb")
+    for command in shown(page):
+        process = subprocess.run(
+            ["bash", "-c", command.command],
+            cwd=checkout,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        report = (
+            f"{command.place}: $ {command.command}\nexit {process.returncode}, shown {command.exit}\n{process.stdout}"
+        )
+        assert process.returncode == command.exit, report
+        assert command.agrees(process.stdout), f"{report}\nshown:\n{command.output}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\((?!https?:)([^)#]+)(?:#[^)]*)?\)", page.read_text())
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_the_table_of_exit_codes_is_the_enum() -> None:
+    rows = re.findall(r"^\| (\d) \| ([^|]+) \|", (ROOT / "docs" / "exit-codes.md").read_text(), re.MULTILINE)
+    assert [(int(code), meaning) for code, meaning in rows] == [(int(code), MEANING[code]) for code in ExitCode]
+
+
+PAGE = """\
+text
+<!-- exit: 0 2; output: example -->
+
+```console
+$ one
+$ two \\
+    more
+said
+```
+
+<!-- not executed: it would delete you -->
+```console
+$ three
+```
+
+```sh
+$ no console
+```
+
+```console
+$ four
+a … b
+…
+end
+```
+"""
+
+
+def test_a_page_is_read_as_it_is_written(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(PAGE)
+    assert shown(page) == [
+        Shown("page.md:4", "one", 0, "", compared=False),
+        Shown("page.md:4", "two more", 2, "said", compared=False),
+        Shown("page.md:20", "four", 0, "a … b\n…\nend", compared=True),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("printed", "agrees"),
+    [
+        ("a x b\nend\n", True),
+        ("a  b  \n1\n2\nend\n", True),
+        ("a x b\nend\nmore\n", False),
+        ("a x\nend\n", False),
+        ("a x b c\nend\n", False),
+        ("", False),
+    ],
+)
+def test_what_the_ellipsis_stands_for(printed: str, agrees: bool) -> None:  # noqa: FBT001 - a column of the table
+    assert Shown("page", "four", 0, "a … b\n…\nend", compared=True).agrees(printed) is agrees
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "```console\nno command\n```\n",
+        "```console\n$ no end\n",
+        "<!-- exit: 1 2 3 -->\n```console\n$ one\n$ two\n```\n",
+        "<!-- exti: 1 -->\n```console\n$ one\n```\n",
+    ],
+)
+def test_a_block_that_cannot_be_understood_is_refused(page: str, tmp_path: Path) -> None:
+    (tmp_path / "page.md").write_text(page)
+    with pytest.raises(ValueError, match=r"page\.md:\d"):
+        shown(tmp_path / "page.md")

@@ -1,0 +1,78 @@
+"""Every dependency is pinned, is used, and has its row in docs/dependencies.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
+TABLE = re.findall(
+    r"^\| ([^|]+) \| (run|build|dev|refused) \| ([^|]+) \| ([^|]+) \|$",
+    (ROOT / "docs" / "dependencies.md").read_text(),
+    re.MULTILINE,
+)
+PINS = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE))
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def names(requirements: list[str]) -> set[str]:
+    return {normal(re.split(r"[^\w.-]", requirement)[0]) for requirement in requirements}
+
+
+DECLARED = {
+    "run": names(PROJECT["project"]["dependencies"]),
+    "dev": names(PROJECT["project"]["optional-dependencies"]["dev"]),
+    "build": names(PROJECT["build-system"]["requires"]),
+}
+
+
+@pytest.mark.parametrize("kind", DECLARED)
+def test_each_is_pinned(kind: str) -> None:
+    assert DECLARED[kind] <= {normal(name) for name in PINS}
+
+
+@pytest.mark.parametrize("kind", DECLARED)
+def test_the_table_lists_exactly_these(kind: str) -> None:
+    assert {normal(name) for name, decision, _, _ in TABLE if decision == kind} == DECLARED[kind]
+
+
+def test_nothing_refused_is_declared() -> None:
+    refused = {normal(name) for row in TABLE if row[1] == "refused" for name in row[0].split(", ")}
+    assert refused.isdisjoint(set().union(*DECLARED.values()))
+
+
+def test_every_row_gives_licence_and_reason() -> None:
+    rows = [line for line in (ROOT / "docs" / "dependencies.md").read_text().splitlines() if line.startswith("| ")]
+    assert len(TABLE) == len(rows) - 1
+    assert all(licence.strip() and why.strip() for _, _, licence, why in TABLE)
+
+
+def test_each_of_run_is_imported() -> None:
+    """Only what is used now: a dependency that nothing imports is a cost without a use."""
+    imported = {
+        name.partition(".")[0]
+        for path in (ROOT / "atlantis_netcfg").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        for name in (
+            [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else [a.name for a in getattr(node, "names", [])]
+            if isinstance(node, ast.Import)
+            else []
+        )
+    }
+    provided: dict[str, set[str]] = {}
+    for module, distributions in metadata.packages_distributions().items():
+        for distribution in distributions:
+            provided.setdefault(normal(distribution), set()).add(module)
+    assert [name for name in sorted(DECLARED["run"]) if not provided[name] & imported] == []

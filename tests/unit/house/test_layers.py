@@ -1,0 +1,54 @@
+"""Imports go down the layers of docs/architecture.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+PACKAGE = ROOT / "atlantis_netcfg"
+
+
+def layers() -> dict[str, int]:
+    block = re.search(r"```layers\n(.*?)```", (ROOT / "docs" / "architecture.md").read_text(), re.DOTALL)
+    assert block is not None
+    return {name: depth for depth, line in enumerate(block[1].splitlines()) for name in line.split(", ")}
+
+
+def imports() -> set[tuple[str, str, str]]:
+    """Each import of another part: file, the part it is in, the part that it imports."""
+    found = set()
+    for path in PACKAGE.rglob("*.py"):
+        inside = path.relative_to(PACKAGE).with_suffix("").parts[0]
+        for node in ast.walk(ast.parse(path.read_text())):
+            for module in _modules(node):
+                part = module.split(".")[1]
+                if part != inside and (PACKAGE / part).exists() | (PACKAGE / f"{part}.py").exists():
+                    found.add((str(path.relative_to(ROOT)), inside, part))
+    return found
+
+
+def _modules(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.ImportFrom) and node.module:
+        names = [f"{node.module}.{alias.name}" for alias in node.names]
+    elif isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    else:
+        names = []
+    return [name for name in names if name.startswith("atlantis_netcfg.")]
+
+
+def test_every_part_has_its_place() -> None:
+    parts = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
+    assert {part for part in parts if not part.startswith("__")} == layers().keys()
+
+
+def test_imports_go_down_only() -> None:
+    depth = layers()
+    upward = [
+        f"{path}: {inside} imports {part}"
+        for path, inside, part in sorted(imports())
+        if inside in depth and depth[inside] >= depth[part]
+    ]
+    assert upward == []
