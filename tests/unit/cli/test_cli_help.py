@@ -49,8 +49,8 @@ HELP_OF_RUN = """\
 provision run: change a site
 
 Usage:
-  provision run site=SITE [only=ONLY,…] [bearer=ptp|lte|satellite] [--plan] [--keep DIR]
-                [--json] [--verbose]
+  provision run site=SITE [only=ONLY,…] [bearer=ptp|lte|satellite] [--plan] [--keep DIR] [--json]
+                [--verbose]
 
 Words:
   site=SITE                 the site to change (required)
