@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.site import Declaration, InventoryInvalid, choose, load, report, validate
+from atlantis_netcfg.site.model import Cpe, Router
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.secret import Secret
+
+SHIPPED = Path(__file__).parents[3] / "inventory"
+ROUTER = "host_vars/coastal-router.yml"
+VAULT = "!vault |\n      $ANSIBLE_VAULT;1.1;AES256\n      {digits}\n"
+
+
+@pytest.fixture
+def inventory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(SHIPPED, tmp_path / "inventory")
+    monkeypatch.chdir(tmp_path)
+    return Path("inventory")
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def vault_password(inventory: Path, digits: str = "3063") -> None:
+    edit(inventory / ROUTER, "password: EXAMPLE-vpn-coastal", "password: " + VAULT.format(digits=digits).rstrip())
+
+
+def vpn_password(declaration: Declaration) -> Secret:
+    device = declaration.hosts["coastal-router"].device
+    assert isinstance(device, Router)
+    assert device.vpn_client is not None
+    return device.vpn_client.password
+
+
+def told(inventory: Path) -> list[str]:
+    return [f"{finding} -> {finding.hint}" for finding in validate(inventory)]
+
+
+def test_the_shipped_pilot() -> None:
+    pilot = load(SHIPPED)
+    assert list(pilot.sites) == ["scc", "coastal", "te4sea"]
+    assert list(pilot.vehicles) == ["girona500", "sparus", "zarco", "stork", "mares", "eca-rov"]
+    assert [host.name for host in pilot.site_hosts("te4sea")] == [
+        "te4sea-router",
+        "te4sea-4g",
+        "te4sea-sat",
+        "te4sea-gateway",
+    ]
+    assert {host.site for host in pilot.hosts.values()} == set(pilot.sites)
+
+
+def test_revision_tells_contents_apart_and_not_places(inventory: Path) -> None:
+    before = load(inventory).revision
+    assert load(inventory.absolute()).revision == before == load(SHIPPED).revision
+    edit(inventory / ROUTER, "# Router", "# The router")
+    assert load(inventory).revision != before
+
+
+def test_files_are_named_as_a_person_here_would_type_them(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    edit(inventory / "hosts.yml", "            scc-cpe:\n", "            scc_cpe:\n")
+    assert {finding.file for finding in validate(inventory.absolute())} >= {"inventory/hosts.yml"}
+    monkeypatch.chdir("/")
+    elsewhere = validate(Path(os.path.relpath(SHIPPED)))
+    assert elsewhere == []
+
+
+def test_variables_of_a_site_in_a_folder(inventory: Path) -> None:
+    before = load(inventory)
+    (inventory / "host_vars/coastal-router").mkdir()
+    (inventory / ROUTER).rename(inventory / "host_vars/coastal-router/device.yml")
+    (inventory / "group_vars/routers.yml").write_text("ansible_connection: local\n", encoding="utf-8")
+    after = load(inventory)
+    assert (after.hosts, after.revision) == (before.hosts, after.revision)
+
+
+def test_hidden_files_and_documents_are_passed_by(inventory: Path) -> None:
+    (inventory / ".gitkeep").touch()
+    (inventory / "README.md").write_text("How the address plan came about", encoding="utf-8")
+    (inventory / "host_vars/.coastal-router.yml.swp").write_bytes(b"\0")
+    (inventory / "empty-folder").mkdir()
+    assert told(inventory) == []
+
+
+def test_byte_order_mark_and_windows_line_ends(inventory: Path) -> None:
+    path = inventory / ROUTER
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert told(inventory) == []
+
+
+def test_not_utf_8(inventory: Path) -> None:
+    path = inventory / "group_vars/coastal.yml"
+    path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Viana \xe0 beira-mar"))
+    assert told(inventory) == [
+        "inventory/group_vars/coastal.yml:4:1: this line is not UTF-8 text -> save the file as UTF-8"
+    ]
+
+
+def test_control_character(inventory: Path) -> None:
+    path = inventory / "group_vars/coastal.yml"
+    path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Coastal\0testbed"))
+    assert told(inventory) == ["inventory/group_vars/coastal.yml:4:17: a control character stands here -> delete it"]
+
+
+def test_file_that_cannot_be_read(inventory: Path) -> None:
+    (inventory / ROUTER).unlink()
+    (inventory / ROUTER).symlink_to("nowhere.yml")
+    (finding,) = validate(inventory)
+    assert str(finding) == f"inventory/{ROUTER}:1:1: the file cannot be read: no such file or directory"
+
+
+def test_hosts_file_with_a_syntax_error_stops_there(inventory: Path) -> None:
+    (inventory / "hosts.yml").write_text("all: [\n", encoding="utf-8")
+    (finding,) = validate(inventory)
+    assert finding.file == "inventory/hosts.yml"
+
+
+def test_deep_nesting(inventory: Path) -> None:
+    (inventory / "host_vars/coastal-gateway.yml").write_text("device: " + "[" * 900 + "]" * 900, encoding="utf-8")
+    findings = validate(inventory)
+    assert [finding.file for finding in findings] == ["inventory/host_vars/coastal-gateway.yml"]
+
+
+class TestVault:
+    def test_sealed_without_password(self, inventory: Path) -> None:
+        vault_password(inventory)
+        secret = vpn_password(load(inventory))
+        with pytest.raises(UsageError, match="still encrypted"):
+            secret.reveal()
+        assert "3063" not in repr(secret)
+
+    def test_opened(self, inventory: Path) -> None:
+        vault_password(inventory)
+        declaration = load(inventory, decrypt=lambda text: text.splitlines()[1] + " opened\n")
+        assert vpn_password(declaration).reveal() == "3063 opened"
+
+    def test_wrong_password(self, inventory: Path) -> None:
+        def refuse(text: str) -> str:
+            raise RuntimeError("Decryption failed on " + text)
+
+        vault_password(inventory)
+        with pytest.raises(InventoryInvalid) as caught:
+            load(inventory, decrypt=refuse)
+        assert str(caught.value).splitlines()[:2] == [
+            f"inventory/{ROUTER}:20:15: this secret cannot be decrypted",
+            "  -> check the vault's password",
+        ]
+
+    def test_opened_secrets_are_checked_without_being_told(self, inventory: Path) -> None:
+        for host in ("coastal-cpe", "scc-cpe"):
+            vaulted = "key: " + VAULT.format(digits=host.encode().hex()).rstrip()
+            edit(inventory / f"host_vars/{host}.yml", "key: EXAMPLE-ptp-key", vaulted)
+        assert told(inventory) == []  # sealed: nobody can say whether both ends have one key
+        findings = validate(inventory, decrypt=lambda text: "tooshort"[: 4 + len(text) % 2])
+        assert [finding.message for finding in findings].count(
+            "the bridge's key must have 8 to 63 printable ASCII characters"
+        ) == 2
+        assert "toos" not in report(findings)
+
+    def test_control_characters_in_an_opened_secret(self, inventory: Path) -> None:
+        vault_password(inventory)
+        (finding,) = validate(inventory, decrypt=lambda _: "two\nlines")
+        assert finding.message == "`password` is empty, or has a line break or another control character"
+
+
+class TestNothing:
+    def test_no_directory(self, inventory: Path) -> None:
+        with pytest.raises(NothingMatched, match="the inventory directory inventroy does not exist") as caught:
+            validate(inventory.with_name("inventroy"))
+        assert caught.value.hint == "inventories here: inventory"
+        assert caught.value.exit is ExitCode.NOTHING
+
+    def test_a_file(self, inventory: Path) -> None:
+        with pytest.raises(NothingMatched, match=r"hosts.yml is a file") as caught:
+            validate(inventory / "hosts.yml")
+        assert caught.value.hint == "an inventory is a directory with hosts.yml in it"
+
+    def test_empty_directory(self, tmp_path: Path) -> None:
+        with pytest.raises(NothingMatched, match=r"there is no hosts\.yml") as caught:
+            load(tmp_path)
+        assert caught.value.hint == "it is empty"
+
+    @pytest.mark.parametrize("text", ["", "---\n", "all:\n", "all: {children: {sites: {children: {}}}}\n"])
+    def test_no_site(self, inventory: Path, text: str) -> None:
+        (inventory / "hosts.yml").write_text(text, encoding="utf-8")
+        with pytest.raises(NothingMatched, match="declares no site"):
+            validate(inventory)
+
+
+class TestChoose:
+    def test_a_site(self) -> None:
+        assert [host.name for host in choose(load(SHIPPED), "scc")] == [
+            "scc-router",
+            "scc-cpe",
+            "scc-vpn",
+            "scc-control",
+        ]
+
+    def test_every_site(self) -> None:
+        pilot = load(SHIPPED)
+        assert choose(pilot, "all") == tuple(pilot.hosts.values())
+
+    def test_only_some_in_the_inventorys_order(self) -> None:
+        chosen = choose(load(SHIPPED), "coastal", ["coastal-cpe", "coastal-router", "coastal-cpe"])
+        assert [host.name for host in chosen] == ["coastal-router", "coastal-cpe"]
+        assert isinstance(chosen[1].device, Cpe)
+
+    @pytest.mark.parametrize(
+        ("site", "only", "message", "hint"),
+        [
+            (
+                "costal",
+                (),
+                "there is no site `costal`",
+                "did you mean `coastal`? the sites are: scc, coastal, te4sea, all",
+            ),
+            ("brussels", (), "there is no site `brussels`", "the sites are: scc, coastal, te4sea, all"),
+            (
+                "te4sea",
+                ("te4sea-ruter",),
+                "there is no host `te4sea-ruter` at site `te4sea`",
+                "did you mean `te4sea-router`? the hosts are: te4sea-router, te4sea-4g, te4sea-sat, te4sea-gateway",
+            ),
+            (
+                "scc",
+                ("coastal-router",),
+                "`coastal-router` is not at site `scc`",
+                "type site=coastal only=coastal-router",
+            ),
+        ],
+    )
+    def test_nothing_matched(self, site: str, only: tuple[str, ...], message: str, hint: str) -> None:
+        with pytest.raises(NothingMatched) as caught:
+            choose(load(SHIPPED), site, only)
+        assert (str(caught.value), caught.value.hint) == (message, hint)
