@@ -23,6 +23,7 @@ _MENU_TYPES = ("dir", "path")
 _PRINT_FORMS = ("getall", "listen")
 
 
+@cache
 def version_key(version: str) -> tuple[int, ...]:
     """Make `7.18.2` comparable; `7.19beta2` and `7.19rc1` are below 7.19."""
     match = re.match(r"(\d+)\.(\d+)(?:\.(\d+))?(?:(beta|rc)(\d+))?", version)
@@ -84,6 +85,10 @@ class Schema:
 
     def arguments(self, menu: str, command: str) -> frozenset[str]:
         """Return the names that `command` takes."""
+        return _arguments(self, menu, command)
+
+    def find_arguments(self, menu: str, command: str) -> frozenset[str]:
+        """Look the names up: what `arguments` remembers."""
         command = "print" if command in _PRINT_FORMS else command
         node = self._command(menu, command) or {}
         names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] == "arg"}
@@ -128,6 +133,11 @@ class Schema:
             if (menu == prefix or menu.startswith(prefix + "/")) and package not in self.packages:
                 return False
         return True
+
+
+@cache
+def _arguments(schema: Schema, menu: str, command: str) -> frozenset[str]:
+    return schema.find_arguments(menu, command)
 
 
 def features_of(board: str, *, poe: bool) -> frozenset[str]:

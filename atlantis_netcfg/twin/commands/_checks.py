@@ -40,14 +40,18 @@ def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -
 
 
 def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: Item | None) -> None:
-    key = [values.get(name) for name in unique.arguments]
+    key = _key(table, unique, values)
     if None in key[:1]:
         return
     tables = list(core.store.space_tables("interface")) if table.menu.space == "interface" else [table]
     for other_table in tables:
         for other in other_table.items:
-            if other is not item and [other.values.get(name) for name in unique.arguments] == key:
+            if other is not item and _key(table, unique, other.values) == key:
                 raise Trap(unique.words)
+
+
+def _key(table: Table, unique: Unique, values: Mapping[str, str]) -> list[str | None]:
+    return [values.get(name, table.menu.by_name[name].default) for name in unique.arguments]
 
 
 def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Item | None) -> None:

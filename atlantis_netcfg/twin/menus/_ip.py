@@ -101,7 +101,7 @@ _SERVER = Menu(
     ),
     noun="dhcp server",
     space="dhcp-server",
-    unique=(_NAME_TAKEN, Unique(("interface",), "failure: already have dhcp server on such interface")),
+    unique=(_NAME_TAKEN, Unique(("interface", "relay"), "failure: already have dhcp server on such interface")),
     flags=("dynamic", "invalid"),
 )
 

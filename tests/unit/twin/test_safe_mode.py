@@ -199,3 +199,25 @@ def test_undo_and_redo() -> None:
     assert router.say("/ip/pool/print", "=.proplist=.id") == ["!re =.id=*1", "!done"]
     router.say("/undo")
     assert router.say("/undo") == ["!trap =message=failure: nothing to undo", "!done"]  # ours
+
+
+def test_history_holds_the_inverse_in_the_console_s_language() -> None:
+    router = make()
+    router.script(
+        "/routing table add fib name=via-sat\n"
+        "/ip firewall filter\nadd chain=input\nadd chain=input comment=b\nmove *2 *1\n"
+        "set *1 src-address=10.0.0.1 log=yes\n"
+        "/system identity set name=quay\n"
+        "/interface ovpn-client add connect-to=a.example user=u password=hush\n"
+    )
+    assert router.say("/system/history/print", "=.proplist=undo,redo")[1:6] == [
+        "!re =undo=/system identity set name=MikroTik =redo=/system identity set name=quay",
+        "!re =undo=/ip firewall filter set *1 log=no !src-address "
+        "=redo=/ip firewall filter set *1 log=yes src-address=10.0.0.1",
+        "!re =undo=/ip firewall filter move *2 =redo=/ip firewall filter move *2 destination=*1",
+        "!re =undo=/ip firewall filter remove *2 =redo=/ip firewall filter add chain=input comment=b",
+        "!re =undo=/ip firewall filter remove *1 =redo=/ip firewall filter add chain=input",
+    ]
+    shown = router.say("/system/history/print", "=.proplist=redo")
+    assert shown[0].endswith("name=ovpn-out1 password=***** user=u")
+    assert shown[6] == "!re =redo=/routing table add fib name=via-sat"
