@@ -212,8 +212,10 @@ def test_history_holds_the_inverse_in_the_console_s_language() -> None:
     )
     assert router.say("/system/history/print", "=.proplist=undo,redo")[1:6] == [
         "!re =undo=/system identity set name=MikroTik =redo=/system identity set name=quay",
-        "!re =undo=/ip firewall filter set *1 log=no !src-address "
-        "=redo=/ip firewall filter set *1 log=yes src-address=10.0.0.1",
+        (
+            "!re =undo=/ip firewall filter set *1 log=no !src-address "
+            "=redo=/ip firewall filter set *1 log=yes src-address=10.0.0.1"
+        ),
         "!re =undo=/ip firewall filter move *2 =redo=/ip firewall filter move *2 destination=*1",
         "!re =undo=/ip firewall filter remove *2 =redo=/ip firewall filter add chain=input comment=b",
         "!re =undo=/ip firewall filter remove *1 =redo=/ip firewall filter add chain=input",
