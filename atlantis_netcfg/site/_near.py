@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["choices", "meant", "nearest"]
+__all__ = ["choices", "meant", "nearest", "shown_key"]
 
 _MANY = 12
 
@@ -34,6 +35,12 @@ def choices(words: Iterable[str]) -> str:
     """The words, comma-separated; a long list is cut."""
     every = list(words)
     return ", ".join(every[:_MANY]) + (f" … ({len(every)} in all)" if len(every) > _MANY else "")
+
+
+def shown_key(key: str) -> str:
+    """A key as errors may show it: only its first word, because a slip of the finger can put a password behind it."""
+    word = re.match(r"[\w.-]*", key)
+    return key if word is None or word.group() == key else f"{word.group()}…"
 
 
 def _key(word: str) -> str:

@@ -13,16 +13,14 @@ from pydantic import BaseModel, ValidationError
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site._draft import Draft, Part
 from atlantis_netcfg.site._names import why_no_name
-from atlantis_netcfg.site._near import choices, meant, nearest
+from atlantis_netcfg.site._near import choices, meant, nearest, shown_key
 from atlantis_netcfg.site._node import Node
 from atlantis_netcfg.site._words import explain, label_of
 from atlantis_netcfg.site.findings import Finding
 from atlantis_netcfg.site.model import Partner, Pilot, Site, Vehicle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from pydantic_core import ErrorDetails
+    from collections.abc import Iterable, Mapping
 
     from atlantis_netcfg.site._hosts import Layout
     from atlantis_netcfg.site._variables import Variables
@@ -116,52 +114,50 @@ class _Builder:
         return replace(node, value=keys), grouped
 
     def _build(self, part: Part, node: Node, model: type[_M], name: str) -> _M | None:
-        self.draft.nodes[part] = node
-        try:
-            return model.model_validate(node.data())
-        except ValidationError as error:
-            errors = error.errors(include_url=False, include_input=False)
-        fixed = self._fix_keys(errors, node, model, name)
-        self.draft.nodes[part] = fixed
-        try:
-            return model.model_validate(fixed.data())
-        except ValidationError as error:
-            errors = error.errors(include_url=False, include_input=False)
-        for one in errors:
-            if not fixed.at(*one["loc"]).told:
-                self.findings.append(explain(one, fixed, model, name))
+        while True:
+            self.draft.nodes[part] = node
+            try:
+                return model.model_validate(node.data())
+            except ValidationError as error:
+                errors = error.errors(include_url=False, include_input=False)
+            unknown = [one["loc"] for one in errors if one["type"] == "extra_forbidden"]
+            if not unknown:
+                break
+            node = self._fix_keys(unknown, node, model, name)  # each round leaves fewer unknown keys, or deeper ones
+        self.findings.extend(explain(one, node, model, name) for one in errors if not node.at(*one["loc"]).told)
         return None
 
-    def _fix_keys(self, errors: Iterable[ErrorDetails], node: Node, model: type[BaseModel], name: str) -> Node:
+    def _fix_keys(self, unknown: Iterable[_Path], node: Node, model: type[BaseModel], name: str) -> Node:
         """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
-        taken: set[_Path] = set()
-        for error in errors:
-            if error["type"] != "extra_forbidden":
-                continue
-            path = error["loc"]
+        for path in unknown:
             parent, key = path[:-1], str(path[-1])
             inner = _schema.model_of(_schema.at(model, parent))
             known = list(inner.model_fields) if inner is not None else []
-            present = node.at(*parent).keys
-            free = [field for field in known if field not in present and (*parent, field) not in taken]
-            near = nearest(key, free)
-            hint = f"did you mean `{near}`?" if near else _instead(key, known)
-            self.findings.append(Finding.at(node.at(*path).place, f"{label_of(parent, name)} has no key `{key}`", hint))
-            if near is not None:
-                taken.add((*parent, near))
-            node = _renamed(node, parent, key, near)
+            block = node.at(*parent).keys
+            meant, message, hint = _unknown(key, block, known, label_of(parent, name))
+            self.findings.append(Finding.at(block[key].place, message, hint))
+            node = _renamed(node, parent, key, meant)
         return node
 
 
-def _instead(key: str, known: list[str]) -> str:
-    return f"remove `{key}`; the keys here are: {', '.join(known)}"
+def _unknown(key: str, block: Mapping[str, Node], known: list[str], where: str) -> tuple[str | None, str, str]:
+    """The key that was meant, if that can be known, and what to say."""
+    free = [field for field in known if field not in block]
+    word = key.partition(" ")[0]
+    if word != key and word in free and block[key].value is None:
+        return word, f"a `:` is missing after `{word}`", f"write `{word}: …`"
+    near = nearest(key, free)
+    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(known)}"
+    message = f"{where} has no key `{shown_key(key)}`"
+    return near, message, f"did you mean `{near}`?" if near is not None else instead
 
 
 def _renamed(node: Node, path: _Path, old: str, new: str | None) -> Node:
     if not path:
         keys = dict(node.keys)
         value = keys.pop(old)
-        return replace(node, value=keys if new is None else {**keys, new: value})
+        told = value.told or (" " in old and value.value is None)
+        return replace(node, value=keys if new is None else {**keys, new: replace(value, told=told)})
     step, rest = path[0], path[1:]
     if isinstance(node.value, list) and isinstance(step, int):
         items = list(node.value)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.site._hosts import KIND_GROUPS
-from atlantis_netcfg.site._near import meant, nearest
+from atlantis_netcfg.site._near import meant, nearest, shown_key
 from atlantis_netcfg.site.findings import Finding, Mark
 
 if TYPE_CHECKING:
@@ -155,6 +155,6 @@ class _Gatherer:
             self._wrong(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
         else:
             none = "only variables of Ansible itself, `ansible_…`, may stand here"
-            self._wrong(value.place, f"`{name}` is not known here", meant(name, allowed, none=none))
+            self._wrong(value.place, f"`{shown_key(name)}` is not known here", meant(name, allowed, none=none))
             if near is not None:
                 found.setdefault(near, value)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from atlantis_netcfg.site._near import shown_key
 from atlantis_netcfg.site._node import Node, Scalar
 from atlantis_netcfg.site._vault import TAG, UNTAGGED, Decrypt, VaultError, unseal
 from atlantis_netcfg.site._yaml_errors import explain
@@ -100,7 +101,7 @@ class _Converter:
 
     def _expect_tag(self, node: MappingNode | SequenceNode, expected: str) -> None:
         if node.tag != _STANDARD + expected:
-            self._wrong(node, f"the tag `{_shown(node.tag)}` is not used in an inventory", "remove it")
+            self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
 
     def _alias(self, node: yaml.Node) -> None:
         """An alias has lost its own place in the node tree; the event stream still has it."""
@@ -117,11 +118,16 @@ class _Converter:
             name = self._key(key)
             if name is None:
                 continue
+            name, joined, _ = name.partition(":")
+            if joined:
+                self._wrong(key, f"a space is missing after `{shown_key(name)}:`", f"write `{shown_key(name)}: …`")
             if name in result:
                 first = result[name].place.line
-                self._wrong(key, f"`{name}` stands here twice (first in line {first})", "keep one of them")
+                self._wrong(key, f"`{shown_key(name)}` stands here twice (first in line {first})", "keep one of them")
                 continue
             result[name] = replace(self._node(value), key=self._mark(key))
+            if joined:
+                result[name] = replace(result[name], told=True)
         return result
 
     def _key(self, key: yaml.Node) -> str | None:
@@ -147,8 +153,8 @@ class _Converter:
             return Node(mark, self._secret(node, text))
         kind = node.tag.removeprefix(_STANDARD)
         if kind not in _SCALARS:
-            self._wrong(node, f"the tag `{_shown(node.tag)}` is not used in an inventory", "remove it, or use `!vault`")
-            return Node(mark, text, text, plain)
+            self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes")
+            return Node(mark, text, text, plain, told=True)
         if any(part in text for part in _JINJA):
             self._wrong(node, _IS_JINJA, "write the value itself")
             return Node(mark, text, text, plain, told=True)
@@ -165,7 +171,3 @@ class _Converter:
         except VaultError as error:
             self._wrong(node, str(error), error.hint or "")
             return unseal(text, None, strict=False)
-
-
-def _shown(tag: str) -> str:
-    return tag.replace(_STANDARD, "!!")

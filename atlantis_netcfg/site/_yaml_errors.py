@@ -33,6 +33,8 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
     ("cannot start any token", "a text cannot begin with this character", "put the text in quotes"),
     ("while scanning an alias", "a text cannot begin with `*`", "put the text in quotes"),
     ("while scanning an anchor", "a text cannot begin with `&`", "put the text in quotes"),
+    ("while scanning a tag", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
+    ("undefined tag handle", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
     ("unknown escape character", "a backslash in double quotes begins an escape", "put the text in single quotes"),
 )
 _UNCLOSED = ("did not find expected ',' or", "unexpected end of stream")
