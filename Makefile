@@ -22,10 +22,12 @@ test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 
 lint: ## check code, types, playbooks and roles; no warning is accepted
 	@tools/develop
-	ruff check .
-	ruff format --check .
-	mypy
-	ansible-lint
+	@status=0; \
+	for check in "ruff check ." "ruff format --check ." mypy ansible-lint; do \
+		echo "$$check"; \
+		$$check || status=1; \
+	done; \
+	exit $$status
 
 campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system

@@ -280,7 +280,7 @@ while True:
 def test_a_kill_loses_nothing_that_was_written(tmp_path: Path) -> None:
     for written in range(1, 6):
         arguments = [sys.executable, "-c", KILLED, str(tmp_path)]
-        with subprocess.Popen(arguments, stdout=subprocess.PIPE) as process:  # noqa: S603 - our own script
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE) as process:
             assert process.stdout is not None
             for _ in range(written):
                 process.stdout.readline()

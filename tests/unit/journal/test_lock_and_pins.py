@@ -31,7 +31,7 @@ with Store(Path(sys.argv[1])).lock("coastal", "provision site=coastal"):
 
 def holder(state: Path) -> subprocess.Popen[bytes]:
     arguments = [sys.executable, "-c", HOLD, str(state)]
-    process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603 - our own script
+    process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stdout.readline() == b"held\n"
     return process
