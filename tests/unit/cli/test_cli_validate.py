@@ -1,0 +1,110 @@
+"""`provision validate`: what it says, where it says it, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.errors import ExitCode
+
+SHIPPED = Path(__file__).parents[3] / "inventory"
+SAID = """\
+inventory: no errors
+    3 sites     scc (4 hosts), coastal (5 hosts), te4sea (4 hosts)
+   13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
+    6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
+    5 partners  inesc, iqua, eca, udg, vtt
+It still holds example values: only rehearsals use it (provision site=… --rehearse).
+"""
+WRONG = """\
+inventory/host_vars/te4sea-router.yml:7:92: `satelite` is no bearer of `te4sea`
+  -> did you mean `satellite`?
+1 error in the inventory; no device was contacted
+"""
+
+
+@pytest.fixture
+def inventory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(SHIPPED, tmp_path / "inventory")
+    monkeypatch.chdir(tmp_path)
+    return Path("inventory")
+
+
+@pytest.fixture
+def invalid(inventory: Path) -> Path:
+    path = inventory / "host_vars" / "te4sea-router.yml"
+    path.write_text(path.read_text(encoding="utf-8").replace("via: satellite", "via: satelite"), encoding="utf-8")
+    return inventory
+
+
+@pytest.mark.usefixtures("inventory")
+def test_it_says_what_was_checked(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    assert capsys.readouterr() == (SAID, "")
+
+
+@pytest.mark.usefixtures("inventory")
+def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
+    said = json.loads(capsys.readouterr().out)
+    assert said.pop("revision")
+    assert said == {
+        "exit": 0,
+        "inventory": "inventory",
+        "errors": [],
+        "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 5},
+    }
+
+
+def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate"]) == ExitCode.DONE
+    assert capsys.readouterr().out.splitlines()[0] == f"{SHIPPED}: no errors"
+
+
+@pytest.mark.usefixtures("invalid")
+def test_errors_go_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "inventory=inventory"]) == ExitCode.USAGE
+    assert capsys.readouterr() == ("", WRONG)
+
+
+@pytest.mark.usefixtures("invalid")
+def test_errors_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.USAGE
+    said = json.loads(capsys.readouterr().out)
+    assert said["exit"] == ExitCode.USAGE
+    assert said["errors"] == [
+        {
+            "file": "inventory/host_vars/te4sea-router.yml",
+            "line": 7,
+            "column": 92,
+            "message": "`satelite` is no bearer of `te4sea`",
+            "hint": "did you mean `satellite`?",
+        }
+    ]
+
+
+@pytest.mark.usefixtures("inventory")
+def test_nothing_to_check(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "inventory=inventroy"]) == ExitCode.NOTHING
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.splitlines() == [
+        "error: the inventory directory inventroy does not exist",
+        "       inventories here: inventory",
+    ]
+
+
+def test_it_imports_neither_ansible_nor_jinja() -> None:
+    program = (
+        "import sys; from atlantis_netcfg.cli import main; code = main(['validate']);"
+        "print([name for name in ('ansible', 'jinja2', 'librouteros', 'cryptography', 'rich') if name in sys.modules]);"
+        "sys.exit(code)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
