@@ -70,7 +70,7 @@ class Field:
         return (self.since is None or version >= self.since) and (self.gone is None or version < self.gone)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Menu:
     """One menu of the device: a row of the table."""
 
@@ -106,6 +106,9 @@ class Menu:
     exported: bool = True
     """False: `export` leaves the menu out, so that a saved export says nothing about it."""
     since: Version | None = None
+
+    def __repr__(self) -> str:
+        return f"<Menu {self.path}>"
 
     @cached_property
     def by_name(self) -> Mapping[str, Field]:

@@ -20,7 +20,7 @@ __all__ = ["plan_identified"]
 _Value = tuple[str, ...]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Match:
     """One declared row, the row on the device that shall become it, and whether that needs a new row after all."""
 
@@ -28,10 +28,15 @@ class _Match:
     row: Row | None = None
     writes: tuple[tuple[str, str], ...] = ()
     replaced: bool = False
+    after_those: list[_Match] = field(default_factory=list)
+    """Rows that must let go of a value first."""
 
     def after(self) -> dict[str, str]:
         """Return the row as it will be."""
-        return {**(self.row or {}), **self.item.given}
+        if self.row is None:
+            return self.item.given
+        unset = {name[1:] for name, _ in self.writes if name.startswith("!")}
+        return {name: value for name, value in {**self.row, **dict(self.writes)}.items() if name not in unset}
 
 
 @dataclass(slots=True)
@@ -129,22 +134,25 @@ def _is_managed(work: _Rows, match: _Match) -> bool:
 
 
 def _make_room(work: _Rows) -> None:
-    """Find rows that must go before others can have their value of a property that the device allows only once."""
+    """Let rows go, or change first, whose value of a property that the device allows only once another row needs."""
     if not work.menu.unique:
         return
     for names in (work.menu.keys, *((name,) for name in work.menu.unique)):
         holders = {_value(work.menu, names, row): row for row in _present(work)}
-        matched = {id(match.row): match for match in work.matches if match.row is not None}
+        owners = {id(match.row): match for match in work.matches if match.row is not None}
         for match in work.matches:
             if match.row is None or match.writes:
                 wanted = _value(work.menu, names, match.after())
-                holder = holders.get(wanted) if wanted is not None else None
+                holder = holders.get(wanted)
                 if holder is not None and holder is not match.row:
-                    _displace(work, match, holder, matched.get(id(holder)))
+                    owner = owners.get(id(holder))
+                    leaves = owner is not None and _value(work.menu, names, owner.after()) != wanted
+                    _make_way(work, match, holder, owner, leaves=leaves)
+    work.matches = _in_turn(work)
 
 
 def _present(work: _Rows) -> Iterator[Row]:
-    yield from (match.row for match in work.matches if match.row is not None and not match.replaced)
+    yield from (match.row for match in work.matches if match.row is not None)
     yield from (row for row in work.left if row not in work.early)
 
 
@@ -153,11 +161,10 @@ def _value(menu: Menu, names: tuple[str, ...], values: Row) -> _Value | None:
     return tuple(menu.form(name, values) for name in names) if any(values.get(name) for name in names) else None
 
 
-def _displace(work: _Rows, match: _Match, holder: Row, owner: _Match | None) -> None:
-    """Let the holder of a value go, if it may; `owner` is what the holder shall become, if it is declared at all."""
-    if owner is not None and owner.writes:
-        owner.replaced = True
-        work.early.append(holder)
+def _make_way(work: _Rows, match: _Match, holder: Row, owner: _Match | None, *, leaves: bool) -> None:
+    """Find out how the holder of a value lets go; `owner` is what it shall become, if it is declared at all."""
+    if owner is not None and leaves:
+        match.after_those.append(owner)
     elif owner is None and _is_removable(work, holder):
         work.early.append(holder)
     else:
@@ -165,6 +172,27 @@ def _displace(work: _Rows, match: _Match, holder: Row, owner: _Match | None) -> 
         work.report.problems.append(
             f"line {match.item.line}: {here} cannot be had beside {there}, which is on the device"
         )
+
+
+def _in_turn(work: _Rows) -> list[_Match]:
+    """Order the rows so that each finds its values free; where they wait in a circle, one goes and comes anew."""
+    done: dict[_Match, None] = {}
+    waiting: list[_Match] = []
+
+    def visit(match: _Match) -> None:
+        waiting.append(match)
+        for other in match.after_those:
+            if other in waiting and other.row is not None and not other.replaced:
+                other.replaced = True
+                work.early.append(other.row)
+            elif other not in waiting and other not in done:
+                visit(other)
+        done[waiting.pop()] = None
+
+    for match in work.matches:
+        if match not in done:
+            visit(match)
+    return list(done)
 
 
 def _is_removable(work: _Rows, row: Row) -> bool:
