@@ -10,6 +10,7 @@ import pytest
 from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.site import Declaration, InventoryInvalid, choose, load, report, validate
 from atlantis_netcfg.site.model import Cpe, Router
+from atlantis_netcfg.site.rules import clock
 
 if TYPE_CHECKING:
     from atlantis_netcfg.secret import Secret
@@ -243,3 +244,10 @@ class TestChoose:
         with pytest.raises(NothingMatched) as caught:
             choose(load(SHIPPED), site, only)
         assert (str(caught.value), caught.value.hint) == (message, hint)
+
+
+def test_a_machine_without_time_zones_cannot_tell(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    edit(inventory / "group_vars/all/pilot.yml", "Europe/Lisbon", "Europe/Viana")
+    assert len(validate(inventory)) == 1
+    monkeypatch.setattr(clock, "available_timezones", set)
+    assert validate(inventory) == []
