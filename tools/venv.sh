@@ -153,7 +153,9 @@ pip() {
 }
 
 pip_failed() {
-    if grep -q -e 'Retrying (' -e 'NewConnectionError' "$log"; then
+    if grep -q 'CERTIFICATE_VERIFY_FAILED' "$log"; then
+        say "error: the package index cannot prove who it is; is the clock right? here it is $(date)"
+    elif grep -q -e 'Retrying (' -e 'NewConnectionError' "$log"; then
         say "error: the package index does not answer"
     else
         grep -i '^error' "$log" | tail -n 3 >&2
@@ -166,7 +168,6 @@ pip_failed() {
 # find_python: sets `python` and `version`; the distribution's own first, since every user of the machine can run it.
 find_python() {
     look_for_python && return
-    say "      no Python that can make environments yet: installing $package"
     install_system_packages "$package" && look_for_python && return
     if [ -n "$lacking" ]; then
         give_up "$lacking cannot make environments: the package $package is missing" \
@@ -210,6 +211,7 @@ install_system_packages() {
             return 1
         fi
     fi
+    say "      installing what this machine lacks, by apt-get: $*"
     apt_get install -y --no-install-recommends "$@" || { apt_get update && apt_get install -y --no-install-recommends "$@"; }
 }
 

@@ -6,7 +6,11 @@ import json
 import os
 import shutil
 import signal
+import socket
+import ssl
 import subprocess
+import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -14,6 +18,7 @@ from house_checkout import NOBODY, as_nobody, clean_environment, let_others_pass
 from house_small import folder_of_wheels, small_checkout
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
@@ -165,6 +170,45 @@ def test_a_half_made_environment_is_made_anew(damage: str, checkout: Path, offli
     told(recovered)
     assert "making it anew" in recovered.stderr
     assert start(checkout, environment=offline).stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("index", "said"),
+    [("http://127.0.0.1:1/", "does not answer"), ("https://127.0.0.1:{port}/", "is the clock right?")],
+    ids=["silent", "not to be trusted"],
+)
+def test_an_index_that_is_of_no_use(index: str, said: str, tmp_path: Path, untrusted: int) -> None:
+    checkout = small_checkout(tmp_path / "checkout")
+    environment = {name: value for name, value in clean_environment().items() if not name.startswith("PIP_")}
+    settings = {"PIP_INDEX_URL": index.format(port=untrusted), "PIP_RETRIES": "1", "PIP_CONFIG_FILE": "/dev/null"}
+    refused = start(checkout, environment=environment | settings)
+    assert (refused.returncode, refused.stdout) == (3, "")
+    assert said in refused.stderr
+    assert str(checkout / ".venv-setup" / "log") in refused.stderr
+
+
+@pytest.fixture
+def untrusted(tmp_path: Path) -> Iterator[int]:
+    """A port that answers with a certificate of its own making, as a machine with a wrong clock sees every one."""
+    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=127.0.0.1"]
+    subprocess.run([*make, "-keyout", str(key), "-out", str(certificate)], capture_output=True, check=True)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=answer_everyone, args=(server, context), daemon=True)
+        thread.start()
+        yield server.getsockname()[1]
+        server.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def answer_everyone(server: socket.socket, context: ssl.SSLContext) -> None:
+    with suppress(OSError):
+        while True:
+            connection, _ = server.accept()
+            with suppress(OSError), context.wrap_socket(connection, server_side=True):
+                pass
 
 
 def kill_in_the_middle(checkout: Path, environment: dict[str, str]) -> None:

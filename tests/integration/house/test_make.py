@@ -1,0 +1,61 @@
+"""`make` explains itself, and .ci/run tells the whole outcome on its last line."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from house_checkout import ROOT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CLOSING = "======================= 12 passed in 3.45s ========================"
+FAILING = "================== 1 failed, 11 passed in 3.45s ==================="
+NOTHING = "===================== no tests ran in 0.02s ======================="
+
+
+def test_make_alone_lists_every_target() -> None:
+    process = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True)
+    phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert phony is not None
+    assert re.findall(r"^  (\w+)  +\S", process.stdout, re.MULTILINE) == phony[1].split()
+
+
+@pytest.mark.parametrize(
+    ("lint", "tests", "closing", "code"),
+    [(0, 0, CLOSING, 0), (2, 0, CLOSING, 1), (0, 2, FAILING, 1), (2, 2, FAILING, 1), (0, 2, NOTHING, 1)],
+)
+def test_the_last_line_of_ci_is_the_closing_line(
+    lint: int, tests: int, closing: str, code: int, tmp_path: Path
+) -> None:
+    make = tmp_path / "make"
+    make.write_text(
+        f'#!/bin/sh\nread -r line && exit 9\n[ "$CI" = true ] || exit 9\n[ "$1" = lint ] && exit {lint}\n'
+        f'[ "$1" = test ] || exit 9\necho ".. [100%]"\necho "{closing}"\necho "make: done" >&2\nexit {tests}\n'
+    )
+    make.chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "CI": ""}
+    process = subprocess.run(
+        ["bash", str(ROOT / ".ci" / "run")],
+        env=environment,
+        cwd=tmp_path,
+        input="y\n",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (process.returncode, process.stdout.splitlines()[-1]) == (code, closing)
+
+
+def test_ci_does_not_pass_when_pytest_has_not_closed(tmp_path: Path) -> None:
+    make = tmp_path / "make"
+    make.write_text("#!/bin/sh\nexit 0\n")
+    make.chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    process = subprocess.run(["bash", str(ROOT / ".ci" / "run")], env=environment, capture_output=True, check=False)
+    assert process.returncode != 0
+    assert b"pytest has not closed" in process.stdout
