@@ -51,7 +51,7 @@ class _Line:
         except NetcfgError as error:
             return _outcome.failed(error, as_json=as_json)
         except KeyboardInterrupt:
-            return _outcome.interrupted(self.command, as_json=as_json)
+            return _outcome.interrupted(self.command, self.typed, as_json=as_json)
         except BrokenPipeError:
             _drop_stdout()
             return ExitCode.OUR_FAULT

@@ -43,12 +43,16 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """A `--name` switch; with `takes` it wants a value, as `--name VALUE` or `--name=VALUE`."""
+    """A `--name` switch; with `takes` it wants a value, as `--name VALUE` or `--name=VALUE`.
+
+    `harmless` says that with it the command changes no device, whatever else it does.
+    """
 
     name: str
     help: str
     takes: str = ""
     short: str = ""
+    harmless: bool = False
 
     @property
     def shown(self) -> str:

@@ -23,15 +23,19 @@ def failed(error: NetcfgError, *, as_json: bool) -> ExitCode:
     return error.exit
 
 
-def interrupted(command: Command | None, *, as_json: bool) -> ExitCode:
-    """Tell that Ctrl-C was obeyed."""
-    if command is not None and command.changes:
+def interrupted(command: Command | None, typed: Sequence[str], *, as_json: bool) -> ExitCode:
+    """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
+    if command is not None and command.changes and not _harmless(command, typed):
         message = "stopped by Ctrl-C; what a device kept is not known here"
         hint = "`provision runs` shows what was confirmed, `provision resume` goes on from there"
         _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
     _tell([("stopped by Ctrl-C; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
     return ExitCode.FAILED
+
+
+def _harmless(command: Command, typed: Sequence[str]) -> bool:
+    return any(flag.harmless and f"--{flag.name}" in typed for flag in command.flags)
 
 
 def crashed(error: BaseException, typed: Sequence[str], *, as_json: bool) -> ExitCode:

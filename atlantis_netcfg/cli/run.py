@@ -24,8 +24,8 @@ COMMAND = Command(
         Word("inventory", "folder of the declaration; the checkout's own if left out"),
     ),
     flags=(
-        Flag("plan", "show what would change and what it costs, change nothing"),
-        Flag("rehearse", "the same run against emulated devices of the site"),
+        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
         Flag("yes", "do not ask before changing devices"),
         JSON,
         VERBOSE,

@@ -23,7 +23,7 @@ RUN = Command(
         Word("bearer", "the link in use", choices=("ptp", "lte", "satellite")),
     ),
     flags=(
-        Flag("plan", "stop after planning"),
+        Flag("plan", "stop after planning", harmless=True),
         Flag("keep", "keep the run there", takes="DIR"),
         JSON,
         VERBOSE,

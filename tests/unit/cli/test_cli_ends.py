@@ -83,7 +83,9 @@ def test_an_unforeseen_error_is_told_without_a_place_for_logs(
     assert "by nothing" in error["hint"]
 
 
-@pytest.mark.parametrize(("line", "code"), [(LINE, ExitCode.UNKNOWN), (["show"], ExitCode.FAILED)])
+@pytest.mark.parametrize(
+    ("line", "code"), [(LINE, ExitCode.UNKNOWN), ([*LINE, "--plan"], ExitCode.FAILED), (["show"], ExitCode.FAILED)]
+)
 def test_ctrl_c_is_told_in_words(
     line: list[str], code: ExitCode, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
