@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site._draft import Draft, Part
 from atlantis_netcfg.site._names import why_no_name
@@ -136,7 +137,9 @@ class _Builder:
             block = node.at(*parent).keys
             meant, message, hint = _unknown(key, block, known, label_of(parent, name))
             self.findings.append(Finding.at(block[key].place, message, hint))
-            node = _renamed(node, parent, key, meant)
+            secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
+            unsure = any(field not in block and field != meant for field in secret)
+            node = _renamed(node, parent, key, meant, told=unsure)
         return node
 
 
@@ -152,17 +155,18 @@ def _unknown(key: str, block: Mapping[str, Node], known: list[str], where: str) 
     return near, message, f"did you mean `{near}`?" if near is not None else instead
 
 
-def _renamed(node: Node, path: _Path, old: str, new: str | None) -> Node:
+def _renamed(node: Node, path: _Path, old: str, new: str | None, *, told: bool) -> Node:
+    """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
     if not path:
         keys = dict(node.keys)
         value = keys.pop(old)
-        told = value.told or (" " in old and value.value is None)
+        told = told or value.told or (" " in old and value.value is None)
         return replace(node, value=keys if new is None else {**keys, new: replace(value, told=told)})
     step, rest = path[0], path[1:]
     if isinstance(node.value, list) and isinstance(step, int):
         items = list(node.value)
-        items[step] = _renamed(items[step], rest, old, new)
+        items[step] = _renamed(items[step], rest, old, new, told=told)
         return replace(node, value=items)
     keys = dict(node.keys)
-    keys[str(step)] = _renamed(keys[str(step)], rest, old, new)
+    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, told=told)
     return replace(node, value=keys)

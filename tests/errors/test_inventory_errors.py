@@ -28,7 +28,7 @@ def test_every_text_has_its_case() -> None:
 @pytest.mark.parametrize("path", sorted(inventory_cases.HERE.glob("*.txt")), ids=lambda path: path.stem)
 def test_in_a_technicians_words(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    foreign = ("pydantic", "Input should", "yaml.", "Error", "Traceback", "NoneType", "None", "__", FALLBACK)
+    foreign = ("hunter2", "pydantic", "Input should", "yaml.", "Error", "Traceback", "NoneType", "None", "__", FALLBACK)
     assert [word for word in foreign if word in text] == []
     assert all(line.startswith("  -> ") and line.strip() != "->" for line in text.splitlines()[1:-1:2])
 
