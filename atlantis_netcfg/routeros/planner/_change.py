@@ -131,7 +131,7 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
         return {}
     value = item.values[name]
     changes = _differing(menu, row, name, menu.default_of(name, row) if value is None else value)
-    if changes and each.board and name not in row:
+    if changes and each.board and not any(other.board and other.name in row for other in menu.fields):
         report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
         return {}
     return changes

@@ -1,0 +1,141 @@
+"""The router's address and the ports at which the technician's cable can be plugged in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.guard._route import way_back
+from atlantis_netcfg.routeros.guard._state import INTERFACES, State, identity, is_set
+from atlantis_netcfg.routeros.menus import MENUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.routeros._types import Row
+
+__all__ = ["interfaces", "objections"]
+
+_TUNNEL = "/interface/ovpn-client"
+
+
+def interfaces(state: State) -> frozenset[str]:
+    """Return the names of the interfaces that the path runs through, members of a bridge included."""
+    row = state.address_row()
+    names = {way_back(state).interface, row.get("interface") if row is not None else None} - {None}
+    members = {port.get("interface") for port in state.all("/interface/bridge/port") if port.get("bridge") in names}
+    return frozenset(name for name in names | members if name)
+
+
+def objections(before: State, after: State) -> Iterator[str]:
+    """Yield what happens to our address, its interface and the ports behind it."""
+    row = before.address_row()
+    if row is None or is_set(row, "disabled"):
+        return
+    yield from _address(before, after, row)
+    for name in sorted({row.get("interface", ""), way_back(before).interface or ""} - {""}):
+        yield from _ports(before, after, name)
+    yield from _vlans(before, after)
+    yield from _dhcp(before, after, row)
+    yield from _tunnel(before, after)
+
+
+def _address(before: State, after: State, row: Row) -> Iterator[str]:
+    now = after.address_row()
+    name = MENUS["/ip/address"].name_of(row)
+    if now is None:
+        yield f"/ip address: {name}, to which your session goes, would be removed: declare it, too"
+    elif is_set(now, "disabled"):
+        yield f"/ip address: {name}, to which your session goes, would be disabled: leave it enabled"
+    elif _lost(before, after, row.get("interface", ""), now.get("interface", "")):
+        yield (
+            f"/ip address: {before.path.local}, to which your session goes, would move from {row.get('interface')} to "
+            f"{now.get('interface')}, where your cable does not lead: change it from another port"
+        )
+
+
+def _lost(before: State, after: State, old: str, new: str) -> bool:
+    """Tell whether the address went to another interface, which some cable of before does not reach."""
+    there = after.interface(new)
+    moved = there is not None and _identity(before, old) != identity(*there)
+    return moved and not before.ports(old) <= after.ports(new)
+
+
+def _identity(state: State, name: str) -> str:
+    found = state.interface(name)
+    return identity(*found) if found is not None else name
+
+
+def _ports(before: State, after: State, name: str) -> Iterator[str]:
+    """Yield what becomes of an interface of the path, and of the bridge ports behind it."""
+    found = before.interface(name)
+    if found is None:
+        return
+    menu, row = found
+    now = next((each for each in after.all(menu) if each.get(".id") == row.get(".id")), None)
+    title = MENUS[menu].title
+    if now is None:
+        yield f"{title}: {name}, by which you come, would be removed: declare it, too"
+    elif is_set(now, "disabled") and not is_set(row, "disabled"):
+        yield f"{title}: {name}, by which you come, would be disabled: leave it enabled"
+    elif (bridge := after.bridge_of(now.get("name", name))) and before.bridge_of(name) != bridge:
+        yield from _enslaved(before, after, name, bridge)
+    else:
+        gone = before.ports(name) - after.ports(now.get("name", name))
+        yield from (_unplugged(before, name, port) for port in sorted(gone))
+
+
+def _enslaved(before: State, after: State, name: str, bridge: str) -> Iterator[str]:
+    """A port may join a bridge if our address is on that bridge then."""
+    now = after.address_row()
+    if now is None or now.get("interface") != bridge:
+        yield (
+            f"/interface bridge port: {name}, by which you come, would join {bridge}, and {before.path.local} on it "
+            f"would no longer answer: keep {name} out of the bridge, or move the address to {bridge}"
+        )
+
+
+def _unplugged(before: State, bridge: str, port: str) -> str:
+    names = {identity(menu, row): row.get("name", port) for menu in INTERFACES for row in before.all(menu)}
+    return (
+        f"/interface bridge port: {names.get(port, port)} would no longer lead to {bridge}, and your cable may be in "
+        f"it: keep it in the bridge and enabled"
+    )
+
+
+def _vlans(before: State, after: State) -> Iterator[str]:
+    """A bridge that begins to filter VLANs drops every frame that no table of VLANs admits, and we read no such table."""
+    for row in before.all("/interface/bridge"):
+        now = next((each for each in after.all("/interface/bridge") if each.get(".id") == row.get(".id")), row)
+        name = row.get("name")
+        if name in interfaces(before) and is_set(now, "vlan-filtering") and not is_set(row, "vlan-filtering"):
+            yield f"/interface bridge: {name}, by which you come, would begin to filter VLANs: do that from another port"
+
+
+def _dhcp(before: State, after: State, row: Row) -> Iterator[str]:
+    """A dynamic address is there as long as its DHCP client is."""
+    name = row.get("interface", "")
+    if not is_set(row, "dynamic") or name not in {each.get("interface") for each in before.enabled("/ip/dhcp-client")}:
+        return
+    kept = {_identity(after, each.get("interface", "")) for each in after.enabled("/ip/dhcp-client")}
+    if _identity(before, name) not in kept:
+        address = before.path.local
+        yield f"/ip dhcp-client: the client on {name} gave the router {address}, and would go: keep it enabled"
+
+
+def _tunnel(before: State, after: State) -> Iterator[str]:
+    """A tunnel that carries our session breaks with any change of how it is made."""
+    for row in before.enabled(_TUNNEL):
+        if row.get("name") not in interfaces(before):
+            continue
+        now = next((each for each in after.all(_TUNNEL) if each.get(".id") == row.get(".id")), None)
+        fields = [each.name for each in MENUS[_TUNNEL].fields if each.name not in ("comment", "name", "disabled")]
+        changed = [name for name in fields if now is not None and _form(name, row) != _form(name, now)]
+        if changed:
+            yield (
+                f"/interface ovpn-client: {row.get('name')} carries your session, and its {', '.join(changed)} would "
+                f"change: change that from the site"
+            )
+
+
+def _form(name: str, row: Row) -> str:
+    return MENUS[_TUNNEL].form(name, row)

@@ -1,0 +1,158 @@
+"""Which way an answer of the router to the technician leaves (Manual, IP Routing; Policy Routing)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Network, ip_network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.guard._state import identity, is_set
+from atlantis_netcfg.routeros.menus import MENUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.guard._state import State
+
+__all__ = ["Way", "objections", "way_back"]
+
+_DEEP_ENOUGH = 4
+_NO_LIMIT = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The decision about one destination."""
+
+    words: str
+    """How a person calls it."""
+    to: frozenset[str] = frozenset()
+    """Gateways, or ports of the interface that is connected; empty: nothing leads there."""
+    interface: str | None = None
+    """Where packets leave, as far as it can be told."""
+
+    is_connected: bool = False
+    """The destination is a neighbour on that interface."""
+
+    @property
+    def leads(self) -> bool:
+        """False for a blackhole, or when there is no route at all."""
+        return bool(self.to)
+
+
+def objections(before: State, after: State) -> Iterator[str]:
+    """Yield what is wrong with the way back after the change, unless it was wrong before."""
+    old, new = way_back(before), way_back(after)
+    if not old.leads or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
+        return
+    technician = before.path.technician
+    if not new.leads:
+        yield f"answers to you at {technician} go by {old.words}; then {new.words}: keep that route or address"
+    else:
+        yield (
+            f"answers to you at {technician} go by {old.words}, and would go by {new.words}: "
+            f"keep the old way until you come by the new one"
+        )
+
+
+def way_back(state: State) -> Way:
+    """Return where the router sends its answers: rules in order, then table main."""
+    for rule in state.enabled("/routing/rule"):
+        if _matches(rule, state):
+            way = _by_rule(rule, state)
+            if way is not None:
+                return way
+    return _lookup(state, "main", state.technician) or Way("nothing leads there")
+
+
+def _matches(rule: Row, state: State) -> bool:
+    """Answers of the router itself have no incoming interface and, without mangle, no mark."""
+    ends = (("src-address", state.local), ("dst-address", state.technician))
+    return not (rule.get("interface") or rule.get("routing-mark")) and all(
+        address in network for name, address in ends if (network := _network(rule.get(name, ""))) is not None
+    )
+
+
+def _by_rule(rule: Row, state: State) -> Way | None:
+    """Return the decision of a rule, or None when it leaves the decision to those below."""
+    action = rule.get("action", "lookup")
+    name = MENUS["/routing/rule"].name_of(rule)
+    if action in ("drop", "unreachable"):
+        return Way(f"the routing rule `{name}` keeps them back")
+    limit = rule.get("min-prefix", "")
+    way = _lookup(state, rule.get("table", "main"), state.technician, int(limit) if limit.isdecimal() else _NO_LIMIT)
+    if way is None and action == "lookup-only-in-table":
+        return Way(f"the routing rule `{name}` finds no route for them")
+    return way
+
+
+def _lookup(state: State, table: str, address: IPv4Address, limit: int = _NO_LIMIT, depth: int = 0) -> Way | None:
+    """Return the route of the longest prefix; of several, those of the smallest distance."""
+    found = [each for each in _routes(state, table) if address in each.network and each.network.prefixlen > limit]
+    if not found:
+        return None
+    best = min(each.rank for each in found)
+    chosen = [each for each in found if each.rank == best]
+    if chosen[0].interface is not None:
+        network, interface = chosen[0].network, chosen[0].interface
+        ports = state.ports(interface) or frozenset({interface})
+        return Way(f"{network} on {interface}", ports, interface, is_connected=True)
+    name = MENUS["/ip/route"].name_of(chosen[0].row)
+    if any("blackhole" in each.row for each in chosen):
+        return Way(f"the route {name} drops them")
+    gateways = frozenset(gateway for each in chosen for gateway in each.row.get("gateway", "").split(",") if gateway)
+    return Way(
+        f"the route {name}", frozenset(_gateway(state, each) for each in gateways), _leaving(state, gateways, depth)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Route:
+    network: IPv4Network
+    distance: int
+    row: Row
+    interface: str | None = None
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        return -self.network.prefixlen, self.distance
+
+
+def _routes(state: State, table: str) -> Iterator[_Route]:
+    if table == "main":
+        for network, interface in state.connected():
+            yield _Route(network, 0, {}, interface)
+    for row in state.enabled("/ip/route"):
+        target = _network(row.get("dst-address", "0.0.0.0/0"))
+        if target is not None and row.get("routing-table", "main") == table and not is_set(row, "connect"):
+            yield _Route(target, int(row.get("distance", "1")), row)
+
+
+def _network(text: str) -> IPv4Network | None:
+    try:
+        network = ip_network(text, strict=False)
+    except ValueError:
+        return None
+    return network if isinstance(network, IPv4Network) else None
+
+
+def _gateway(state: State, text: str) -> str:
+    """Return a gateway under an identity that survives new names of interfaces."""
+    address, sign, name = text.rpartition("%")
+    found = state.interface(name)
+    return f"{address}{sign}{identity(*found) if found else name}"
+
+
+def _leaving(state: State, gateways: frozenset[str], depth: int) -> str | None:
+    """Return the interface that a single gateway is reached by; several gateways share the packets."""
+    if len(gateways) != 1 or depth >= _DEEP_ENOUGH:
+        return None
+    (text,) = gateways
+    target, _, table = text.partition("@")
+    address, _, name = target.rpartition("%")
+    network = _network(name)
+    if network is None or address:
+        return name
+    way = _lookup(state, table or "main", network.network_address, depth=depth + 1)
+    return way.interface if way is not None else None

@@ -1,0 +1,138 @@
+"""The device at one moment, asked about the way from the technician to the router and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Interface, IPv4Network, ip_interface
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.menus import MENUS, Kind, canonical
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.routeros._types import Row
+
+__all__ = ["INTERFACES", "ManagementPath", "State", "identity", "interface_of", "is_set"]
+
+INTERFACES = ("/interface/ethernet", "/interface/bridge", "/interface/ovpn-client")
+
+
+@dataclass(frozen=True, slots=True)
+class ManagementPath:
+    """The way of our session: from the technician's address to a service on one of the router's own addresses."""
+
+    technician: str
+    """As the router sees it (`/user/active`)."""
+    local: str
+    """The router's address that we talk to."""
+    service: str = "api-ssl"
+    user: str = "provision"
+
+
+def is_set(row: Row, flag: str) -> bool:
+    """Tell whether a flag of a row is true; a row that does not print it has it not."""
+    return canonical(Kind.BOOLEAN, row.get(flag, "no")) == "yes"
+
+
+@dataclass(frozen=True)
+class State:
+    """Rows of the device, with the few questions that more than one check asks."""
+
+    rows: Mapping[str, tuple[Row, ...]]
+    path: ManagementPath
+
+    def all(self, menu: str) -> tuple[Row, ...]:
+        """Return the rows of a menu; one that was not read has none."""
+        return self.rows.get(menu, ())
+
+    def enabled(self, menu: str) -> Iterator[Row]:
+        """Yield the rows of a menu that are in force."""
+        return (row for row in self.all(menu) if not is_set(row, "disabled"))
+
+    def find(self, menu: str, name: str, value: str) -> Row | None:
+        """Return the row of a menu with that value; sessions that `/ip service` lists from 7.19 on do not count."""
+        return next((row for row in self.all(menu) if row.get(name) == value and not is_set(row, "dynamic")), None)
+
+    @property
+    def local(self) -> IPv4Address:
+        """The router's address that we talk to."""
+        return IPv4Address(self.path.local)
+
+    @property
+    def technician(self) -> IPv4Address:
+        """The address from which we talk."""
+        return IPv4Address(self.path.technician)
+
+    def address_row(self) -> Row | None:
+        """Return the row that gives the router our address; one in force if there are several."""
+        rows = [
+            row for row in self.all("/ip/address") if (interface := interface_of(row)) and interface.ip == self.local
+        ]
+        return min(rows, key=lambda row: is_set(row, "disabled"), default=None)
+
+    def interface(self, name: str) -> tuple[str, Row] | None:
+        """Return the menu and row of an interface, None for kinds of which we read no menu."""
+        for menu in INTERFACES:
+            if row := self.find(menu, "name", name):
+                return menu, row
+        return None
+
+    def is_up(self, name: str) -> bool:
+        """Tell whether an interface can carry addresses: neither disabled nor a port of a bridge."""
+        found = self.interface(name)
+        return (found is None or not is_set(found[1], "disabled")) and self.bridge_of(name) is None
+
+    def bridge_of(self, name: str) -> str | None:
+        """Return the bridge whose port an interface is."""
+        ports = (row for row in self.enabled("/interface/bridge/port") if row.get("interface") == name)
+        return next((row["bridge"] for row in ports if "bridge" in row), None)
+
+    def ports(self, name: str) -> frozenset[str]:
+        """Return the interfaces at which a cable leads to `name`, by identities that survive a new name."""
+        found = self.interface(name)
+        if found is None:
+            return frozenset({name})
+        menu, row = found
+        if not self.is_up(name):
+            return frozenset()
+        if menu != "/interface/bridge":
+            return frozenset({identity(menu, row)})
+        members = [port["interface"] for port in self.enabled("/interface/bridge/port") if port.get("bridge") == name]
+        return frozenset(self._port(member) for member in members if self._is_on(member))
+
+    def _port(self, name: str) -> str:
+        found = self.interface(name)
+        return identity(*found) if found is not None else name
+
+    def _is_on(self, name: str) -> bool:
+        found = self.interface(name)
+        return found is None or not is_set(found[1], "disabled")
+
+    def connected(self) -> Iterator[tuple[IPv4Network, str]]:
+        """Yield the networks that the router reaches directly, and by which interface."""
+        for row in self.enabled("/ip/address"):
+            interface = interface_of(row)
+            if interface is not None and self.is_up(row.get("interface", "")):
+                yield _network(interface, row.get("network", "")), row.get("interface", "")
+
+
+def identity(menu: str, row: Row) -> str:
+    """Return what stays the same of an interface when it is renamed."""
+    return row.get("default-name") or row.get(".id") or MENUS[menu].name_of(row)
+
+
+def interface_of(row: Row) -> IPv4Interface | None:
+    """Return the address of a row of `/ip/address`, or None if it is none of IPv4."""
+    try:
+        interface = ip_interface(row.get("address", ""))
+    except ValueError:
+        return None
+    return interface if isinstance(interface, IPv4Interface) else None
+
+
+def _network(interface: IPv4Interface, far_end: str) -> IPv4Network:
+    """A /32 with another address as network is a point-to-point link to that address."""
+    if interface.network.prefixlen == interface.max_prefixlen and far_end:
+        return IPv4Network(far_end)
+    return interface.network
