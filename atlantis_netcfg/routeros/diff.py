@@ -87,7 +87,7 @@ def _print(menu: Menu, verb: str, values: Mapping[str, str | None], row: Row | N
     """Print one statement; `row` is what a `set` is about."""
     shown = tuple((name, _shown(menu.by_name[name], value)) for name, value in values.items())
     keys = tuple((key, row[key]) for key in menu.keys if key in row) if row is not None else ()
-    if menu.shape is Shape.FIXED and menu.keys == ("name",):
+    if keys and menu.shape is Shape.FIXED and menu.keys == ("name",):
         return print_statement(Statement(menu.path, verb, shown, target=keys[0][1]))
     return print_statement(Statement(menu.path, verb, shown, find=keys or None))
 

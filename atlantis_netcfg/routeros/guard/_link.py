@@ -103,12 +103,13 @@ def _unplugged(before: State, bridge: str, port: str) -> str:
 
 
 def _vlans(before: State, after: State) -> Iterator[str]:
-    """A bridge that begins to filter VLANs drops every frame that no table of VLANs admits, and we read no such table."""
+    """A bridge that begins to filter VLANs drops what its table of VLANs does not admit, and we read no such table."""
     for row in before.all("/interface/bridge"):
         now = next((each for each in after.all("/interface/bridge") if each.get(".id") == row.get(".id")), row)
         name = row.get("name")
         if name in interfaces(before) and is_set(now, "vlan-filtering") and not is_set(row, "vlan-filtering"):
-            yield f"/interface bridge: {name}, by which you come, would begin to filter VLANs: do that from another port"
+            said = f"/interface bridge: {name}, by which you come, would begin to filter VLANs"
+            yield f"{said}: do that from another port"
 
 
 def _dhcp(before: State, after: State, row: Row) -> Iterator[str]:

@@ -150,6 +150,8 @@ _LEASE = Menu(
     unique=("address",),
     subject="{address} for {mac-address} {comment}",
     flags=("dynamic",),
+    # A host keeps the address that it has until it asks again.
+    inert=True,
     fields=(
         mac("mac-address"),
         prefix("address"),

@@ -82,6 +82,7 @@ _LOGGING = Menu(
     keys=("topics", "action", "prefix"),
     subject="{topics} to {action}",
     flags=("default", "invalid"),
+    inert=True,
     stock=(("info", "memory", ""), ("error", "memory", ""), ("warning", "memory", ""), ("critical", "echo", "")),
     fields=(
         words("topics", "info"),

@@ -1,0 +1,224 @@
+"""What a run would cost on the bearer in use: a model of what the executor sends, with real sizes where they are known.
+
+A run that changes nothing logs in and reads. One that changes something also saves the export, takes safe mode, sends
+one script for each piece that safe mode can remember, reads everything again in a new session, and releases.
+Bytes are those above TLS, as a run reports them; seconds count what TLS and TCP add.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.routeros._types import Layer, Verb
+from atlantis_netcfg.routeros.commands import console
+from atlantis_netcfg.routeros.diff import existing_row
+from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.planner import simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
+
+__all__ = ["Bearer", "Estimate", "estimate"]
+
+BATCH: Final = 16
+"""Sentences that share a round trip."""
+PREFLIGHT: Final = 5
+"""Sentences that ask about the device itself."""
+BUDGET: Final = 80
+"""Entries of history that one safe mode remembers; beyond them a checkpoint divides the plan."""
+SCRIPT: Final = 60_000
+"""Bytes of one script at most."""
+HANDSHAKE_TRIPS: Final = 3
+"""Round trips before the login, which are not counted as such: TCP one, TLS 1.2 two."""
+CHECKPOINT_TRIPS: Final = 3
+"""Login of the session that proves the way in, a look at safe mode, and releasing it."""
+OVERHEAD: Final = 1.15
+"""Bytes on the wire for one byte above TLS: records, TCP and IP headers, acknowledgements."""
+HANDSHAKE_BYTES: Final = 4_000
+"""Certificate and keys of one session, both directions."""
+EXECUTE_S: Final = 0.01
+"""A device's time for one action of a script."""
+READ_S: Final = 0.05
+"""A device's time for one batch of reads."""
+LOGIN_BYTES: Final = 60
+TAG_BYTES: Final = 9
+"""`.tag=` and a number, in a sentence and in every answer."""
+DONE_BYTES: Final = 16
+"""`!done` with its tag."""
+PREFLIGHT_UP: Final = 300
+PREFLIGHT_DOWN: Final = 1_500
+"""What the device says of itself; `/system/device-mode` is the longest."""
+EXPORT_HEAD: Final = 200
+TYPICAL_MENUS: Final = tuple(path for path in MENUS if path != "/routing/settings")
+"""What a site's router needs; that one is left out because its arguments come with RouterOS 7.21."""
+TYPICAL_ROWS: Final = 15_000
+"""Bytes of all rows of a configured router, where nothing was observed."""
+TYPICAL_EXPORT: Final = 12_000
+
+
+@dataclass(frozen=True, slots=True)
+class Bearer:
+    """What the session to the device runs over."""
+
+    name: str
+    rtt_s: float
+    rate_up_bps: float
+    rate_down_bps: float
+    metered: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What a run is expected to cost."""
+
+    bearer: str
+    round_trips: int
+    bytes_up: int
+    bytes_down: int
+    seconds: float
+
+    @property
+    def bytes(self) -> int:
+        """Both directions together, as a bearer is billed."""
+        return self.bytes_up + self.bytes_down
+
+
+@dataclass(slots=True)
+class _Tally:
+    """What was spent so far."""
+
+    round_trips: int = 0
+    sessions: int = 0
+    up: int = 0
+    down: int = 0
+    device_s: float = 0.0
+
+    def spend(self, *, trips: int = 1, up: int = 0, down: int = 0, device_s: float = 0.0) -> None:
+        self.round_trips += trips
+        self.up += up
+        self.down += down
+        self.device_s += device_s
+
+    def log_in(self) -> None:
+        self.sessions += 1
+        self.spend(up=LOGIN_BYTES, down=TAG_BYTES)
+
+
+def _read(tally: _Tally, menus: Sequence[str], rows: Mapping[str, Sequence[Row]] | None) -> None:
+    """Ask for the device itself and for every menu."""
+    batches = ceil((PREFLIGHT + len(menus)) / BATCH)
+    answered = TYPICAL_ROWS if rows is None else sum(_answer(row) for each in rows.values() for row in each)
+    tally.spend(
+        trips=batches,
+        up=PREFLIGHT_UP + sum(map(_question, menus)),
+        down=PREFLIGHT_DOWN + answered + len(menus) * DONE_BYTES,
+        device_s=batches * READ_S,
+    )
+
+
+def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Estimate:
+    """Estimate the run of a plan; an empty plan costs the reading that found it empty.
+
+    With `observed`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
+    """
+    menus = tuple(observed.rows) if observed is not None else TYPICAL_MENUS
+    tally = _Tally()
+    tally.log_in()
+    _read(tally, menus, observed.rows if observed is not None else None)
+    if plan.actions:
+        _change(tally, plan, observed, menus)
+    return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer))
+
+
+def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
+    """Save and take safe mode, write, read anew, release."""
+    tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
+    outside, pieces = _stages(plan)
+    for part in outside:
+        _script(tally, part)
+        tally.spend(up=60, down=60)
+    for number, piece in enumerate(pieces):
+        if number:
+            tally.log_in()
+            tally.spend(trips=CHECKPOINT_TRIPS - 1, up=120, down=120)
+            tally.spend(up=60, down=60)
+        _script(tally, piece)
+    tally.log_in()
+    _read(tally, menus, simulate(observed.rows, plan) if observed is not None else None)
+    tally.spend(up=60, down=60)
+
+
+def _stages(plan: Plan) -> tuple[list[list[Action]], list[list[Action]]]:
+    """Return what goes outside safe mode, and the pieces within: harmless additions stay out if that saves a piece.
+
+    Those that others name go before, those that name others behind.
+    """
+    whole = list(_pieces(plan.actions))
+    harmless = [action for action in plan.actions if _is_harmless(action)]
+    fewer = list(_pieces(action for action in plan.actions if not _is_harmless(action)))
+    if len(fewer) >= len(whole):
+        return [], whole
+    before = [action for action in harmless if action.layer is Layer.FOUNDATION]
+    behind = [action for action in harmless if action.layer is not Layer.FOUNDATION]
+    return [part for part in (before, behind) if part], fewer
+
+
+def _is_harmless(action: Action) -> bool:
+    return action.inert and action.verb is Verb.ADD
+
+
+def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
+    piece: list[Action] = []
+    weight = 0
+    for action in actions:
+        if piece and weight + action.weight > BUDGET:
+            yield piece
+            piece, weight = [], 0
+        piece.append(action)
+        weight += action.weight
+    if piece:
+        yield piece
+
+
+def _script(tally: _Tally, actions: Sequence[Action]) -> None:
+    size = sum(_word(console(action)) + _word(f'\n:put "ok {action.number}"\n') for action in actions)
+    said = sum(len(f"ok {action.number}\r\n") for action in actions)
+    trips = ceil(size / SCRIPT)
+    tally.spend(trips=trips, up=size + 40, down=said + 40, device_s=len(actions) * EXECUTE_S)
+
+
+def _export(observed: Observed | None) -> int:
+    if observed is None:
+        return TYPICAL_EXPORT
+    known = ((MENUS[path], rows) for path, rows in observed.rows.items() if path in MENUS and MENUS[path].exported)
+    return EXPORT_HEAD + sum(len(existing_row(menu, row)) + 2 for menu, rows in known for row in rows)
+
+
+def _question(path: str) -> int:
+    """Bytes of the sentence that reads a menu."""
+    menu = MENUS[path]
+    names = [each.name for each in menu.fields if not each.unread]
+    return _word(f"{path}/print") + _word("=.proplist=.id," + ",".join((*names, *menu.flags))) + TAG_BYTES + 1
+
+
+def _answer(row: Row) -> int:
+    """Bytes of the sentence that brings one row."""
+    return 4 + TAG_BYTES + sum(_word(f"={name}={value}") for name, value in row.items()) + 1
+
+
+def _word(text: str) -> int:
+    """Bytes of one word with its length (manual, API: one byte below 128, two below 16384)."""
+    size = len(text.encode("utf-8", "surrogateescape"))
+    return size + (1 if size < 0x80 else 2 if size < 0x4000 else 3)  # noqa: PLR2004 - the limits of the format
+
+
+def _seconds(tally: _Tally, bearer: Bearer) -> float:
+    trips = tally.round_trips + tally.sessions * HANDSHAKE_TRIPS
+    handshakes = tally.sessions * HANDSHAKE_BYTES / 2
+    up = (tally.up * OVERHEAD + handshakes) * 8 / bearer.rate_up_bps
+    down = (tally.down * OVERHEAD + handshakes) * 8 / bearer.rate_down_bps
+    return trips * bearer.rtt_s + up + down + tally.device_s

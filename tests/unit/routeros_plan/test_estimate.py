@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from plan_world import observed
+
+from atlantis_netcfg.routeros import estimate as module
+from atlantis_netcfg.routeros._types import Observed, Plan
+from atlantis_netcfg.routeros.api._sentences import encode
+from atlantis_netcfg.routeros.desired import read
+from atlantis_netcfg.routeros.estimate import Bearer, Estimate, estimate
+from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.planner import plan, simulate
+
+LAN = Bearer("lan", 0.001, 100e6, 100e6, metered=False)
+IRIDIUM = Bearer("satellite", 0.7, 352e3, 704e3, metered=True)
+NOTHING = Plan("r", (), "")
+GOLDEN = Path(__file__).parents[1] / "render" / "golden" / "coastal-router.rsc"
+
+
+def first_configuration() -> tuple[Plan, Observed]:
+    there = observed(
+        "/interface ethernet\n"
+        + "".join(f"set [ find default-name=ether{n} ] name=ether{n} poe-out=auto-on\n" for n in range(1, 9))
+        + "/ip service\nset telnet\nset ftp\nset www\nset ssh\nset www-ssl\nset api\nset winbox\nset api-ssl\n"
+        + "/system logging action\nadd name=memory target=memory\n"
+    )
+    there = Observed(there.facts, {path: rows for path, rows in there.rows.items() if path != "/routing/settings"})
+    return plan("r", read(GOLDEN.read_text(encoding="utf-8")), there), there
+
+
+def pools(count: int) -> Plan:
+    text = "/ip address\n" + "".join(f"add address=10.{n // 250}.{n % 250}.1/24 interface=b\n" for n in range(count))
+    return plan("r", read(text), observed(""))
+
+
+def test_a_run_that_changes_nothing_costs_login_and_three_batches() -> None:
+    cost = estimate(NOTHING, IRIDIUM)
+    assert cost.round_trips == 4
+    assert 4.2 < cost.seconds < 7
+
+
+def test_a_first_configuration_stays_within_its_round_trips() -> None:
+    planned, there = first_configuration()
+    cost = estimate(planned, IRIDIUM, there)
+    assert 10 <= cost.round_trips <= 16
+    assert cost.bytes_up > sum(len(action.menu) for action in planned.actions)
+    assert estimate(planned, LAN, there).seconds < 5 < cost.seconds
+
+
+def test_after_it_nothing_is_left_to_pay_but_the_reading() -> None:
+    planned, there = first_configuration()
+    later = Observed(there.facts, simulate(there.rows, planned))
+    again = estimate(plan("r", read(GOLDEN.read_text(encoding="utf-8")), later), LAN, later)
+    assert again.round_trips == 4
+    assert again.bytes_down > estimate(NOTHING, LAN, there).bytes_down
+
+
+def test_round_trips_do_not_grow_with_the_number_of_rows_within_one_safe_mode() -> None:
+    assert estimate(pools(1), LAN).round_trips == estimate(pools(80), LAN).round_trips
+    assert estimate(pools(81), LAN).round_trips > estimate(pools(80), LAN).round_trips
+
+
+def test_harmless_rows_go_beside_safe_mode_where_that_saves_a_checkpoint() -> None:
+    harmless = "/ip pool\n" + "".join(f"add name=p{n} ranges=10.0.0.{n}\n" for n in range(80))
+    one = plan("r", read(harmless + "/ip address\nadd address=10.0.0.1/24 interface=b"), observed(""))
+    assert estimate(one, LAN).round_trips == estimate(pools(1), LAN).round_trips + 2
+    assert estimate(pools(81), LAN).round_trips == estimate(pools(1), LAN).round_trips + 5
+
+
+@pytest.mark.parametrize("field", ["rtt_s", "rate_up_bps", "rate_down_bps"])
+def test_every_property_of_the_bearer_counts(field: str) -> None:
+    worse = replace(IRIDIUM, **{field: 5.0})  # type: ignore[arg-type]
+    assert estimate(pools(5), worse).seconds > estimate(pools(5), IRIDIUM).seconds
+    assert estimate(pools(5), worse).bytes == estimate(pools(5), IRIDIUM).bytes
+
+
+def test_more_to_write_is_never_cheaper() -> None:
+    costs: list[Estimate] = [estimate(pools(count), IRIDIUM) for count in (1, 10, 50, 100, 1000)]
+    assert [cost.bytes_up for cost in costs] == sorted(cost.bytes_up for cost in costs)
+    assert [cost.seconds for cost in costs] == sorted(cost.seconds for cost in costs)
+    assert costs[-1].bytes == costs[-1].bytes_up + costs[-1].bytes_down
+
+
+def test_scripts_beyond_their_limit_are_cut() -> None:
+    text = "/system note\nset note=" + "x" * 130_000
+    long = plan("r", read(text), observed(""))
+    assert estimate(long, LAN).round_trips == estimate(pools(1), LAN).round_trips + 2
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_questions_have_the_size_of_real_sentences(path: str) -> None:
+    names = [each.name for each in MENUS[path].fields if not each.unread]
+    words = (f"{path}/print", ".tag=1234", "=.proplist=" + ",".join([".id", *names, *MENUS[path].flags]))
+    assert abs(module._question(path) - len(encode(words))) <= 6
+
+
+@pytest.mark.parametrize("row", [{".id": "*1", "comment": "é" * 100, "note": "x" * 20_000}, {}])
+def test_answers_have_the_size_of_real_sentences(row: dict[str, str]) -> None:
+    words = ("!re", ".tag=123", *(f"={name}={value}" for name, value in row.items()))
+    assert abs(module._answer(row) - len(encode(words))) <= 2
