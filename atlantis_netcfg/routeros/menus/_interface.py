@@ -190,14 +190,15 @@ _LIST_MEMBER = Menu(
 _OVPN_CLIENT = Menu(
     "/interface/ovpn-client",
     Shape.LIST,
-    Layer.ATTACHMENT,
+    Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",
     flags=("dynamic", "running"),
     fields=(
         interface("name"),
         COMMENT,
-        DISABLED,
+        # The manual says `yes`, compact exports of running clients leave `no` out.
+        *kept(DISABLED),
         text("connect-to"),
         number("port", "1194"),
         text("protocol", "tcp"),

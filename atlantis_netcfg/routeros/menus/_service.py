@@ -121,7 +121,7 @@ _DISCOVERY = Menu(
     Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        *kept(text("discover-interface-list")),
+        *kept(text("discover-interface-list"), boolean("lldp-poe-power")),
         time("discover-interval", "30s"),
         boolean("lldp-mac-phy-config"),
         boolean("lldp-max-frame-size"),

@@ -10,6 +10,7 @@ import pytest
 
 from atlantis_netcfg.routeros._types import Layer, Version
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
+from atlantis_netcfg.twin.menus import MODELLED
 
 TREES = Path(__file__).parents[3] / "atlantis_netcfg/twin/data"
 
@@ -36,6 +37,7 @@ HOLES = {
         "power-cycle-ping-enabled",
         "power-cycle-ping-timeout",
     },
+    "/ip/neighbor/discovery-settings": {"lldp-poe-power"},
     "/ip/service": {"name"},
 }
 
@@ -78,6 +80,17 @@ def test_first_match_and_identified_menus_know_every_argument(path: str) -> None
     }
     if not menu.readonly:
         assert missing - {"dynamic"} == expected.get(path, set())
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_defaults_are_those_that_the_twin_took_from_the_manual(path: str) -> None:
+    twin = MODELLED[path].by_name
+    compared = {
+        each.name: (each.absent, each.form(twin[each.name].default))
+        for each in MENUS[path].fields
+        if each.name in twin and not each.keep and each.name not in MENUS[path].keys
+    }
+    assert {name for name, (ours, theirs) in compared.items() if ours != theirs} == set()
 
 
 @pytest.mark.parametrize("path", MENUS)
