@@ -3,4 +3,29 @@
 Text and rows are compared by a table of menus and one generic planner without I/O. The executor takes safe mode, writes
 layer by layer, proves from a new session that the device is still reachable and as declared, then releases or unrolls.
 What counts is what was read back: after a run the second plan is empty, or the run failed.
+
+    job = DeviceJob(name, endpoint, desired.read(text), site=..., journal=...)
+    result = await converge(job, mode=Mode.APPLY)              # one device
+    results = await fleet.run(jobs, mode=Mode.APPLY)           # all of a run
 """
+
+from __future__ import annotations
+
+from atlantis_netcfg.routeros import desired, fleet
+from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Patience, Status, converge
+from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+
+__all__ = [
+    "Bearer",
+    "DeviceJob",
+    "DeviceResult",
+    "Endpoint",
+    "Estimate",
+    "Mode",
+    "Patience",
+    "Status",
+    "converge",
+    "desired",
+    "fleet",
+]

@@ -1,0 +1,12 @@
+"""Carrying a plan out on one device, so that it ends as declared or as it was, and never between.
+
+`converge` observes, plans, refuses what cannot be done, saves the state, takes the device's safe mode, writes, reads
+everything back from a new session and releases. After a failure it finds out by reading what the device has become.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.routeros.apply._executor import converge
+from atlantis_netcfg.routeros.apply._job import Channel, Connect, DeviceJob, DeviceResult, Mode, Patience, Status
+
+__all__ = ["Channel", "Connect", "DeviceJob", "DeviceResult", "Mode", "Patience", "Status", "converge"]

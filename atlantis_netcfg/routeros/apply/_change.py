@@ -1,0 +1,228 @@
+"""Changing a device: save its state, take safe mode, write, prove from a new session that all is well, release.
+
+Any failure is raised; what it means for the device is for `_settle` to find out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.events import Stage
+from atlantis_netcfg.journal import (
+    ActionsAcknowledged,
+    ActionsConfirmed,
+    LayerSent,
+    Protected,
+    Released,
+    Releasing,
+    Verified,
+)
+from atlantis_netcfg.routeros.api import SessionLost
+from atlantis_netcfg.routeros.apply._protection import (
+    HOLD,
+    TAKE,
+    Hold,
+    Protection,
+    ProtectionLost,
+    release,
+    take_failed,
+)
+from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
+from atlantis_netcfg.routeros.apply._state import digest, invalid
+from atlantis_netcfg.routeros.apply._writer import ActionRefused
+from atlantis_netcfg.routeros.observe import merged, observe, printing
+from atlantis_netcfg.routeros.planner import CannotPlan, plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.routeros._types import Action, Observed
+    from atlantis_netcfg.routeros.api import Command, Reply
+    from atlantis_netcfg.routeros.apply._work import Work
+    from atlantis_netcfg.routeros.apply._writer import Writer
+
+__all__ = ["VerificationFailed", "change", "verify"]
+
+_SHOWN = 3
+
+
+class VerificationFailed(DeviceFailed):
+    """A new session did not find what is declared, or there was no new session: the change must not stay."""
+
+
+async def change(work: Work) -> None:
+    """Carry the plan out; when this returns, everything was read back and is permanent."""
+    writer = await _begin(work)
+    stages = work.stages
+    await _write(work, writer, stages.prepare)
+    answers: tuple[Reply, ...] = ()
+    for number, piece in enumerate(stages.protected):
+        if number:
+            await _checkpoint(work, Hold.of(answers[0]))
+        if not work.holding:
+            await _take(work)
+        answers = await _write(work, writer, piece)
+    work.complete = not stages.finish
+    await verify(work, stages.finish)
+    if work.holding:
+        await _release(work, await _holder(work))
+    if stages.finish:
+        await _finish(work, writer)
+    work.confirmed = len(work.aim.actions)
+    work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
+
+
+async def _begin(work: Work) -> Writer:
+    """Save the state and find out how the device can be written to; take safe mode in the same round trip."""
+    together = work.protection is Protection.SAFE_MODE and bool(work.stages.protected) and not work.stages.prepare
+    work.holding = together
+    export, probe, *taken = await work.channel.flight([*SAVING, *((TAKE, HOLD) if together else ())])
+    found = saved(export, probe)
+    text = found.text if found.text is not None else await fetch(work.channel)
+    work.job.journal.save(work.job.name, text)
+    if together:
+        await _taken(work, *taken)
+    return found.writer
+
+
+async def _take(work: Work) -> None:
+    work.holding = True
+    await _taken(work, *await work.channel.flight([TAKE, HOLD]))
+
+
+async def _taken(work: Work, take: Reply, seen: Reply) -> None:
+    """See that safe mode is ours. That the question was answered before it was taken proves nothing: then ask again."""
+    hold = Hold.of(seen)
+    if take.trap is None and not hold.ours:
+        hold = Hold.of(await work.channel.command(HOLD))
+    if not hold.ours:
+        work.holding = False
+        raise take_failed(take, hold)
+    work.owner = hold.who
+    work.record(Protected(device=work.job.name, how=Protection.SAFE_MODE))
+    work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
+
+
+async def _write(
+    work: Work, writer: Writer, actions: Sequence[Action], beside: Sequence[Command] = (HOLD,)
+) -> tuple[Reply, ...]:
+    """Send actions turn by turn, each announced in the journal before and acknowledged after.
+
+    Returns the last answers to `beside`, which begins with HOLD.
+    """
+    answers: tuple[Reply, ...] = ()
+    for turn in writer.turns(actions):
+        layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
+        numbers = tuple(dict.fromkeys(action.number for action in turn))
+        work.record(LayerSent(device=work.job.name, layer=layers, actions=numbers))
+        work.touched = True
+        written = await writer.send(work.channel, turn, beside)
+        work.acknowledged.update(written.acknowledged)
+        if written.refused is not None:
+            work.note(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
+            raise ActionRefused(written.refused)
+        work.record(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
+        work.say(Stage.APPLYING, f"{len(work.acknowledged)} of {len(work.aim.actions)} sent ({layers})")
+        answers = written.beside
+        hold = Hold.of(answers[0])
+        if work.holding and not hold.ours:
+            raise _lost(work, hold)
+    return answers
+
+
+def _lost(work: Work, hold: Hold) -> ProtectionLost:
+    work.holding = False
+    who = f"{hold.who} has taken safe mode from us" if hold.taken else "safe mode is not held any more"
+    return ProtectionLost(f"{who} in the middle of the change")
+
+
+async def _checkpoint(work: Work, hold: Hold) -> None:
+    """Make a piece permanent, since safe mode cannot remember more; the way in is proved by a new session.
+
+    `hold` was read together with the piece's last script.
+    """
+    session = await work.contact.reach(work.job.patience.verify_s, "checkpoint", insist=False)
+    await work.contact.leave(session)
+    await _release(work, hold)
+
+
+async def verify(work: Work, rest: Sequence[Action]) -> None:
+    """Read everything in a new session: only `rest` may be left to do. Raises VerificationFailed."""
+    work.say(Stage.VERIFYING, "reading back in a new session")
+    now = await _read_anew(work)
+    _compare(work, now, rest)
+    work.after = now
+    work.record(Verified(device=work.job.name, state=digest(now)))
+
+
+async def _read_anew(work: Work) -> Observed:
+    patience, clock = work.job.patience, asyncio.get_running_loop().time
+    until = clock() + patience.verify_s
+    while True:
+        try:
+            session = await work.contact.reach(max(0.0, until - clock()), "verifying", insist=False)
+            return await observe(session, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+        except SessionLost as lost:
+            if clock() >= until:
+                raise VerificationFailed(f"no new session lasts long enough to read the device: {lost}") from lost
+            await asyncio.sleep(patience.first_poll_s)
+        except DeviceFailed as failed:
+            raise VerificationFailed(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
+
+
+def _compare(work: Work, now: Observed, rest: Iterable[Action]) -> None:
+    try:
+        second = plan(work.job.name, work.job.desired, now)
+    except CannotPlan as problem:
+        raise VerificationFailed(f"what was read back does not fit any more: {problem}") from problem
+    left = Counter(map(_essence, second.actions)) - Counter(map(_essence, rest))
+    if left:
+        names = [f"{verb} {subject}" for (_, verb, subject) in list(left)[:_SHOWN]]
+        more = f" and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
+        raise VerificationFailed(f"the device did not keep everything; still to do: {'; '.join(names)}{more}")
+    unused = [row for row in invalid(now) if row not in invalid(work.seen)]
+    if unused:
+        raise VerificationFailed(f"the device took these rows, but does not use them: {'; '.join(unused[:_SHOWN])}")
+
+
+def _essence(action: Action) -> tuple[str, str, str]:
+    return (action.menu, action.verb, action.subject)
+
+
+async def _holder(work: Work) -> Hold:
+    """Return who holds safe mode: the new session has seen that, and where its answer leaves a doubt ours is asked."""
+    seen = work.after.facts.safe_mode_owner if work.after is not None else None
+    if seen is not None and seen == work.owner:
+        return Hold(taken=True, ours=True, who=seen)
+    return Hold.of(await work.channel.command(HOLD))
+
+
+async def _release(work: Work, hold: Hold) -> None:
+    """Release, unless somebody has taken safe mode from us meanwhile."""
+    if not hold.ours:
+        raise _lost(work, hold)
+    work.record(Releasing(device=work.job.name))
+    await release(work.channel)
+    work.holding = False
+    work.record(Released(device=work.job.name))
+
+
+async def _finish(work: Work, writer: Writer) -> None:
+    """Send what names rows that had to be verified first, and read that back.
+
+    The answers to both come in one round trip. If rows are missing in them, the reading may have come first, which
+    proves nothing, and is repeated.
+    """
+    seen = work.after or work.seen
+    menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
+    answers = await _write(work, writer, work.stages.finish, (HOLD, *map(printing, menus)))
+    work.complete = True
+    work.after = merged(seen, menus, answers[1:])
+    try:
+        _compare(work, work.after, ())
+    except VerificationFailed:
+        work.after = merged(seen, menus, await work.channel.flight([printing(menu) for menu in menus]))
+        _compare(work, work.after, ())

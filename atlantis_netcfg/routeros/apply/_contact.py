@@ -1,0 +1,112 @@
+"""Sessions with one device: the first, the new one that verifies, and those after a loss; what they cost together."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, LoginRefused, Traffic
+from atlantis_netcfg.routeros.apply._protection import HOLD, Hold
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
+
+__all__ = ["Contact"]
+
+_GROWTH = 1.5
+
+
+class Contact:
+    """Opens sessions with one device and closes all of them at the end."""
+
+    def __init__(self, job: DeviceJob) -> None:
+        self._job = job
+        self._endpoint = job.endpoint
+        self._open: list[Channel] = []
+        self._traffic: list[Traffic] = []
+
+    @property
+    def traffic(self) -> Traffic:
+        """What all sessions cost so far."""
+        return Traffic(
+            sum(each.round_trips for each in self._traffic),
+            sum(each.sent for each in self._traffic),
+            sum(each.received for each in self._traffic),
+        )
+
+    async def open(self) -> Channel:
+        """Open a session; the certificate of a device that was never met is pinned before the login is sent.
+
+        Raises what `api.Session.open` raises.
+        """
+        try:
+            session = await self._job.connect(self._endpoint)
+        except CertificateUnknown as unknown:
+            if self._job.pin is None:
+                raise
+            self._job.pin(self._job.name, unknown.fingerprint)
+            self._endpoint = replace(self._endpoint, pin=unknown.fingerprint)
+            session = await self._job.connect(self._endpoint)
+        self._open.append(session)
+        self._traffic.append(session.traffic)
+        return session
+
+    async def reach(self, patience_s: float, why: str, *, insist: bool = True) -> Channel:
+        """Open a session with a device that may be away, again and again. Raises the last failure.
+
+        A certificate that has changed meanwhile ends it at once, for that is another device; so does a refused login,
+        unless we `insist`.
+        """
+        final = (CertificateChanged,) if insist else (CertificateChanged, LoginRefused)
+        failure = DeviceFailed(f"{self._job.name} was given no time to answer")
+        for pause_s in self._pauses(patience_s):
+            try:
+                return await self.open()
+            except final:
+                raise
+            except DeviceFailed as failed:
+                failure = failed
+            self._say(f"{why}: waiting for an answer")
+            await asyncio.sleep(pause_s)
+        raise failure
+
+    async def until_free(self, session: Channel, patience_s: float) -> Hold:
+        """Wait until nobody holds safe mode, for the device may still have to undo what a dead session left open."""
+        hold = Hold(taken=False)
+        for pause_s in self._pauses(patience_s):
+            hold = Hold.of(await session.command(HOLD))
+            if not hold.taken or hold.ours:
+                return hold
+            self._say(f"{hold.who} holds safe mode: waiting until it is released or undone")
+            await asyncio.sleep(pause_s)
+        return hold
+
+    async def leave(self, session: Channel) -> None:
+        """Close one session."""
+        if session in self._open:
+            self._open.remove(session)
+        await session.close()
+
+    async def close(self) -> None:
+        """Close every session; the device undoes safe mode that one of them still holds."""
+        while self._open:
+            await self._open.pop().close()
+
+    def _pauses(self, patience_s: float) -> Iterator[float]:
+        """Yield pauses, longer and longer, until the time is over; at least one."""
+        patience, now = self._job.patience, asyncio.get_running_loop().time
+        until = now() + patience_s
+        pause_s = patience.first_poll_s
+        while True:
+            yield pause_s
+            if now() >= until:
+                return
+            pause_s = min(pause_s * _GROWTH, patience.last_poll_s)
+
+    def _say(self, message: str) -> None:
+        self._job.events(Event(self._job.name, Stage.WAITING, message))

@@ -1,0 +1,186 @@
+"""What the executor is given for one device, and what it hands back."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Protocol
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.events import Subscriber, ignore
+from atlantis_netcfg.journal import NoJournal, Recorder
+from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._types import Drift, Facts
+    from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+
+__all__ = [
+    "Channel",
+    "Connect",
+    "DeviceJob",
+    "DeviceResult",
+    "Mode",
+    "Patience",
+    "Status",
+]
+
+
+class Mode(StrEnum):
+    """How far to go."""
+
+    PLAN = "plan"
+    APPLY = "apply"
+    RESUME = "resume"
+    """Like `apply`, after a run that was killed: first waits until the device has undone what that run left open."""
+    ROLLBACK = "rollback"
+    """Like `apply`; the desired state is a saved one."""
+    BACKUP = "backup"
+    """Save the device's own text of its state, and change nothing."""
+
+
+class Status(StrEnum):
+    """How a run ended on one device; all but `unknown` are what was read from the device."""
+
+    UNCHANGED = "unchanged"
+    CHANGED = "changed"
+    PLANNED = "planned"
+    REFUSED = "refused"
+    ROLLED_BACK = "rolled-back"
+    LEFT_AS_FOUND = "left-as-found"
+    UNKNOWN = "unknown"
+
+    @property
+    def exit(self) -> ExitCode:
+        """The exit code of a run that ended so on its only device."""
+        return _EXITS[self]
+
+
+_EXITS = {
+    Status.UNCHANGED: ExitCode.DONE,
+    Status.CHANGED: ExitCode.DONE,
+    Status.PLANNED: ExitCode.CHANGES,
+    Status.REFUSED: ExitCode.FAILED,
+    Status.ROLLED_BACK: ExitCode.FAILED,
+    Status.LEFT_AS_FOUND: ExitCode.FAILED,
+    Status.UNKNOWN: ExitCode.UNKNOWN,
+}
+
+
+class Channel(Protocol):
+    """What the executor needs of a session; `api.Session` is one."""
+
+    traffic: Traffic
+
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        """Send one command and wait for its answer."""
+
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+        """Send commands in batches, one round trip each; the order of execution within a batch is not known."""
+
+    async def close(self) -> None:
+        """End the session; never raises."""
+
+
+Connect = Callable[[Endpoint], Awaitable[Channel]]
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long to wait for what, in seconds. The defaults outlive gaps of 70 s and the device's own time-outs."""
+
+    reach_s: float = 900.0
+    """For a device that has gone away in the middle of a change: a reboot, or the gaps of a satellite link."""
+    verify_s: float = 180.0
+    """For the new session that proves that the device can still be reached; then the change is taken back."""
+    undo_s: float = 720.0
+    """For safe mode of a dead session: after a silent loss the device notices it after about nine minutes."""
+    first_poll_s: float = 1.0
+    last_poll_s: float = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceJob:
+    """One device and everything that a run on it needs."""
+
+    name: str
+    endpoint: Endpoint
+    desired: Desired
+    site: str = ""
+    address: str = ""
+    """The device's own address on the way that we come; empty: the endpoint's, which a twin has not."""
+    bearer: Bearer | None = None
+    """What the session runs over, for the estimate; None: no estimate."""
+    events: Subscriber = ignore
+    journal: Recorder = field(default_factory=NoJournal)
+    pin: Callable[[str, str], object] | None = None
+    """Told name and certificate of a device that was never met; None: such a device is refused."""
+    agreed: str | None = None
+    """Hash of the plan that a person has agreed to: another one is not applied."""
+    patience: Patience = Patience()
+    connect: Connect = Session.open
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceResult:
+    """How a run ended on one device."""
+
+    name: str
+    status: Status
+    exit: ExitCode
+    message: str
+    hint: str | None = None
+    planned: int = 0
+    """Actions of the plan."""
+    confirmed: int = 0
+    """Actions that were read back and are permanent."""
+    diff: str = ""
+    drift: tuple[Drift, ...] = ()
+    notes: tuple[str, ...] = ()
+    estimate: Estimate | None = None
+    plan_hash: str = ""
+    protection: str = "none"
+    round_trips: int = 0
+    sent: int = 0
+    received: int = 0
+    seconds: float = 0.0
+    facts: Facts | None = None
+    fault: BaseException | None = field(default=None, compare=False)
+    """A fault of ours, for the log file."""
+
+    def as_dict(self) -> Mapping[str, Any]:
+        """The result as JSON-able data."""
+        return {
+            "status": self.status.value,
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": self.hint,
+            "planned": self.planned,
+            "confirmed": self.confirmed,
+            "diff": self.diff,
+            "drift": [_drift(each) for each in self.drift],
+            "notes": list(self.notes),
+            "estimate": None if self.estimate is None else _estimate(self.estimate),
+            "plan_hash": self.plan_hash,
+            "protection": self.protection,
+            "round_trips": self.round_trips,
+            "bytes": {"sent": self.sent, "received": self.received},
+            "seconds": round(self.seconds, 3),
+            "version": None if self.facts is None else str(self.facts.version),
+            "board": None if self.facts is None else self.facts.board,
+        }
+
+
+def _drift(drift: Drift) -> dict[str, str]:
+    return {"menu": drift.menu, "subject": drift.subject, "owner": drift.owner.value, "message": drift.message}
+
+
+def _estimate(estimate: Estimate) -> dict[str, str | float]:
+    return {
+        "bearer": estimate.bearer,
+        "round_trips": estimate.round_trips,
+        "bytes": estimate.bytes,
+        "seconds": round(estimate.seconds, 1),
+    }

@@ -1,0 +1,77 @@
+"""Actions as text of the console, with an acknowledgement after each; and what a script's output says of them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.commands import console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.routeros._types import Action
+
+__all__ = ["LIMIT", "Output", "action_at", "lines", "output", "scripts"]
+
+LIMIT = 60_000
+"""Bytes of one script. `/execute` takes 64 kB (manual, API and Scripting)."""
+
+_ACKNOWLEDGEMENT = re.compile(r"ok (\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What a script printed: the actions that it says were executed, and every other line."""
+
+    acknowledged: tuple[int, ...]
+    words: str
+
+
+def lines(action: Action, menu: str | None) -> str:
+    """Return the action's lines in a script that stands in `menu`; a menu alone on a line is where others start."""
+    there = "" if action.menu == menu else f"{action.menu}\n"
+    return f'{there}{console(action).removeprefix(f"{action.menu}/")}\n:put "ok {action.number}"\n'
+
+
+def scripts(actions: Sequence[Action], limit: int = LIMIT) -> Iterator[tuple[str, tuple[Action, ...]]]:
+    """Write actions as scripts of at most `limit` bytes each (or one action)."""
+    text: list[str] = []
+    inside: list[Action] = []
+    size = 0
+    for action in actions:
+        part = lines(action, inside[-1].menu if inside else None)
+        if inside and size + len(part.encode()) > limit:
+            yield "".join(text), tuple(inside)
+            text, inside, size = [], [], 0
+            part = lines(action, None)
+        text.append(part)
+        inside.append(action)
+        size += len(part.encode())
+    if inside:
+        yield "".join(text), tuple(inside)
+
+
+def action_at(actions: Sequence[Action], line: int) -> Action | None:
+    """Return the action that stands at a line (1-based) of the one script that these actions make."""
+    below, menu = 0, None
+    for action in actions:
+        below += lines(action, menu).count("\n")
+        menu = action.menu
+        if line <= below:
+            return action
+    return None
+
+
+def output(text: str) -> Output:
+    """Read what a script printed."""
+    acknowledged: list[int] = []
+    words: list[str] = []
+    for line in text.splitlines():
+        match = _ACKNOWLEDGEMENT.fullmatch(line.strip())
+        if match is not None:
+            acknowledged.append(int(match[1]))
+        elif line.strip():
+            words.append(line.strip())
+    return Output(tuple(acknowledged), " ".join(words))

@@ -1,0 +1,81 @@
+"""When two readings of a device are the same state: what was configured, not what moves by itself."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros._items import Desired, Item
+from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.routeros._types import Observed, Plan, Row
+
+__all__ = ["differing", "digest", "invalid", "plan_hash", "restoring"]
+
+_Content = tuple[tuple[str, str], ...]
+
+
+def differing(before: Observed, now: Observed) -> tuple[str, ...]:
+    """Return the menus (as a person writes them) whose configuration differs."""
+    paths = dict.fromkeys((*before.rows, *now.rows))
+    return tuple(MENUS[path].title for path in paths if _content(path, before) != _content(path, now))
+
+
+def digest(observed: Observed) -> str:
+    """Return a hash of the configuration without its secrets, so that it may be written down."""
+    state = {path: _content(path, observed, secrets=False) for path in sorted(observed.rows)}
+    return hashlib.sha256(json.dumps(state).encode()).hexdigest()
+
+
+def plan_hash(plan: Plan) -> str:
+    """Return a hash of what a person sees of a plan, so that the plan agreed to can be told from another one."""
+    actions = [
+        (action.menu, action.verb, action.subject, action.ids, action.shown(), action.before) for action in plan.actions
+    ]
+    return hashlib.sha256(json.dumps(actions).encode()).hexdigest()
+
+
+def invalid(observed: Observed) -> tuple[str, ...]:
+    """Return the rows of ours that the device has taken but does not use, with its reason where it gives one."""
+    return tuple(
+        f"{menu.name_of(row)} in {menu.title} ({row.get('.about') or 'invalid'})"
+        for menu in map(MENUS.__getitem__, observed.rows)
+        for row in observed.rows[menu.path]
+        if menu.is_ours(row) and (row.get("invalid") in ("true", "yes") or row.get(".about", "").startswith("inactiv"))
+    )
+
+
+def restoring(before: Observed) -> Desired:
+    """Return the observed state as something to declare: every row and every value, nothing else."""
+    menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
+    items = {menu.path: tuple(_items(menu, before.rows[menu.path])) for menu in menus}
+    entire = frozenset(menu.path for menu in menus if menu.shape is Shape.LIST)
+    return Desired("the state before the run", items, entire, restores=True)
+
+
+def _items(menu: Menu, rows: tuple[Row, ...]) -> list[Item]:
+    return [
+        Item(menu.path, _values(menu, row), exists=menu.shape is not Shape.LIST or menu.is_stock(row))
+        for row in rows
+        if menu.is_touchable(row)
+    ]
+
+
+def _values(menu: Menu, row: Row) -> Mapping[str, str | None]:
+    return {each.name: row[each.name] for each in menu.fields if each.name in row and not each.unread}
+
+
+def _content(path: str, observed: Observed, *, secrets: bool = True) -> list[_Content]:
+    menu = MENUS[path]
+    rows = [_row(menu, row, secrets=secrets) for row in observed.rows.get(path, ()) if menu.is_touchable(row)]
+    return rows if menu.ordered else sorted(rows)
+
+
+def _row(menu: Menu, row: Row, *, secrets: bool) -> _Content:
+    """Return a row in canonical form; a property that is empty or at its default may be printed or left out."""
+    shown = [each.name for each in menu.fields if not each.unread and (secrets or not each.secret)]
+    return tuple((name, menu.form(name, row)) for name in shown)

@@ -1,0 +1,144 @@
+"""Where a run on one device stands: what was read, what was sent, what is known of it; and who is told."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.journal import JournalFailed, Outcome
+from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
+from atlantis_netcfg.routeros.apply._protection import Protection
+from atlantis_netcfg.routeros.apply._stages import Stages
+from atlantis_netcfg.routeros.apply._state import plan_hash
+from atlantis_netcfg.secret import MASK
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.journal import Record
+    from atlantis_netcfg.routeros._types import Observed, Plan
+    from atlantis_netcfg.routeros.apply._contact import Contact
+    from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
+    from atlantis_netcfg.routeros.apply._writer import Writer
+    from atlantis_netcfg.routeros.estimate import Estimate
+
+__all__ = ["Work"]
+
+_STAGES = {
+    Status.UNCHANGED: Stage.DONE,
+    Status.CHANGED: Stage.CONFIRMED,
+    Status.PLANNED: Stage.DONE,
+    Status.ROLLED_BACK: Stage.UNROLLED,
+}
+
+
+@dataclass(slots=True)
+class Work:
+    """A run on one device; the steps read it and write down here what has become true."""
+
+    job: DeviceJob
+    contact: Contact
+    started: float
+    restores: bool = False
+    """This run puts an old state back after another one failed: it is not guarded, and not put back itself."""
+    session: Channel | None = None
+    """The session that changes the device; None before the first contact and after a loss."""
+    before: Observed | None = None
+    after: Observed | None = None
+    """What the verifying session read."""
+    plan: Plan | None = None
+    estimate: Estimate | None = None
+    stages: Stages = field(default_factory=Stages)
+    writer: Writer | None = None
+    protection: Protection = Protection.NONE
+    holding: bool = False
+    """Safe mode was asked for and may be ours."""
+    owner: str = ""
+    """What the device calls us while we hold safe mode."""
+    touched: bool = False
+    """A change was sent: the device may have executed it."""
+    complete: bool = False
+    """Every action was sent and acknowledged."""
+    acknowledged: set[int] = field(default_factory=set)
+    confirmed: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def channel(self) -> Channel:
+        """The session, where there has to be one."""
+        if self.session is None:
+            raise RuntimeError("no session is open")
+        return self.session
+
+    @property
+    def seen(self) -> Observed:
+        """The device as it was before the run, where it has been read."""
+        if self.before is None:
+            raise RuntimeError("the device has not been read")
+        return self.before
+
+    @property
+    def aim(self) -> Plan:
+        """The plan, where there has to be one."""
+        if self.plan is None:
+            raise RuntimeError("nothing is planned")
+        return self.plan
+
+    def say(self, stage: Stage, message: str) -> None:
+        """Tell the subscriber."""
+        total = len(self.plan.actions) if self.plan is not None else 0
+        data = {"acknowledged": len(self.acknowledged)}
+        self.job.events(Event(self.job.name, stage, message, self.confirmed, total, data))
+
+    def record(self, record: Record) -> None:
+        """Put a record on disk. Raises JournalFailed."""
+        self.job.journal.write(record)
+
+    def note(self, record: Record) -> None:
+        """Put a record on disk if that is possible: what it reports has happened in any case."""
+        with suppress(JournalFailed):
+            self.job.journal.write(record)
+
+    def clean(self, text: str) -> str:
+        """Mask secrets of the plan in a text of the device, should it ever repeat one."""
+        for action in self.plan.actions if self.plan is not None else ():
+            for name, value in action.values:
+                if name in action.secrets and value:
+                    text = text.replace(value, MASK)
+        return text
+
+    def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
+        """Say how it ended."""
+        traffic, plan = self.contact.traffic, self.plan
+        return DeviceResult(
+            name=self.job.name,
+            status=status,
+            exit=status.exit,
+            message=self.clean(message),
+            hint=hint,
+            planned=len(plan.actions) if plan is not None else 0,
+            confirmed=self.confirmed,
+            diff=plan.diff if plan is not None else "",
+            drift=plan.drift if plan is not None else (),
+            notes=(*(plan.notes if plan is not None else ()), *self.notes),
+            estimate=self.estimate,
+            plan_hash=plan_hash(plan) if plan is not None else "",
+            protection=self.protection.value,
+            round_trips=traffic.round_trips,
+            sent=traffic.sent,
+            received=traffic.received,
+            seconds=asyncio.get_running_loop().time() - self.started,
+            facts=self.before.facts if self.before is not None else None,
+        )
+
+    def ended(self, result: DeviceResult) -> DeviceResult:
+        """Record and tell the end; a journal that cannot be written is said in the result."""
+        outcome = Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
+        try:
+            self.record(outcome)
+        except JournalFailed as failure:
+            if str(failure) not in result.message:
+                result = replace(result, notes=(*result.notes, str(failure)))
+        self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
+        return result

@@ -1,0 +1,147 @@
+"""Sending actions: as scripts, which run in their order and tell how far they came, or sentence by sentence.
+
+The order in which a device executes tagged sentences is not documented, that of the lines of a script is: so one script
+costs one round trip, where sentences of an ordered menu cost one each.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Protocol
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros._types import Verb
+from atlantis_netcfg.routeros.api import WINDOW, Command
+from atlantis_netcfg.routeros.apply._scripts import action_at, output, scripts
+from atlantis_netcfg.routeros.commands import sentence
+from atlantis_netcfg.routeros.menus import MENUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.routeros._types import Action
+    from atlantis_netcfg.routeros.api import Reply
+    from atlantis_netcfg.routeros.apply._job import Channel
+
+__all__ = ["ActionRefused", "ScriptWriter", "SentenceWriter", "Writer", "Written", "executed"]
+
+
+_AT_ONCE = 8
+"""Scripts of one turn."""
+_INDEPENDENT = frozenset({"/ip/dhcp-server/lease", "/ip/dns/static", "/ip/firewall/address-list", "/system/logging"})
+"""Menus whose rows are without order and never name each other."""
+_PLACE = re.compile(r"\(line (\d+) column \d+\)")
+
+
+class ActionRefused(DeviceFailed):
+    """The device refused one action; those before it were executed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What became of one turn of writing."""
+
+    acknowledged: tuple[int, ...]
+    refused: str | None
+    """The device's words, with the action they are about."""
+    beside: tuple[Reply, ...]
+    """Answers to what was asked in the same round trip: before, after or while the actions were executed."""
+
+
+class Writer(Protocol):
+    """A way to send actions. A turn is announced by its actions before it is sent."""
+
+    def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
+        """Cut actions into turns: each costs one round trip."""
+
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
+        """Send one turn, with other commands beside it, and say what became of it."""
+
+
+def executed(text: str) -> Command:
+    """Return the command that runs a script and answers with its output (in the command trees from 7.9 on)."""
+    return Command("/execute", (("script", text), ("as-string", "")))
+
+
+class ScriptWriter:
+    """Scripts, of which the device stops each at its first error."""
+
+    def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
+        """Cut where a script would become too long; rows that do not depend on each other go in several at once."""
+        turn: list[Action] = []
+        count = 0
+        for _, inside in scripts(actions):
+            if turn and (count == _AT_ONCE or not _independent((*turn, *inside))):
+                yield tuple(turn)
+                turn, count = [], 0
+            turn += inside
+            count += 1
+        if turn:
+            yield tuple(turn)
+
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
+        """Run the scripts of one turn."""
+        parts = list(scripts(turn))
+        answers = await session.flight([*(executed(text) for text, _ in parts), *beside])
+        said = [_said(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
+        done = dict.fromkeys(number for acknowledged, _ in said for number in acknowledged)
+        refused = next((words for _, words in said if words is not None), None)
+        return Written(tuple(done), refused, tuple(answers[len(parts) :]))
+
+
+class SentenceWriter:
+    """For devices that do not run scripts for us: one sentence an action, several at once where order is no matter."""
+
+    def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
+        """Put additions to one menu without order into one turn; everything else goes alone."""
+        for (together, *_), group in groupby(actions, key=_kind):
+            members = tuple(group)
+            size = WINDOW - 1 if together else 1
+            yield from (members[start : start + size] for start in range(0, len(members), size))
+
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
+        """Send the sentences at once."""
+        answers = await session.flight([*(Command(*sentence(action)) for action in turn), *beside])
+        replies, others = answers[: len(turn)], answers[len(turn) :]
+        done = tuple(action.number for action, reply in zip(turn, replies, strict=True) if reply.trap is None)
+        refused = next(
+            (_refusal(action, reply.trap.message) for action, reply in zip(turn, replies, strict=True) if reply.trap),
+            None,
+        )
+        return Written(done, refused, tuple(others))
+
+
+def _kind(action: Action) -> tuple[bool, str, int]:
+    """Return what actions have in common that may be sent together, and first whether any may."""
+    return action.verb is Verb.ADD and not MENUS[action.menu].ordered, action.menu, action.layer
+
+
+def _independent(actions: Sequence[Action]) -> bool:
+    return all(action.verb is Verb.ADD and action.menu in _INDEPENDENT for action in actions)
+
+
+def _said(turn: Sequence[Action], reply: Reply) -> tuple[tuple[int, ...], str | None]:
+    """Return what a script acknowledged, and how it was stopped if it was."""
+    said = output(reply.ret or "")
+    if reply.trap is None and list(said.acknowledged) == [action.number for action in turn]:
+        return said.acknowledged, None
+    words = reply.trap.message if reply.trap is not None else said.words
+    return said.acknowledged, _refusal(_culprit(turn, reply, len(said.acknowledged), words), words)
+
+
+def _culprit(turn: Sequence[Action], reply: Reply, acknowledged: int, words: str) -> Action | None:
+    """Find the action that stopped the script: by the line that the device names, else behind those it acknowledged."""
+    place = _PLACE.search(words)
+    if place is not None:
+        return action_at(turn, int(place[1]))
+    lost = reply.trap is not None and not acknowledged
+    return None if lost or acknowledged >= len(turn) else turn[acknowledged]
+
+
+def _refusal(action: Action | None, words: str) -> str:
+    said = words or "it stopped without a word"
+    if action is None:
+        return f"the device says: {said}"
+    return f"the device refused to {action.verb.value} {action.subject} in {MENUS[action.menu].title}: {said}"

@@ -1,0 +1,154 @@
+"""Reading a device in one go: what it is, who we are on it, the rows of every menu that matters. Nothing is changed.
+
+All commands go out in batches of `api.WINDOW`, each batch in one round trip. A menu that the device lacks answers
+`no such command`: what needs it is then refused in words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros._types import Facts, Observed, Row, Version
+from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.routeros.api import Endpoint, Reply
+    from atlantis_netcfg.routeros.apply._job import Channel
+
+__all__ = ["MenuMissing", "merged", "observe", "printing"]
+
+_RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name"),))
+_SAFE_MODE = Command("/safe-mode/print")
+_DEVICE_MODE = Command("/system/device-mode/print")
+_ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
+_HISTORY = Command("/system/history/print", (("count-only", ""),))
+_PACKAGES = Command("/system/package/print", ((".proplist", "name,disabled"),))
+_IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
+_MISSING = ("no such command", "no such directory")
+_FORBIDDEN = "not enough permissions"
+_EXTRA = {"/interface/wireless": "wireless", "/interface/lte": "lte"}
+"""Menus that a package brings; the others come with RouterOS itself, from some version on."""
+
+
+class MenuMissing(DeviceFailed):
+    """The device lacks a menu that the declaration needs: its version is too old, or a package is not installed."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Preflight:
+    """The answers about the device itself."""
+
+    resource: Reply
+    safe_mode: Reply
+    device_mode: Reply
+    active: Reply
+    history: Reply
+
+
+_PREFLIGHT = (_RESOURCE, _SAFE_MODE, _DEVICE_MODE, _ACTIVE, _HISTORY)
+
+
+async def observe(
+    session: Channel, endpoint: Endpoint, needed: Sequence[str], looked_at: Sequence[str] = ()
+) -> Observed:
+    """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
+
+    Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
+    """
+    menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY, _USER, _GROUP)))
+    replies = await session.flight([*_PREFLIGHT, *map(printing, menus)])
+    seen = _Preflight(*replies[: len(_PREFLIGHT)])
+    answers = dict(zip(menus, replies[len(_PREFLIGHT) :], strict=True))
+    rows = {path: _rows(reply, needed=path in needed) for path, reply in answers.items()}
+    version = Version.parse(seen.resource.checked().rows[0]["version"])
+    missing = [path for path in needed if rows[path] is None]
+    if missing:
+        raise await _explained(session, missing, version)
+    found = {path: there for path, there in rows.items() if there is not None}
+    return Observed(_facts(seen, endpoint, version, found), found)
+
+
+def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:
+    """Return an observation with some menus as they were read since."""
+    fresh = {path: reply.checked().rows for path, reply in zip(menus, replies, strict=True)}
+    return Observed(observed.facts, {**observed.rows, **fresh})
+
+
+def printing(path: str) -> Command:
+    """Return the command that reads a menu."""
+    return Command(f"{path}/print", ((".proplist", ",".join(_properties(MENUS[path]))),))
+
+
+def _properties(menu: Menu) -> tuple[str, ...]:
+    """Name what is wanted in the words of every version: a device leaves out properties that it does not have."""
+    identity = () if menu.shape is Shape.SINGLETON else (".id",)
+    readable = (each.name for each in menu.fields if not each.unread)
+    return tuple(dict.fromkeys((*identity, *readable, *menu.flags)))
+
+
+def _rows(reply: Reply, *, needed: bool) -> tuple[Row, ...] | None:
+    """Return the rows, or None if the device has no such menu, or keeps one from us that we can do without."""
+    silent = _MISSING if needed else (*_MISSING, _FORBIDDEN)
+    if reply.trap is not None and reply.trap.message.startswith(silent):
+        return None
+    return reply.checked().rows
+
+
+async def _explained(session: Channel, missing: Sequence[str], version: Version) -> MenuMissing:
+    """Say what the device lacks, and whether a package would help."""
+    installed = {row["name"] for row in (await session.command(_PACKAGES)).rows if row.get("disabled") != "true"}
+    names = ", ".join(MENUS[path].title for path in missing)
+    wanted = sorted({_EXTRA[path] for path in missing if path in _EXTRA} - installed)
+    hint = (
+        f"install package {', '.join(wanted)}" if wanted else "upgrade RouterOS, or take these rows out of the template"
+    )
+    return MenuMissing(f"this device (RouterOS {version}) does not have {names}", hint=hint)
+
+
+def _facts(seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]]) -> Facts:
+    resource = seen.resource.rows[0]
+    holder = _first(seen.safe_mode)
+    taken = holder.get("enabled") in ("true", "yes")
+    return Facts(
+        identity=_first_of(rows.get(_IDENTITY, ())).get("name", ""),
+        version=version,
+        board=resource.get("board-name", ""),
+        architecture=resource.get("architecture-name", ""),
+        device_mode=_first(seen.device_mode),
+        packages=(),
+        policies=_policies(endpoint.user, rows),
+        has_safe_mode=seen.safe_mode.trap is None,
+        safe_mode_owner=(holder.get("owner") or holder.get("user") or "somebody") if taken else None,
+        session_address=_session_address(seen.active, endpoint),
+        history=_count(seen.history),
+    )
+
+
+def _first(reply: Reply) -> Row:
+    return _first_of(reply.rows)
+
+
+def _first_of(rows: Sequence[Row]) -> Row:
+    return rows[0] if rows else {}
+
+
+def _policies(user: str, rows: Mapping[str, Sequence[Row]]) -> frozenset[str]:
+    """Return what our user's group may do; nothing if the device does not tell (a user of RADIUS, for instance)."""
+    group = next((row.get("group") for row in rows.get(_USER, ()) if row.get("name") == user), None)
+    policy = next((row.get("policy", "") for row in rows.get(_GROUP, ()) if row.get("name") == group), "")
+    return frozenset(word for word in policy.split(",") if word and not word.startswith("!"))
+
+
+def _session_address(active: Reply, endpoint: Endpoint) -> str:
+    """Return the address of the newest API session of our user: the list grows at its end, and ours is the newest."""
+    ours = [row for row in active.rows if row.get("name") == endpoint.user and row.get("via", "").startswith("api")]
+    return ours[-1].get("address", "") if ours else ""
+
+
+def _count(reply: Reply) -> int:
+    return int(reply.ret) if reply.ret is not None and reply.ret.isdecimal() else 0

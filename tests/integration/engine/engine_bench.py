@@ -1,0 +1,180 @@
+"""The engine against a router twin on real sockets, in one event loop and in time that jumps."""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from atlantis_netcfg.journal import Journal, RunStarted, Store
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, converge, desired
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.twin import Router, RouterSpec, User
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine
+    from pathlib import Path
+
+    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.twin import Knobs, Link
+
+T = TypeVar("T")
+PASSWORD = "open sesame"
+
+TEXT = """\
+# atlantis:entire /ip firewall filter
+/system identity
+set name=coastal-router
+/interface bridge
+add comment="atlantis: lan" name=bridge-lan
+/interface bridge port
+add bridge=bridge-lan comment="atlantis: lan" interface=ether4
+add bridge=bridge-lan comment="atlantis: lan" interface=ether5
+/interface list
+add comment="atlantis: uplinks" name=WAN
+/interface list member
+add comment="atlantis: cable" interface=ether1 list=WAN
+/ip address
+add address=10.64.101.1/24 comment="atlantis: management" interface=ether8
+add address=10.64.1.1/24 comment="atlantis: lan" interface=bridge-lan
+/ip pool
+add comment="atlantis: lan" name=lan ranges=10.64.1.100-10.64.1.199
+/ip dhcp-server
+add address-pool=lan comment="atlantis: lan" interface=bridge-lan lease-time=1h name=lan
+/ip dhcp-server network
+add address=10.64.1.0/24 comment="atlantis: lan" dns-server=10.64.1.1 gateway=10.64.1.1
+/ip dhcp-server lease
+add address=10.64.1.20 comment="atlantis: gateway" mac-address=02:00:00:00:01:20 server=lan
+/ip firewall address-list
+add address=192.0.2.10 comment="atlantis: vpn" list=sat-allow
+/ip firewall filter
+add action=accept chain=input comment="atlantis: known" connection-state=established,related
+add action=accept chain=input comment="atlantis: management" in-interface=ether8
+add action=accept chain=input comment="atlantis: lan" in-interface=bridge-lan protocol=icmp
+add action=drop chain=input comment="atlantis: rest"
+add action=drop chain=forward comment="atlantis: costs \\"$\\"; & more" dst-address-list=!sat-allow out-interface=ether3
+/ip firewall nat
+add action=masquerade chain=srcnat comment="atlantis: uplinks" out-interface-list=WAN
+/ip service
+set telnet disabled=yes
+set ftp disabled=yes
+/tool mac-server
+set allowed-interface-list=none
+"""
+"""A first configuration: every layer, every kind of menu."""
+
+
+class _Selector(selectors.DefaultSelector):
+    """Never waits: when no socket has anything, the clock jumps to the next timer."""
+
+    now = 1000.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        ready = super().select(0) or super().select(0.0005)
+        if ready or timeout == 0:
+            return ready
+        if timeout is None:
+            raise RuntimeError("nothing can ever happen any more")
+        self.now += timeout
+        return []
+
+
+class _Loop(asyncio.SelectorEventLoop):
+    def __init__(self) -> None:
+        self._jumping = _Selector()
+        super().__init__(self._jumping)
+
+    def time(self) -> float:
+        return self._jumping.now
+
+
+def run(main: Coroutine[Any, Any, T]) -> T:
+    """Like asyncio.run, in time that jumps; both ends of every socket have to live in `main`."""
+    with asyncio.Runner(loop_factory=_Loop) as runner:
+        return runner.run(main)
+
+
+def leases(number: int) -> str:
+    """So many DHCP reservations more."""
+    rows = (
+        f'add address=10.64.{2 + each // 250}.{1 + each % 250} comment="atlantis: robot {each}"'
+        f" mac-address=02:00:00:01:{each // 256:02X}:{each % 256:02X} server=lan\n"
+        for each in range(number)
+    )
+    return "/ip dhcp-server lease\n" + "".join(rows)
+
+
+@dataclass
+class Bench:
+    """A twin and what is needed to converge it; `async with` it."""
+
+    tmp_path: Path
+    text: str = TEXT
+    link: Link | None = None
+    knobs: Knobs | None = None
+    spec: dict[str, Any] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    router: Router = field(init=False)
+
+    def __post_init__(self) -> None:
+        users = (User(name="provision", password=PASSWORD),)
+        spec = RouterSpec(**{"name": "router", "users": users, **self.spec})
+        self.router = Router(spec, state_dir=self.tmp_path / "flash", link=self.link, knobs=self.knobs)
+
+    async def __aenter__(self) -> Self:
+        await self.router.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.router.stop()
+
+    @property
+    def store(self) -> Store:
+        return Store(self.tmp_path / "state")
+
+    def export(self) -> str:
+        """The router's configuration with its secrets, without the header, whose clock moves."""
+        return without_header(self.router.export(show_sensitive=True))
+
+    def job(self, **changes: Any) -> DeviceJob:  # noqa: ANN401 - fields of DeviceJob
+        endpoint = Endpoint(
+            host=self.router.host,
+            port=self.router.ports["api-ssl"],
+            user="provision",
+            password=Secret(PASSWORD),
+            pin=self.router.pin,
+        )
+        standard = {
+            "name": "router",
+            "site": "coastal",
+            "address": self.router.spec.management.local,
+            "endpoint": endpoint,
+            "desired": desired.read(self.text),
+            "events": self.events.append,
+        }
+        return DeviceJob(**{**standard, **changes})
+
+    def journal(self) -> Journal:
+        return self.store.start(
+            RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
+        )
+
+    async def converge(self, mode: Mode = Mode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - as `job`
+        """Converge with a journal of its own."""
+        with self.journal() as journal:
+            return await converge(self.job(**{"journal": journal, **changes}), mode=mode)
+
+
+def without_header(text: str) -> str:
+    return "".join(line for line in text.splitlines(keepends=True) if not line.startswith("#"))
+
+
+def on(bench: Bench, act: Callable[[Bench], Coroutine[Any, Any, T]]) -> T:
+    """Run `act` on a bench whose twin is up."""
+
+    async def main() -> T:
+        async with bench:
+            return await act(bench)
+
+    return run(main())

@@ -1,0 +1,219 @@
+"""Runs in which nothing goes wrong."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from engine_bench import TEXT, Bench, leases, on, without_header
+
+from atlantis_netcfg.journal import (
+    ActionsConfirmed,
+    DeviceObserved,
+    LayerSent,
+    Outcome,
+    Planned,
+    Protected,
+    Released,
+    RunStarted,
+    StateSaved,
+)
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
+from atlantis_netcfg.twin import Execute, Knobs, Link
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+async def twice(bench: Bench) -> tuple[DeviceResult, DeviceResult, int, int]:
+    """Converge two times; the turns that the twin counted on its wire for each."""
+    turns = []
+    results = []
+    for _ in range(2):
+        bench.router.reset_counters()
+        results.append(await bench.converge())
+        turns.append(bench.router.counters().turns)
+    return results[0], results[1], turns[0], turns[1]
+
+
+def test_a_first_configuration_converges_twice(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    first, second, turns, idle = on(bench, twice)
+    assert (first.status, first.message) == (Status.CHANGED, f"{first.planned} actions read back and kept")
+    assert first.confirmed == first.planned > 20
+    assert (second.status, second.planned, second.message) == (Status.UNCHANGED, 0, "already so: nothing to change")
+    assert first.round_trips == turns <= 16
+    assert second.round_trips == idle <= 4
+
+
+@pytest.mark.parametrize("number", [0, 100, 300])
+def test_round_trips_do_not_grow_with_the_number_of_items(tmp_path: Path, number: int) -> None:
+    bench = Bench(tmp_path, text=TEXT + leases(number))
+    first, second, turns, idle = on(bench, twice)
+    assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
+    assert first.round_trips == turns <= 16
+    assert second.round_trips == idle <= 4
+
+
+def test_the_wire_is_used_well_over_a_slow_link(tmp_path: Path) -> None:
+    """An idle run over 700 ms: the TCP and TLS handshakes, and four turns."""
+    bench = Bench(tmp_path, link=Link(delay_s=0.35))
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
+        return await bench.converge(), await bench.converge()
+
+    first, second = on(bench, act)
+    assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
+    assert second.seconds <= (3 + 4) * 0.7 + 0.1
+
+
+def test_bytes_are_those_on_the_wire(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, int, int]:
+        result = await bench.converge()
+        counted = bench.router.counters()
+        return result, counted.bytes_in, counted.bytes_out
+
+    result, sent, received = on(bench, act)
+    assert (result.sent, result.received) == (sent, received)
+
+
+def test_a_plan_changes_nothing(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        before = bench.router.export(show_sensitive=True)
+        result = await bench.converge(Mode.PLAN)
+        return result, before, bench.router.export(show_sensitive=True)
+
+    result, before, now = on(bench, act)
+    assert (result.status, int(result.exit)) == (Status.PLANNED, 2)
+    assert result.planned > 20
+    assert "+ add address=10.64.1.1/24" in result.diff
+    assert without_header(before) == without_header(now)
+
+
+def test_only_the_plan_that_was_agreed_to_is_carried_out(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult]:
+        shown = await bench.converge(Mode.PLAN)
+        await bench.router.console(["/interface/bridge/add", "=name=bridge-lan"])
+        late = await bench.converge(agreed=shown.plan_hash)
+        again = await bench.converge(Mode.PLAN)
+        return shown, late, await bench.converge(agreed=again.plan_hash)
+
+    shown, late, agreed = on(bench, act)
+    assert (late.status, int(late.exit)) == (Status.REFUSED, 4)
+    assert late.message == "the device has changed since the plan was shown: nothing was changed"
+    assert late.plan_hash != shown.plan_hash
+    assert agreed.status is Status.CHANGED
+
+
+def test_the_journal_tells_the_whole_run(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    result = on(bench, lambda bench: bench.converge())
+    (run,) = bench.store.runs("coastal")
+    kinds = [type(record) for record in run.log.records]
+    for earlier, later in zip(
+        (RunStarted, DeviceObserved, Planned, StateSaved, Protected, LayerSent, Released, ActionsConfirmed, Outcome),
+        (DeviceObserved, Planned, StateSaved, Protected, LayerSent, Released, ActionsConfirmed, Outcome, Outcome),
+        strict=True,
+    ):
+        assert kinds.index(earlier) <= kinds.index(later)
+    assert run.confirmed("router") == run.acknowledged("router") == tuple(range(1, result.planned + 1))
+    assert run.settled == {"router"}
+
+
+def test_the_state_before_is_what_the_device_exports(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> str:
+        before = bench.router.export()
+        await bench.converge()
+        return before
+
+    before = on(bench, act)
+    saved = bench.store.runs("coastal")[0].before("router")
+    assert saved is not None
+    assert without_header(saved.read_text()) == without_header(before)
+    assert saved.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_saved_state_is_gone_back_to(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[str, DeviceResult, str]:
+        before = bench.export()
+        await bench.converge()
+        saved = bench.store.runs("coastal")[0].before("router")
+        assert saved is not None
+        menus = desired.read(bench.text).menus
+        back = desired.from_export(saved.read_text(), menus, str(saved))
+        return before, await bench.converge(Mode.ROLLBACK, desired=back), bench.export()
+
+    before, result, now = on(bench, act)
+    assert result.status is Status.CHANGED
+    assert now == before
+
+
+def test_a_backup_is_saved_and_nothing_is_changed(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        before = bench.export()
+        return await bench.converge(Mode.BACKUP), before, bench.export()
+
+    result, before, now = on(bench, act)
+    assert result.status is Status.UNCHANGED
+    assert "secrets and users are not in" in result.message
+    saved = bench.store.runs("coastal")[0].before("router")
+    assert saved is not None
+    assert without_header(saved.read_text()) == before == now
+
+
+@pytest.mark.parametrize("execute", [Execute.TRAP, Execute.NONE])
+def test_devices_that_answer_scripts_otherwise_converge_too(tmp_path: Path, execute: Execute) -> None:
+    bench = Bench(tmp_path, spec={"execute": execute})
+    first, second, _, idle = on(bench, twice)
+    assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
+    assert idle <= 4
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
+def test_the_order_in_which_sentences_run_is_no_matter(tmp_path: Path, seed: int, execute: Execute) -> None:
+    bench = Bench(tmp_path / "shuffled", knobs=Knobs(shuffle=seed), spec={"execute": execute})
+    plain = Bench(tmp_path / "plain")
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str]:
+        return await bench.converge(), bench.export()
+
+    result, shuffled = on(bench, act)
+    assert result.status is Status.CHANGED
+    assert sorted(shuffled.splitlines()) == sorted(on(plain, act)[1].splitlines())
+
+
+def test_a_certificate_is_pinned_at_first_contact(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str | None]:
+        unknown = replace(bench.job().endpoint, pin=None)
+        return await bench.converge(endpoint=unknown, pin=bench.store.pins.pin), bench.router.pin
+
+    result, pin = on(bench, act)
+    assert result.status is Status.CHANGED
+    assert bench.store.pins.get("router") == pin
+
+
+def test_a_result_is_json(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    result = on(bench, lambda bench: bench.converge())
+    data = json.loads(json.dumps(result.as_dict()))
+    assert data["status"] == "changed"
+    assert data["planned"] == data["confirmed"] == result.planned
+    assert set(data["bytes"]) == {"sent", "received"}
+    assert data["protection"] == "safe-mode"
