@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import sys
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
 from atlantis_netcfg.cli._playbook import play
 from atlantis_netcfg.cli._progress import progress
-from atlantis_netcfg.errors import ExitCode, NothingMatched
+from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.handled import handled
@@ -100,19 +101,45 @@ class Session:
         again = {name: int(result["planned"]) for name, result in second.devices.items()}
         return replace(first, second_pass=again)
 
+    def plan(self) -> RunReport:
+        """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
+        before = self._exports()
+        report = self.perform(Mode.PLAN)
+        self.show_plan(report)
+        if self._exports() != before:
+            raise NetcfgError("planning has changed an emulated device: this must never happen")
+        if self.rehearsed and not self.as_json:
+            print("the emulated device is unchanged, byte for byte")
+        return report
+
+    def _exports(self) -> dict[str, str]:
+        """What the twins hold, without the comment lines, which tell the time."""
+        if self.rehearsal is None:
+            return {}
+        texts = {name: self.rehearsal.export(name) for name in self.rehearsal.targets}
+        return {name: re.sub(r"(?m)^#.*\n", "", text) for name, text in texts.items()}
+
     def show_plan(self, report: RunReport) -> None:
         """Print the changes in the device's own language, and what they cost."""
         if self.as_json:
             return
         for name, result in report.devices.items():
-            print(f"{name}:")
-            print(result["diff"].rstrip() or "  nothing to change")
-            print()
+            print(f"{name}:\n{result['diff'].rstrip() or '  nothing to change'}\n{_cost(result)}\n")
 
     def close(self, report: RunReport) -> ExitCode:
         """Print how it ended."""
         print(json.dumps(report.as_json(), ensure_ascii=False) if self.as_json else report.as_text())
         return report.exit
+
+
+def _cost(result: Mapping[str, Any]) -> str:
+    """The estimate in words; for a refused plan there may be none."""
+    estimate = result["estimate"]
+    if estimate is None:
+        return "  no estimate"
+    size = estimate["bytes"] / 1000
+    cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
+    return f"  {result['planned']} changes over {estimate['bearer']}: {cost}; protected by {result['protection']}"
 
 
 @contextmanager

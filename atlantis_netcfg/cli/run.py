@@ -40,20 +40,12 @@ def run(arguments: Arguments) -> ExitCode:
 
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if arguments.flag("plan"):
-            report = _plan(opened)
+            report = opened.plan()
         elif opened.rehearsed:
             report = opened.rehearse()
         else:
             report = _apply(opened, ask=not arguments.flag("yes"))
     return opened.close(report)
-
-
-def _plan(opened: Session) -> RunReport:
-    from atlantis_netcfg.operations import Mode
-
-    report = opened.perform(Mode.PLAN)
-    opened.show_plan(report)
-    return report
 
 
 def _apply(opened: Session, *, ask: bool) -> RunReport:
@@ -63,7 +55,7 @@ def _apply(opened: Session, *, ask: bool) -> RunReport:
 
     if not ask:
         return opened.perform(Mode.APPLY)
-    planned = _plan(opened)
+    planned = opened.plan()
     if planned.exit is not ExitCode.CHANGES:
         return planned
     changing = [name for name, result in planned.devices.items() if result["planned"]]

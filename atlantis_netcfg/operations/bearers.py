@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.routeros import Bearer
+from atlantis_netcfg.routeros.estimate import Bearer
 from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.render import router
-from atlantis_netcfg.routeros import DeviceJob, Endpoint, desired
+from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.routeros.apply import DeviceJob
+from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.desired import Desired
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["device_job"]
@@ -25,18 +30,30 @@ def device_job(
     """Build the job of one router."""
     device = host.device
     assert isinstance(device, Router)  # noqa: S101 - playbooks/site.yml asks for routers only
-    pins = Store(request.state, rehearsed=request.rehearsed).pins
+    store = Store(request.state, rehearsed=request.rehearsed)
+    pins = store.pins
     return DeviceJob(
         name=host.name,
         site=host.site,
         endpoint=_endpoint(host, device, request, pins.get(host.name)),
-        desired=desired.read(router(declaration, host), source=f"the desired text of {host.name}"),
+        desired=_desired(declaration, host, request, store),
         bearer=bearer_of(declaration, host, request.via.get(host.name)),
         events=notify,
         journal=journal,
         pin=pins.pin,
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
     )
+
+
+def _desired(declaration: Declaration, host: Host, request: Request, store: Store) -> Desired:
+    """What is declared; for a rollback, in the same menus, what the device was before that run."""
+    declared = read(router(declaration, host), source=f"the desired text of {host.name}")
+    if request.mode is not Mode.ROLLBACK:
+        return declared
+    saved = store.run(host.site, request.run or "").before(host.name)
+    if saved is None:
+        raise NothingMatched(f"run {request.run} has saved no state of {host.name}")
+    return from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
 
 
 def _endpoint(host: Host, device: Router, request: Request, pin: str | None) -> Endpoint:

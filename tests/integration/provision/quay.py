@@ -1,0 +1,181 @@
+"""A quay for tests: a network namespace in which the coastal router's declared address leads to a twin.
+
+The twin outlives the commands, so that real runs (without `--rehearse`) have something to change.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import re
+import shutil
+import socket
+import socketserver
+import subprocess
+import sys
+import threading
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from ansible.parsing.vault import VaultLib, VaultSecret
+
+from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.site import load
+from atlantis_netcfg.twin import SpawnedSite, spawn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+ROUTER = "coastal-router"
+ADDRESS = ("10.64.101.1", 8729)
+PROVISION = str(Path(sys.executable).with_name("provision"))
+_VAULT_PASSWORD = b"the word of the quay"
+_VAULT = VaultLib([("default", VaultSecret(_VAULT_PASSWORD))])
+_NEW_NETWORK = 0x40000000
+"""CLONE_NEWNET, see unshare(2)."""
+
+
+@dataclass(slots=True)
+class Quay:
+    inventory: Path
+    state: Path
+    twins: SpawnedSite
+
+    def export(self) -> str:
+        lines = str(self.twins.do(ROUTER, "export")).splitlines(keepends=True)
+        return "".join(line for line in lines if not line.startswith("#"))
+
+    def environment(self) -> dict[str, str]:
+        return {
+            **os.environ,
+            "ATLANTIS_STATE": str(self.state),
+            "ANSIBLE_VAULT_PASSWORD_FILE": str(self.inventory.parent / "vault-password"),
+        }
+
+    def provision(self, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
+        """Type a command; `inventory=` is added."""
+        done = subprocess.run(
+            [PROVISION, *typed, f"inventory={self.inventory}"],
+            env=self.environment(),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done
+
+    def json(self, *typed: str, code: int) -> dict[str, Any]:
+        told: dict[str, Any] = json.loads(self.provision(*typed, "--json", code=code).stdout)
+        assert told["exit"] == code
+        return told
+
+    def runs(self) -> list[dict[str, Any]]:
+        done = subprocess.run(
+            [PROVISION, "runs", "site=coastal", "--json"],
+            env=self.environment(),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        listed: list[dict[str, Any]] = json.loads(done.stdout)["runs"]
+        return listed
+
+
+@contextmanager
+def quay(folder: Path) -> Iterator[Quay]:
+    """One adopted twin of the coastal router, in a network namespace where it stands at its declared address."""
+    root = _inventory(folder)
+    declaration = load(root, decrypt=lambda text: str(_VAULT.decrypt(text.encode()).decode()))
+    spec = site_spec(declaration, [declaration.hosts[ROUTER]])
+    (twin,) = spec.twins
+    router = twin.router.model_copy(update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0})
+    spec = spec.model_copy(update={"twins": (twin.model_copy(update={"router": router}),)})
+    with ExitStack() as stack:
+        stack.enter_context(_namespace())
+        twins = stack.enter_context(spawn(spec, folder / "twins"))
+        stack.enter_context(_forwarded(twins.ready[ROUTER]["api_ssl"]))
+        yield Quay(root, folder / "state", twins)
+
+
+def _inventory(folder: Path) -> Path:
+    """A copy of the shipped inventory in which nothing is an example any more, and secrets are vaulted."""
+    root = folder / "inventory"
+    (folder / "vault-password").write_bytes(_VAULT_PASSWORD)
+    shutil.copytree(CHECKOUT / "inventory", root)
+    for path in root.rglob("*.yml"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(_real(text), encoding="utf-8")
+    return root
+
+
+def _real(text: str) -> str:
+    for documentation, real in (("203.0.113.", "10.99.3."), ("198.51.100.", "10.99.2."), ("192.0.2.", "10.99.1.")):
+        text = text.replace(documentation, real)
+    text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
+    text = text.replace("ssid: EXAMPLE-", "ssid: ")
+    return re.sub(r"EXAMPLE-([a-z0-9-]+)", lambda found: _vaulted(f"a-real-{found[1]}"), text)
+
+
+@cache
+def _vaulted(secret: str) -> str:
+    """As `ansible-vault encrypt_string` has it, on one line."""
+    return f"!vault {json.dumps(_VAULT.encrypt(secret.encode()).decode())}"
+
+
+@contextmanager
+def _namespace() -> Iterator[None]:
+    """Move this thread, and all processes that it starts, into a network of their own."""
+    if os.geteuid() != 0:
+        pytest.skip("making a network namespace needs root")
+    libc = ctypes.CDLL(None, use_errno=True)
+    before = os.open("/proc/thread-self/ns/net", os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        assert libc.unshare(_NEW_NETWORK) == 0, os.strerror(ctypes.get_errno())
+        for command in ("link set lo up", f"address add {ADDRESS[0]}/32 dev lo"):
+            subprocess.run(["ip", *command.split()], check=True)
+        yield
+    finally:
+        assert libc.setns(before, _NEW_NETWORK) == 0, os.strerror(ctypes.get_errno())
+        os.close(before)
+
+
+@contextmanager
+def _forwarded(port: int) -> Iterator[None]:
+    """Stand at the router's declared address and pass every byte to the twin."""
+
+    class Door(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            with socket.create_connection(("127.0.0.1", port)) as twin:
+                back = threading.Thread(target=_pump, args=(twin, self.request), daemon=True)
+                back.start()
+                _pump(self.request, twin)
+                back.join()
+
+    class Doors(socketserver.ThreadingTCPServer):
+        allow_reuse_address = True
+        daemon_threads = True
+        block_on_close = False
+
+    with Doors(ADDRESS, Door) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
+        thread.start()
+        try:
+            yield
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def _pump(source: socket.socket, sink: socket.socket) -> None:
+    with suppress(OSError):
+        while data := source.recv(65536):
+            sink.sendall(data)
+    with suppress(OSError):
+        sink.shutdown(socket.SHUT_WR)

@@ -1,0 +1,132 @@
+"""Real runs, without `--rehearse`: the devices are twins that the test keeps, and the state of the laptop counts."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import CHECKOUT, PROVISION, ROUTER, Quay, quay
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+def test_a_run_is_recorded_backed_up_and_rolled_back(at: Quay) -> None:
+    before = at.export()
+    first = at.json("site=coastal", "--yes", code=0)
+    assert first["devices"][ROUTER]["status"] == "changed"
+    after = at.export()
+    assert after != before
+    assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "unchanged"
+    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+
+    listed = at.runs()
+    assert [row["exit"] for row in listed] == [0, 0]
+    assert at.json("backup", "site=coastal", code=0)["devices"][ROUTER]["status"] == "unchanged"
+    at.provision("rollback", "site=coastal", f"to={listed[0]['run']}", "--yes", code=0)
+    assert at.export() == before
+
+
+def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay) -> None:
+    before = at.export()
+    done = at.provision("site=coastal", code=3)
+    assert "--yes" in done.stderr
+    assert at.export() == before
+
+
+def test_a_killed_run_is_resumed(at: Quay) -> None:
+    at.twins.do(ROUTER, "link", delay_s=0.15)
+    with subprocess.Popen(
+        [PROVISION, "site=coastal", "--yes", f"inventory={at.inventory}"],
+        env=at.environment(),
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as running:
+        journal = _await_record(at.state, '"kind":"layer-sent"')
+        os.killpg(running.pid, signal.SIGKILL)
+        _kill_workers(at.state)
+    assert journal
+    at.twins.do(ROUTER, "link", delay_s=0.0)
+    (row,) = at.runs()
+    assert row["unfinished"] is True
+    told = at.json("resume", "site=coastal", code=0)
+    assert told["devices"][ROUTER]["status"] in {"changed", "unchanged"}
+    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert [row["unfinished"] for row in at.runs()][:1] == [False]
+
+
+def _await_record(state: Path, wanted: str) -> str:
+    until = time.monotonic() + 30
+    while time.monotonic() < until:
+        for journal in state.glob("real/coastal/runs/*/journal.jsonl"):
+            text = journal.read_text(encoding="utf-8")
+            if wanted in text.replace(": ", ":"):
+                return text
+        time.sleep(0.01)
+    pytest.fail(f"no {wanted} within 30 s")
+
+
+def _kill_workers(state: Path) -> None:
+    """Ansible's worker is in a session of its own: the lock names it."""
+    holder = (state / "real/coastal/lock").read_text(encoding="utf-8")
+    if holder:
+        os.kill(json.loads(holder)["pid"], signal.SIGKILL)
+
+
+def test_the_second_technician_is_told_who_works_there(at: Quay) -> None:
+    at.twins.do(ROUTER, "link", delay_s=0.2)
+    with subprocess.Popen(
+        [PROVISION, "site=coastal", "--yes", f"inventory={at.inventory}"],
+        env=at.environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as running:
+        _await_record(at.state, '"kind":"run-started"')
+        second = at.provision("site=coastal", "--yes", code=4)
+        assert "coastal is being worked on by" in second.stderr
+        assert running.wait() == 0
+
+
+def test_ansible_alone_does_the_same_and_check_mode_tells_the_truth(at: Quay) -> None:
+    before = at.export()
+    checked = _ansible(at, "--check", "--diff")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    assert "add address=10.64.1.1/24" in checked.stdout
+    assert at.export() == before
+    done = _ansible(at)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "changed=1" in done.stdout
+    again = _ansible(at)
+    assert "changed=0" in again.stdout
+    assert "not handled yet: satellite_terminal" in again.stdout
+
+
+def _ansible(at: Quay, *flags: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [
+            *(sys.executable, "-m", "ansible", "playbook", "-i", str(at.inventory)),
+            *(str(CHECKOUT / "playbooks/site.yml"), "--limit", "coastal", *flags),
+        ],
+        cwd=CHECKOUT,
+        env=at.environment(),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )

@@ -1,0 +1,73 @@
+"""`provision site=S --rehearse`, as a technician types it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from quay import PROVISION
+
+from atlantis_netcfg.twin import NOT_REHEARSED
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ROUTERS = {"scc": "scc-router", "coastal": "coastal-router", "te4sea": "te4sea-router"}
+
+
+def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [PROVISION, *typed],
+        env={**os.environ, "ATLANTIS_STATE": str(state)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("site", ROUTERS)
+def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path: Path) -> None:
+    told: dict[str, Any] = json.loads(
+        provision(tmp_path, f"site={site}", "--rehearse", "--yes", "--json", code=0).stdout
+    )
+    router = told["devices"][ROUTERS[site]]
+    assert (told["site"], told["rehearsed"], told["exit"], told["errors"]) == (site, True, 0, [])
+    assert router["status"] == "changed"
+    assert router["planned"] == router["confirmed"] > 100
+    assert router["second_pass"] == 0
+    assert router["round_trips"] <= 16
+    assert router["not_rehearsed"] == list(NOT_REHEARSED)
+    others = {name: told for name, told in told["devices"].items() if name != ROUTERS[site]}
+    assert others
+    assert {told["status"] for told in others.values()} == {"not handled yet"}
+
+
+@pytest.mark.slow
+def test_a_plan_shows_the_difference_and_leaves_the_twin_as_it_is(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=coastal", "--plan", "--rehearse", code=2)
+    assert "+ add address=10.64.1.1/24" in done.stdout
+    assert "the emulated device is unchanged, byte for byte" in done.stdout
+    assert "round trips" in done.stdout
+    assert "EXAMPLE-vpn-coastal" not in done.stdout + done.stderr
+
+
+def test_a_mistyped_site_ends_with_what_exists(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=costal", "--rehearse", code=7)
+    assert "did you mean `coastal`?" in done.stderr
+
+
+def test_devices_that_no_role_handles_are_not_called_done(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=coastal", "only=coastal-sat", "--rehearse", code=7)
+    assert "no role handles these devices yet" in done.stderr
+
+
+def test_example_values_are_for_rehearsals_only(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=coastal", "--yes", code=3)
+    assert "example values" in done.stderr
