@@ -42,6 +42,7 @@ __all__ = [
     "texts",
     "time",
     "unread",
+    "usual",
     "words",
 ]
 
@@ -111,7 +112,12 @@ def gateway(name: str) -> Field:
 
 
 def kept(*fields: Field) -> tuple[Field, ...]:
-    """Mark fields that stay as they are when the declaration does not name them."""
+    """Mark fields without a default that we could tell: unnamed, they stay as they are."""
+    return tuple(replace(field, keep=True, default=None) for field in fields)
+
+
+def usual(*fields: Field) -> tuple[Field, ...]:
+    """Mark fields that stay as they are when the declaration is silent; a saved export's silence means the default."""
     return tuple(replace(field, keep=True) for field in fields)
 
 

@@ -17,6 +17,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     text,
     texts,
     time,
+    usual,
     words,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
@@ -100,13 +101,17 @@ _BRIDGE = Menu(
         text("protocol-mode", "rstp"),
         number("transmit-hold-count", "6"),
         boolean("vlan-filtering"),
+        *usual(
+            text("ether-type", "0x8100"),
+            boolean("forward-reserved-addresses"),
+            text("frame-types", "admit-all"),
+            boolean("ingress-filtering", "yes"),
+            text("port-cost-mode", "long"),
+            number("pvid", "1"),
+        ),
         *kept(
             mac("admin-mac"),
-            text("ether-type"),
-            boolean("forward-reserved-addresses"),
-            text("frame-types"),
             number("igmp-version"),
-            boolean("ingress-filtering"),
             time("last-member-interval"),
             number("last-member-query-count"),
             number("max-hops"),
@@ -114,8 +119,6 @@ _BRIDGE = Menu(
             number("mld-version"),
             boolean("multicast-querier"),
             text("multicast-router"),
-            text("port-cost-mode"),
-            number("pvid"),
             time("querier-interval"),
             time("query-interval"),
             time("query-response-interval"),
@@ -161,7 +164,8 @@ _BRIDGE_PORT = Menu(
         boolean("trusted"),
         boolean("unknown-multicast-flood", "yes"),
         boolean("unknown-unicast-flood", "yes"),
-        *kept(boolean("hw"), number("internal-path-cost"), number("path-cost")),
+        *usual(boolean("hw", "yes")),
+        *kept(number("internal-path-cost"), number("path-cost")),
     ),
 )
 
@@ -190,6 +194,7 @@ _LIST_MEMBER = Menu(
 _OVPN_CLIENT = Menu(
     "/interface/ovpn-client",
     Shape.LIST,
+    # Interface lists and routes name it.
     Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",

@@ -39,7 +39,10 @@ class Field:
     default: str | None = None
     """What the device assumes when the argument is absent, as it prints it; None: the row then lacks the property."""
     keep: bool = False
-    """No default can be told (the device computes it, or versions and boards differ): unnamed means untouched."""
+    """Unnamed means untouched: the device computes it, or others than we may have set it with good reason.
+
+    With a default, only the silence of a saved export means that default.
+    """
     like: str | None = None
     """The default is the value of that property of the same row."""
     secret: bool = False

@@ -18,6 +18,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     text,
     texts,
     time,
+    usual,
     words,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
@@ -97,7 +98,7 @@ _SERVICE = Menu(
         text("certificate", "none"),
         text("tls-version", "any"),
         text("vrf", "main"),
-        *kept(number("max-sessions")),
+        *usual(number("max-sessions", "20")),
     ),
 )
 
@@ -112,7 +113,8 @@ _SSH = Menu(
         *gone("7.17", boolean("allow-none-crypto")),
         *since("7.17", words("ciphers", "auto")),
         *gone("7.21", boolean("always-allow-password-login")),
-        *since("7.21", *kept(text("password-authentication"), words("publickey-authentication-options"))),
+        *since("7.21", *usual(text("password-authentication", "yes-if-no-key"))),
+        *since("7.21", *usual(words("publickey-authentication-options", "none"))),
     ),
 )
 
@@ -121,7 +123,7 @@ _DISCOVERY = Menu(
     Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        *kept(text("discover-interface-list"), boolean("lldp-poe-power")),
+        *usual(text("discover-interface-list", "static"), boolean("lldp-poe-power", "yes")),
         time("discover-interval", "30s"),
         boolean("lldp-mac-phy-config"),
         boolean("lldp-max-frame-size"),
@@ -136,7 +138,7 @@ _CLOUD = Menu(
     "/ip/cloud",
     Shape.SINGLETON,
     Layer.CLEANUP,
-    fields=(*kept(text("ddns-enabled")), time("ddns-update-interval", "none"), boolean("update-time", "yes")),
+    fields=(*usual(text("ddns-enabled", "auto")), time("ddns-update-interval", "none"), boolean("update-time", "yes")),
 )
 
 _PROXY = Menu(
@@ -159,7 +161,7 @@ _PROXY = Menu(
         number("max-server-connections", "600"),
         number("parent-proxy-port", "0"),
         boolean("serialize-connections"),
-        *kept(text("parent-proxy"), text("src-address")),
+        *usual(text("parent-proxy", "::"), text("src-address", "::")),
     ),
 )
 
@@ -197,9 +199,9 @@ _IPV6 = Menu(
         text("multipath-hash-policy", "l3"),
         *kept(number("max-neighbor-entries")),
         *since("7.17", *kept(number("min-neighbor-entries"), number("soft-max-neighbor-entries"))),
-        *since("7.17", *kept(text("stale-neighbor-detect-interval"), text("stale-neighbor-timeout"))),
+        *since("7.17", *usual(text("stale-neighbor-detect-interval", "30"), text("stale-neighbor-timeout", "60"))),
         *since("7.18", boolean("allow-fast-path", "yes"), boolean("disable-link-local-address")),
-        *since("7.19", *kept(text("accept-router-advertisements-on"))),
+        *since("7.19", *usual(text("accept-router-advertisements-on", "all"))),
     ),
 )
 

@@ -20,11 +20,14 @@ from atlantis_netcfg.routeros.menus._fields import (
     texts,
     time,
     unread,
+    usual,
     words,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 __all__ = ["MENUS"]
+
+_NOBODY = "0.0.0.0"  # noqa: S104 - what the device prints where no address is set
 
 _IDENTITY = Menu("/system/identity", Shape.SINGLETON, Layer.FOUNDATION, fields=(text("name", "MikroTik"),))
 
@@ -33,14 +36,14 @@ _CLOCK = Menu(
     Shape.SINGLETON,
     Layer.FOUNDATION,
     # `date` and `time` go on by themselves and are nothing to declare.
-    fields=(boolean("time-zone-autodetect", "yes"), *kept(text("time-zone-name"))),
+    fields=(boolean("time-zone-autodetect", "yes"), *usual(text("time-zone-name", "manual"))),
 )
 
 _NOTE = Menu(
     "/system/note",
     Shape.SINGLETON,
     Layer.FOUNDATION,
-    fields=(text("note"), boolean("show-at-cli-login"), *kept(boolean("show-at-login"))),
+    fields=(text("note"), boolean("show-at-cli-login"), *usual(boolean("show-at-login", "yes"))),
 )
 
 _LOGGING_ACTION = Menu(
@@ -51,6 +54,7 @@ _LOGGING_ACTION = Menu(
     subject="{name}",
     flags=("default",),
     stock=(("memory",), ("disk",), ("echo",), ("remote",)),
+    row_defaults={name: {"target": name} for name in ("memory", "disk", "echo", "remote")},
     inert=True,
     fields=(
         text("name", None),
@@ -67,7 +71,8 @@ _LOGGING_ACTION = Menu(
         text("syslog-severity", "auto"),
         text("syslog-time-format", "bsd-syslog"),
         text("email-to"),
-        *kept(prefix("remote"), prefix("src-address"), boolean("remember"), text("email-start-tls")),
+        *usual(prefix("remote", _NOBODY), prefix("src-address", _NOBODY), boolean("remember", "yes")),
+        *kept(text("email-start-tls")),
         *gone("7.18", boolean("bsd-syslog")),
         *since("7.18", text("remote-log-format", "default"), text("remote-protocol", "udp")),
         *since("7.18", *kept(text("cef-event-delimiter"))),
@@ -112,7 +117,8 @@ _NTP_SERVERS = Menu(
         text("address", None),
         COMMENT,
         DISABLED,
-        *kept(text("auth-key"), boolean("iburst"), number("max-poll"), number("min-poll")),
+        *usual(boolean("iburst", "yes"), number("max-poll", "10"), number("min-poll", "6")),
+        *kept(text("auth-key")),
     ),
 )
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired, Item
     from atlantis_netcfg.routeros._types import Drift, Row
     from atlantis_netcfg.routeros.diff import Line
-    from atlantis_netcfg.routeros.menus import Menu
+    from atlantis_netcfg.routeros.menus import Field, Menu
 
 __all__ = ["CannotPlan", "Change", "Context", "MenuPlan", "Names", "added", "removed", "writes"]
 
@@ -117,9 +117,14 @@ def writes(context: Context, report: MenuPlan, item: Item, row: Row, *, managed:
         wanted |= _named(context, report, item, row, name)
     if managed:
         for each in menu.fields:
-            if each.name in row and each.name not in item.values and not each.keep and each.name not in item.unknown:
+            named = each.name in item.values or each.name in item.unknown
+            if each.name in row and not named and not _stays(context, each):
                 wanted |= _differing(menu, row, each.name, menu.default_of(each.name, row))
     return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in wanted.items())
+
+
+def _stays(context: Context, each: Field) -> bool:
+    return each.keep and (each.default is None or not context.desired.restores)
 
 
 def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:

@@ -98,22 +98,31 @@ def _keep(lists: _Lists, old: Sequence[_Content], new: Sequence[_Content]) -> No
     for place, item in enumerate(lists.new):
         chains.setdefault(lists.chain(item.given), ([], []))[1].append(place)
     for olds, news in chains.values():
-        pairs = _common(lists, olds, news)
-        if len(pairs) < len(news):
-            pairs = common([old[place] for place in olds], [new[place] for place in news])
-        lists.kept.update((news[j], olds[i]) for i, j in pairs)
+        lists.kept.update(_pairs(lists, old, new, olds, news))
+    together = _pairs(lists, old, new, range(len(old)), range(len(new)))
+    if len(together) == len(lists.kept):
+        # Then the order of chains among each other, which only a reader notices, costs nothing either.
+        lists.kept = together
     staying = set(lists.kept.values())
     for place, content in enumerate(old):
         if place not in staying:
             lists.spare.setdefault(content, []).append(place)
 
 
-def _common(lists: _Lists, olds: list[int], news: list[int]) -> list[tuple[int, int]]:
-    """Pair rows that are equal to the last comment: of several rows of one content the right one is known by that."""
-    return common(
+def _pairs(
+    lists: _Lists, old: Sequence[_Content], new: Sequence[_Content], olds: Sequence[int], news: Sequence[int]
+) -> dict[int, int]:
+    """Pair places of the new list with those of the old one whose rows are kept, ascending in both.
+
+    Rows that are equal to the last comment come first: of several rows of one content the right one is known by that.
+    """
+    pairs = common(
         [_content(lists.menu, lists.old[place], whole=True) for place in olds],
         [_content(lists.menu, lists.new[place].given, whole=True) for place in news],
     )
+    if len(pairs) < len(news):
+        pairs = common([old[place] for place in olds], [new[place] for place in news])
+    return {news[j]: olds[i] for i, j in pairs}
 
 
 def _insert(lists: _Lists, new: Sequence[_Content]) -> None:

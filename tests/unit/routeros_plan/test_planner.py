@@ -51,9 +51,9 @@ def test_a_menu_that_was_not_read_cannot_be_planned() -> None:
 
 def test_actions_tell_what_they_are_about() -> None:
     text = "/interface ovpn-client\nadd connect-to=v name=vpn password=hidden\n/ip pool\nadd name=p ranges=10.0.0.1"
-    pool, vpn = plan("r", read(text), observed("")).actions
+    vpn, pool = plan("r", read(text), observed("")).actions
     assert (pool.verb, pool.layer, pool.subject, pool.inert) == (Verb.ADD, Layer.FOUNDATION, "p", True)
-    assert (vpn.layer, vpn.secrets, vpn.inert) == (Layer.ATTACHMENT, frozenset({"password"}), False)
+    assert (vpn.layer, vpn.secrets, vpn.inert) == (Layer.FOUNDATION, frozenset({"password"}), False)
     assert ("password", "********") in vpn.shown()
 
 
