@@ -35,7 +35,7 @@ SCRIPT: Final = 60_000
 HANDSHAKE_TRIPS: Final = 3
 """Round trips before the login, which are not counted as such: TCP one, TLS 1.2 two."""
 CHECKPOINT_TRIPS: Final = 3
-"""Login of the session that proves the way in, a look at safe mode, and releasing it."""
+"""A look at safe mode, releasing it and taking it again; a login, which proves the way in, comes to it."""
 OVERHEAD: Final = 1.15
 """Bytes on the wire for one byte above TLS: records, TCP and IP headers, acknowledgements."""
 HANDSHAKE_BYTES: Final = 4_000
@@ -137,34 +137,51 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
 def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
     """Save and take safe mode, write, read anew, release."""
     tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
-    outside, pieces = _stages(plan)
-    for part in outside:
-        _script(tally, part)
-        tally.spend(up=60, down=60)
-    for number, piece in enumerate(pieces):
+    stages = _stages(plan)
+    if stages.before:
+        _script(tally, stages.before)
+        tally.spend(up=60, down=60)  # safe mode could not be taken together with the saving
+    for number, piece in enumerate(stages.pieces):
         if number:
             tally.log_in()
-            tally.spend(trips=CHECKPOINT_TRIPS - 1, up=120, down=120)
-            tally.spend(up=60, down=60)
+            tally.spend(trips=CHECKPOINT_TRIPS, up=180, down=180)
         _script(tally, piece)
+    if stages.behind:
+        _script(tally, stages.behind)
     tally.log_in()
     _read(tally, menus, simulate(observed.rows, plan) if observed is not None else None)
     tally.spend(up=60, down=60)
 
 
-def _stages(plan: Plan) -> tuple[list[list[Action]], list[list[Action]]]:
-    """Return what goes outside safe mode, and the pieces within: harmless additions stay out if that saves a piece.
+@dataclass(frozen=True, slots=True)
+class _Stages:
+    """How a plan is sent: harmless additions may go outside safe mode, those that others name before, others behind."""
 
-    Those that others name go before, those that name others behind.
-    """
-    whole = list(_pieces(plan.actions))
-    harmless = [action for action in plan.actions if _is_harmless(action)]
-    fewer = list(_pieces(action for action in plan.actions if not _is_harmless(action)))
-    if len(fewer) >= len(whole):
-        return [], whole
-    before = [action for action in harmless if action.layer is Layer.FOUNDATION]
-    behind = [action for action in harmless if action.layer is not Layer.FOUNDATION]
-    return [part for part in (before, behind) if part], fewer
+    before: list[Action]
+    pieces: list[list[Action]]
+    behind: list[Action]
+
+    @property
+    def trips(self) -> int:
+        """What they cost beyond one script."""
+        return 2 * bool(self.before) + bool(self.behind) + (1 + CHECKPOINT_TRIPS) * max(0, len(self.pieces) - 1)
+
+
+def _stages(plan: Plan) -> _Stages:
+    """Return the cheapest way."""
+    ways = ((), (True,), (False,), (True, False))
+    return min((_staged(plan.actions, outside) for outside in ways), key=lambda stages: stages.trips)
+
+
+def _staged(actions: Sequence[Action], outside: Sequence[bool]) -> _Stages:
+    """Send harmless additions to the foundation (True), or to other layers (False), outside safe mode."""
+    out = [each for each in actions if _is_harmless(each) and (each.layer is Layer.FOUNDATION) in outside]
+    numbers = {each.number for each in out}
+    return _Stages(
+        before=[each for each in out if each.layer is Layer.FOUNDATION],
+        pieces=list(_pieces(each for each in actions if each.number not in numbers)),
+        behind=[each for each in out if each.layer is not Layer.FOUNDATION],
+    )
 
 
 def _is_harmless(action: Action) -> bool:
@@ -172,6 +189,7 @@ def _is_harmless(action: Action) -> bool:
 
 
 def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
+    """Cut where safe mode is full; one action over very many rows fills several, of which only the first is written."""
     piece: list[Action] = []
     weight = 0
     for action in actions:
@@ -180,14 +198,17 @@ def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
             piece, weight = [], 0
         piece.append(action)
         weight += action.weight
-    if piece:
+        while weight > BUDGET:
+            yield piece
+            piece, weight = [], weight - BUDGET
+    if weight:
         yield piece
 
 
 def _script(tally: _Tally, actions: Sequence[Action]) -> None:
     size = sum(_word(console(action)) + _word(f'\n:put "ok {action.number}"\n') for action in actions)
     said = sum(len(f"ok {action.number}\r\n") for action in actions)
-    trips = ceil(size / SCRIPT)
+    trips = max(1, ceil(size / SCRIPT))
     tally.spend(trips=trips, up=size + 40, down=said + 40, device_s=len(actions) * EXECUTE_S)
 
 

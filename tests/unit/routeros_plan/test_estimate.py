@@ -77,6 +77,19 @@ def test_every_property_of_the_bearer_counts(field: str) -> None:
     assert estimate(pools(5), worse).bytes == estimate(pools(5), IRIDIUM).bytes
 
 
+def test_removing_very_many_rows_takes_several_safe_modes() -> None:
+    device = "/ip pool\n" + "".join(f"add comment=atlantis name=p{n}\n" for n in range(200))
+    removal = plan("r", read("/ip pool"), observed(device))
+    assert len(removal.actions) == 1
+    assert estimate(removal, LAN).round_trips == estimate(pools(1), LAN).round_trips + 2 * 5
+
+
+def test_reservations_wait_behind_safe_mode_at_the_price_of_one_round_trip() -> None:
+    leases = "".join(f"add address=10.0.0.{n} mac-address=02:00:00:00:00:{n:02X}\n" for n in range(90))
+    text = "/ip address\nadd address=10.9.0.1/24 interface=b\n/ip dhcp-server lease\n" + leases
+    assert estimate(plan("r", read(text), observed("")), LAN).round_trips == estimate(pools(1), LAN).round_trips + 1
+
+
 def test_more_to_write_is_never_cheaper() -> None:
     costs: list[Estimate] = [estimate(pools(count), IRIDIUM) for count in (1, 10, 50, 100, 1000)]
     assert [cost.bytes_up for cost in costs] == sorted(cost.bytes_up for cost in costs)
