@@ -50,6 +50,7 @@ class _Preflight:
     history: Reply
 
 
+# Last, so that who holds safe mode is the latest that is known.
 _PREFLIGHT = (_RESOURCE, _SAFE_MODE, _DEVICE_MODE, _ACTIVE, _HISTORY)
 
 
@@ -61,9 +62,9 @@ async def observe(
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY, _USER, _GROUP)))
-    replies = await session.flight([*_PREFLIGHT, *map(printing, menus)])
-    seen = _Preflight(*replies[: len(_PREFLIGHT)])
-    answers = dict(zip(menus, replies[len(_PREFLIGHT) :], strict=True))
+    replies = await session.flight([*map(printing, menus), *_PREFLIGHT])
+    answers = dict(zip(menus, replies, strict=False))
+    seen = _Preflight(*replies[len(menus) :])
     rows = {path: _rows(reply, needed=path in needed) for path, reply in answers.items()}
     version = Version.parse(seen.resource.checked().rows[0]["version"])
     missing = [path for path in needed if rows[path] is None]

@@ -31,7 +31,7 @@ from atlantis_netcfg.routeros.apply._protection import (
     take_failed,
 )
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
-from atlantis_netcfg.routeros.apply._state import digest, invalid
+from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import merged, observe, printing
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
@@ -65,7 +65,6 @@ async def change(work: Work) -> None:
         if not work.holding:
             await _take(work)
         answers = await _write(work, writer, piece)
-    work.complete = not stages.finish
     await verify(work, stages.finish)
     if work.holding:
         await _release(work, await _holder(work))
@@ -201,13 +200,24 @@ async def _holder(work: Work) -> Hold:
 
 
 async def _release(work: Work, hold: Hold) -> None:
-    """Release, unless somebody has taken safe mode from us meanwhile."""
+    """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
     if not hold.ours:
         raise _lost(work, hold)
+    witness = _witness(work)
     work.record(Releasing(device=work.job.name))
-    await release(work.channel)
+    answers = await release(work.channel, [printing(menu) for menu in witness])
     work.holding = False
+    if work.after is not None and differing(work.after, merged(work.after, witness, answers)):
+        raise ProtectionLost("somebody took the change back before it was released")
     work.record(Released(device=work.job.name))
+
+
+def _witness(work: Work) -> tuple[str, ...]:
+    """Choose the shortest menu that the last piece has changed: were safe mode unrolled, it would tell."""
+    if work.after is None:
+        return ()
+    menus = {action.menu for action in work.stages.protected[-1]}
+    return (min(menus, key=lambda menu: (len(work.after.rows[menu]) if work.after is not None else 0, menu)),)
 
 
 async def _finish(work: Work, writer: Writer) -> None:
@@ -219,7 +229,6 @@ async def _finish(work: Work, writer: Writer) -> None:
     seen = work.after or work.seen
     menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
     answers = await _write(work, writer, work.stages.finish, (HOLD, *map(printing, menus)))
-    work.complete = True
     work.after = merged(seen, menus, answers[1:])
     try:
         _compare(work, work.after, ())

@@ -59,12 +59,18 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
         return await settle(work, Interrupted("stopped by hand"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
         result = await settle(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
-        return replace(result, exit=max(result.exit, ExitCode.OUR_FAULT), fault=fault)
+        exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT
+        return replace(result, exit=exit_, fault=fault)
 
 
 async def _run(work: Work, mode: Mode) -> DeviceResult:
     await _observe(work, mode)
+    holder = work.seen.facts.safe_mode_owner
+    if holder is not None and mode is not Mode.PLAN:
+        return _held(work, holder)
     _plan(work)
+    if holder is not None:
+        work.notes.append(f"{holder} holds safe mode: what was changed in it may yet be taken back")
     refusal = None if not work.aim.actions else _judge(work, mode)
     if refusal is not None:
         return refusal
@@ -119,14 +125,16 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
             "the device has changed since the plan was shown: nothing was changed",
             hint="look at the new plan and agree to it",
         )
-    if facts.safe_mode_owner is not None:
-        return work.result(
-            Status.LEFT_AS_FOUND,
-            f"{facts.safe_mode_owner} holds safe mode, and there is only one: nothing was changed",
-            hint="let them release or unroll it; if a run of ours has died there:"
-            f"  provision resume site={work.job.site}",
-        )
     return None
+
+
+def _held(work: Work, holder: str) -> DeviceResult:
+    """Leave a device alone on which somebody's changes are still open: not even `already so` would be certain."""
+    return work.result(
+        Status.LEFT_AS_FOUND,
+        f"{holder} holds safe mode, and there is only one: nothing was changed",
+        hint=f"let them release or unroll it; if a run of ours has died there:  provision resume site={work.job.site}",
+    )
 
 
 def _path(work: Work) -> ManagementPath:

@@ -14,6 +14,8 @@ from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
@@ -78,19 +80,20 @@ def take_failed(take: Reply, hold: Hold) -> DeviceFailed:
     return DeviceFailed(f"safe mode could not be taken: {words}")
 
 
-async def release(session: Channel) -> None:
-    """Make everything permanent and see that nobody of us holds safe mode any more. Raises ProtectionLost.
+async def release(session: Channel, witness: Sequence[Command] = ()) -> list[Reply]:
+    """Make everything permanent and see that we do not hold safe mode any more. Raises ProtectionLost.
 
-    The answers to both commands come in one round trip. If the second was executed before the first it still says
-    `ours`, which proves nothing, and is asked again.
+    All answers come in one round trip, those to `witness` are returned. If who holds it was looked up before it was
+    released it still says `ours`, which proves nothing, and is asked again.
     """
-    reply, seen = await session.flight([_RELEASE, HOLD])
+    reply, seen, *witnessed = await session.flight([_RELEASE, HOLD, *witness])
     hold = Hold.of(seen)
     if hold.ours:
         hold = Hold.of(await session.command(HOLD))
     if reply.trap is not None or hold.ours:
         words = reply.trap.message if reply.trap is not None else "it is still taken"
         raise ProtectionLost(f"safe mode could not be released: {words}")
+    return witnessed
 
 
 async def unroll(session: Channel) -> None:

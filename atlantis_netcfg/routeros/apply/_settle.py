@@ -9,7 +9,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
 from atlantis_netcfg.routeros.api import Refused, SessionLost
@@ -36,8 +36,10 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
     """End a run that failed for `reason`, as honestly as the device lets us."""
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.touched:
-        await _let_go(work)
-        return work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=reason.hint)
+        free = await _let_go(work)
+        return work.result(
+            Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=reason.hint if free else _stale(work)
+        )
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:
@@ -45,12 +47,14 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
 
 
 async def _let_go(work: Work) -> bool:
-    """Take back what is in safe mode, if it is ours; True if the session has told us so."""
+    """Take back what is in safe mode, if it is ours; False if it may still be held."""
     session = work.session
+    if not work.holding:
+        return True
     if session is None:
         return False
     try:
-        if work.holding and Hold.of(await session.command(HOLD)).ours:
+        if Hold.of(await session.command(HOLD)).ours:
             await unroll(session)
     except (SessionLost, Refused):
         # The device undoes it by itself as soon as it knows that the session is over.
@@ -71,7 +75,8 @@ async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:
         return _unknown(
             work, f"{reason}; {hold.who} still holds safe mode, and the device differs in {_names(changed)}"
         )
-    if _is_declared(work, reason, now):
+    if _is_declared(work, reason, now) and await _is_reachable(work):
+        work.after = now
         return _declared(work, reason)
     if work.restores:
         return _unknown(work, f"{reason}; the device differs in {_names(changed)}")
@@ -108,6 +113,16 @@ def _is_declared(work: Work, reason: NetcfgError, now: Observed) -> bool:
     return not left and not set(invalid(now)) - set(invalid(work.seen))
 
 
+async def _is_reachable(work: Work) -> bool:
+    """Prove by a new session that the way in is open: what stays must not depend on the session that wrote it."""
+    try:
+        session = await work.contact.reach(work.job.patience.verify_s, "proving the way in", insist=False)
+    except DeviceFailed:
+        return False
+    await work.contact.leave(session)
+    return True
+
+
 def _declared(work: Work, reason: NetcfgError) -> DeviceResult:
     work.confirmed = len(work.aim.actions)
     work.note(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
@@ -120,11 +135,14 @@ def _rolled_back(work: Work, reason: NetcfgError, how: str = "taken back") -> De
 
 
 def _unknown(work: Work, message: str) -> DeviceResult:
-    hint = (
-        f"what was not released the device takes back by itself within ten minutes; then:"
+    return work.result(Status.UNKNOWN, f"the outcome is not known: {message}", hint=_stale(work))
+
+
+def _stale(work: Work) -> str:
+    return (
+        "what is in safe mode the device takes back by itself, within ten minutes if the link has died; then:"
         f"  provision resume site={work.job.site}"
     )
-    return work.result(Status.UNKNOWN, f"the outcome is not known: {message}", hint=hint)
 
 
 async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Observed) -> DeviceResult:
@@ -139,7 +157,8 @@ async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Obse
         await change(inner)
     except NetcfgError as failed:
         outcome = await settle(inner, failed)
-        return _unknown(work, f"{reason}; putting the old state back failed: {outcome.message}")
+        if outcome.status is not Status.CHANGED:
+            return _unknown(work, f"{reason}; putting the old state back failed: {outcome.message}")
     left = differing(work.seen, inner.after or now)
     if left:
         return _unknown(work, f"{reason}; the old state was put back, but {_names(left)} still differ")

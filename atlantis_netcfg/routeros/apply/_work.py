@@ -58,8 +58,6 @@ class Work:
     """What the device calls us while we hold safe mode."""
     touched: bool = False
     """A change was sent: the device may have executed it."""
-    complete: bool = False
-    """Every action was sent and acknowledged."""
     acknowledged: set[int] = field(default_factory=set)
     confirmed: int = 0
     notes: list[str] = field(default_factory=list)
@@ -84,6 +82,11 @@ class Work:
         if self.plan is None:
             raise RuntimeError("nothing is planned")
         return self.plan
+
+    @property
+    def complete(self) -> bool:
+        """Every action was sent, and the device says that it executed it."""
+        return self.acknowledged >= {action.number for action in self.aim.actions}
 
     def say(self, stage: Stage, message: str) -> None:
         """Tell the subscriber."""

@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, converge, desired
+from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import Router, RouterSpec, User
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Callable, Coroutine, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.events import Event
+    from atlantis_netcfg.routeros.api import Command, Reply
+    from atlantis_netcfg.routeros.apply import Channel
     from atlantis_netcfg.twin import Knobs, Link
 
 T = TypeVar("T")
@@ -140,7 +143,7 @@ class Bench:
     def job(self, **changes: Any) -> DeviceJob:  # noqa: ANN401 - fields of DeviceJob
         endpoint = Endpoint(
             host=self.router.host,
-            port=self.router.ports["api-ssl"],
+            port=self.router.ports.get("api-ssl", 0),
             user="provision",
             password=Secret(PASSWORD),
             pin=self.router.pin,
@@ -164,6 +167,47 @@ class Bench:
         """Converge with a journal of its own."""
         with self.journal() as journal:
             return await converge(self.job(**{"journal": journal, **changes}), mode=mode)
+
+
+@dataclass
+class Meddler:
+    """Somebody who does something to the twin beside the n-th sentence with a path, before or after it is executed."""
+
+    path: str
+    act: Callable[[], Coroutine[Any, Any, object]]
+    nth: int = 1
+    after: bool = True
+    count: int = 0
+
+    async def connect(self, endpoint: Endpoint) -> Channel:
+        """In place of `Session.open`."""
+        return _Meddled(await Session.open(endpoint), self)
+
+
+class _Meddled:
+    def __init__(self, session: Session, meddler: Meddler) -> None:
+        self.traffic = session.traffic
+        self._session = session
+        self._meddler = meddler
+
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        (reply,) = await self.flight([command], silence_s=silence_s)
+        return reply
+
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+        meddler = self._meddler
+        here = sum(command.path == meddler.path for command in commands)
+        strikes = meddler.count < meddler.nth <= meddler.count + here
+        meddler.count += here
+        if strikes and not meddler.after:
+            await meddler.act()
+        replies = await self._session.flight(commands, silence_s=silence_s)
+        if strikes and meddler.after:
+            await meddler.act()
+        return replies
+
+    async def close(self) -> None:
+        await self._session.close()
 
 
 def without_header(text: str) -> str:

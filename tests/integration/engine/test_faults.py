@@ -1,0 +1,317 @@
+"""Runs in which something goes wrong after the first change: the router ends as before or as declared, and says so."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import TEXT, Bench, Meddler, leases, on
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.journal import Journal, JournalFailed, Record
+from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
+from atlantis_netcfg.routeros.apply import _change, _executor
+from atlantis_netcfg.twin import Execute, Fault, FaultKind, Knobs
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.twin.answers import Answer
+
+MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
+LIST = "/ip firewall address-list\n" + "".join(
+    f'add address=198.51.100.{each} comment="atlantis: x" list=other\n' for each in range(1, 100)
+)
+"""So many harmless rows that they go outside safe mode, before it."""
+LAST = '/tool mac-server ping\nset enabled=no\n/ip ssh\nset host-key-type="ed25519 of another kind"\n'
+"""A value that the router refuses, in the last layer."""
+
+
+async def tried(bench: Bench, **changes: Any) -> tuple[DeviceResult, str, str]:  # noqa: ANN401 - fields of DeviceJob
+    """Converge once: the result, and the router before and after."""
+    before = bench.export()
+    return await bench.converge(**changes), before, bench.export()
+
+
+def console(bench: Bench, *sentences: list[str]) -> Any:  # noqa: ANN401 - a coroutine function
+    async def act() -> list[Answer]:
+        return [answer for words in sentences for answer in await bench.router.console(words)]
+
+    return act
+
+
+@pytest.mark.parametrize("execute", list(Execute))
+def test_a_line_that_the_router_refuses(tmp_path: Path, execute: Execute) -> None:
+    bench = Bench(tmp_path, text=TEXT + LAST, spec={"execute": execute})
+    result, before, now = on(bench, tried)
+    assert (result.status, result.exit) == (Status.ROLLED_BACK, ExitCode.FAILED)
+    assert now == before
+    if execute is not Execute.TRAP:
+        assert "the device refused to set /ip ssh settings in /ip ssh: " in result.message
+    assert result.confirmed == 0
+
+
+def test_a_script_that_is_lost_blames_nobody(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, text=TEXT + LAST, spec={"execute": Execute.TRAP})
+    result, _, _ = on(bench, tried)
+    assert "the device says: " in result.message
+
+
+@pytest.mark.parametrize("extra", [LIST, leases(99)], ids=["before safe mode", "after safe mode"])
+@pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
+def test_what_went_outside_safe_mode_is_put_back_by_us(tmp_path: Path, extra: str, execute: Execute) -> None:
+    """Harmless rows were permanent when the rest was refused."""
+    twisted = extra.replace("02:00:00:01:00:62", "02:00:00:01:00:00").replace('of another kind"', '"') + LAST
+    bench = Bench(tmp_path, text=TEXT + (LAST + extra if extra is LIST else twisted), spec={"execute": execute})
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        if extra is LIST:
+            return await tried(bench)
+        bench.text = TEXT + extra
+        meddler = Meddler("/safe-mode/release", console(bench, ["/ip/dhcp-server/lease/add", *_TAKEN]))
+        return await tried(bench, connect=meddler.connect)
+
+    result, before, now = on(bench, act)
+    assert result.status is Status.ROLLED_BACK
+    assert result.message.startswith("put back by us, the device is as before: ")
+    assert now == before
+
+
+_TAKEN = ("=mac-address=02:00:00:01:00:30", "=address=10.64.9.9", "=server=lan")
+"""A lease that another admin adds just before ours with the same card."""
+
+
+def test_a_way_that_is_cut_in_spite_of_the_guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_executor, "objections", lambda *_: ())
+    result, before, now = on(Bench(tmp_path, text=TEXT.replace(MANAGEMENT, "")), tried)
+    assert result.status is Status.ROLLED_BACK
+    assert now == before
+
+
+def test_new_sessions_are_shut_out_in_spite_of_the_guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Our session lives on, and would not notice."""
+    monkeypatch.setattr(_executor, "objections", lambda *_: ())
+    text = TEXT.replace("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl disabled=yes\n")
+    result, before, now = on(Bench(tmp_path, text=text), tried)
+    assert result.status is Status.ROLLED_BACK
+    assert "the device cannot be entered anew" in result.message
+    assert now == before
+
+
+def test_rows_that_the_router_takes_and_does_not_use(tmp_path: Path) -> None:
+    text = TEXT.replace("interface=bridge-lan lease-time", "interface=ether4 lease-time")
+    result, before, now = on(Bench(tmp_path, text=text), tried)
+    assert result.status is Status.ROLLED_BACK
+    assert "does not use them: lan in /ip dhcp-server" in result.message
+    assert now == before
+
+
+def test_a_row_that_was_unused_before_stops_nobody(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> DeviceResult:
+        await bench.converge()
+        await bench.router.console(["/interface/bridge/port/add", "=bridge=bridge-lan", "=interface=ether6"])
+        await bench.router.console(
+            ["/ip/dhcp-server/add", "=name=x", "=interface=ether6", "=comment=atlantis: x", "=address-pool=lan"]
+        )
+        bench.text = TEXT.replace("lease-time=1h", "lease-time=2h").replace(
+            "name=lan\n/ip dhcp-server network",
+            'name=lan\nadd address-pool=lan comment="atlantis: x" disabled=no'
+            " interface=ether6 name=x\n/ip dhcp-server network",
+            1,
+        )
+        return await bench.converge()
+
+    result = on(bench, act)
+    assert result.status is Status.CHANGED
+    assert any("does not use x in /ip dhcp-server" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("nth", [2, 3, 4, 5])
+def test_another_admin_unrolls_what_is_ours(tmp_path: Path, nth: int) -> None:
+    """Before we take it; before the script, which is permanent then; before the verification; before the release."""
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        meddler = Meddler("/safe-mode/print", console(bench, ["/safe-mode/unroll"]), nth=nth, after=False)
+        return await tried(bench, connect=meddler.connect)
+
+    result, before, now = on(bench, act)
+    assert result.status is (Status.CHANGED if nth <= 3 else Status.ROLLED_BACK)
+    assert ("although: safe mode is not held any more" in result.message) == (nth == 3)
+    assert (now != before) == (result.status is Status.CHANGED)
+
+
+@pytest.mark.parametrize("end", ["/safe-mode/release", "/safe-mode/unroll"])
+@pytest.mark.parametrize("nth", [3, 4])
+def test_another_admin_takes_safe_mode_from_us(tmp_path: Path, nth: int, end: str) -> None:
+    """Before the script, which is theirs then, or after it, when it is permanent. We wait until they are done."""
+    bench = Bench(tmp_path)
+
+    async def hijack() -> None:
+        await console(bench, ["/safe-mode/release"], ["/safe-mode/take"])()
+        asyncio.get_running_loop().call_later(60, lambda: ends.append(asyncio.ensure_future(console(bench, [end])())))
+
+    ends: list[asyncio.Future[Any]] = []
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        meddler = Meddler("/safe-mode/print", hijack, nth=nth, after=False)
+        return await tried(bench, connect=meddler.connect)
+
+    result, before, now = on(bench, act)
+    undone = nth == 3 and end == "/safe-mode/unroll"
+    assert len(ends) == 1
+    assert result.status is (Status.ROLLED_BACK if undone else Status.CHANGED)
+    assert "api:provision@10.64.101.10 has taken safe mode from us" in result.message
+    assert (now == before) == undone
+
+
+def test_another_admin_keeps_safe_mode(tmp_path: Path) -> None:
+    """The declared rows are there, but whoever holds safe mode may yet undo them: nobody can say."""
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> DeviceResult:
+        hijack = console(bench, ["/safe-mode/release"], ["/safe-mode/take"])
+        return await bench.converge(connect=Meddler("/ip/pool/print", hijack, nth=2, after=False).connect)
+
+    result = on(bench, act)
+    assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
+    assert "api:provision@10.64.101.10 still holds safe mode" in result.message
+    assert result.hint is not None
+    assert "provision resume site=coastal" in result.hint
+
+
+def test_the_history_is_exhausted_and_safe_mode_is_gone(tmp_path: Path) -> None:
+    """The router left safe mode without a word: everything is permanent, and as it is all there, it may stay."""
+    result, before, now = on(Bench(tmp_path, spec={"history_limit": 10}), tried)
+    assert result.status is Status.CHANGED
+    assert "although: safe mode is not held any more in the middle of the change" in result.message
+    assert now != before
+
+
+def test_the_history_is_exhausted_before_the_end(tmp_path: Path) -> None:
+    result, before, now = on(Bench(tmp_path, text=TEXT + LAST, spec={"history_limit": 10}), tried)
+    assert result.status is Status.ROLLED_BACK
+    assert "put back by us" in result.message
+    assert now == before
+
+
+def test_a_router_that_never_comes_back(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, knobs=Knobs(boot_s=100_000))
+
+    async def act(bench: Bench) -> DeviceResult:
+        bench.router.arm(Fault(do=FaultKind.POWER, match="/execute", sentence=3, when="after"))
+        return await bench.converge()
+
+    result = on(bench, act)
+    assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
+    assert result.hint is not None
+    assert "provision resume site=coastal" in result.hint
+    (run,) = bench.store.unfinished("coastal")
+    assert run.unsettled == ("router",)
+
+
+def test_resuming_waits_until_the_router_has_undone_what_was_left(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, float]:
+        clock = asyncio.get_running_loop().time
+        bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+        hasty = Patience(reach_s=0, undo_s=1)
+        lost = await bench.converge(patience=hasty)
+        begun = clock()
+        return lost, await bench.converge(Mode.RESUME), clock() - begun
+
+    lost, resumed, waited = on(bench, act)
+    assert lost.status is Status.UNKNOWN
+    assert resumed.status is Status.CHANGED
+    assert 200 < waited < 600
+
+
+def test_without_waiting_a_dead_session_stands_in_the_way(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> DeviceResult:
+        bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+        await bench.converge(patience=Patience(reach_s=0, undo_s=1))
+        return await bench.converge()
+
+    result = on(bench, act)
+    assert result.status is Status.LEFT_AS_FOUND
+    assert result.message.startswith("api-ssl:provision@10.64.101.10 holds safe mode")
+    assert result.hint is not None
+    assert "provision resume site=coastal" in result.hint
+
+
+class FullDisk(Journal):
+    """A journal that can write so many records and no more."""
+
+    left = 0
+
+    def write(self, record: Record) -> None:
+        if self.left <= 0:
+            raise JournalFailed("the journal cannot be written: No space left on device")
+        self.left -= 1
+        super().write(record)
+
+
+@pytest.mark.parametrize("records", range(12))
+def test_a_disk_that_is_full_at_any_record(tmp_path: Path, records: int) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        with bench.journal() as opened:
+            journal = FullDisk(opened.directory)
+        journal.left = records
+        before = bench.export()
+        result = await converge(bench.job(journal=journal))
+        journal.close()
+        return result, before, bench.export()
+
+    result, before, now = on(bench, act)
+    told = f"{result.message} {' '.join(result.notes)}"
+    assert ("No space left on device" in told) == (records < 11)
+    assert (now != before) == (result.status is Status.CHANGED)
+    assert (result.status is Status.CHANGED) == (records >= 8)
+    assert result.exit is (ExitCode.DONE if result.status is Status.CHANGED else ExitCode.FAILED)
+
+
+@pytest.mark.parametrize("stage", [Stage.CONNECTING, Stage.PLANNED, Stage.PROTECTED, Stage.APPLYING, Stage.VERIFYING])
+def test_a_run_that_is_stopped_by_hand(tmp_path: Path, stage: Stage) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[list[DeviceResult], str, str]:
+        before = bench.export()
+
+        def stop(event: Event) -> None:
+            if event.stage is stage and not stopped:
+                stopped.append(running.cancel())
+
+        with bench.journal() as journal:
+            running = asyncio.ensure_future(fleet.run([bench.job(journal=journal, events=stop)]))
+            results = await running
+        return results, before, bench.export()
+
+    stopped: list[bool] = []
+    (result,), before, now = on(bench, act)
+    assert stopped == [True]
+    touched = stage in (Stage.PROTECTED, Stage.APPLYING, Stage.VERIFYING)
+    assert result.status is (Status.ROLLED_BACK if touched else Status.LEFT_AS_FOUND)
+    assert "stopped by hand" in result.message
+    assert now == before
+
+
+def test_a_fault_of_ours_takes_the_change_back_and_is_handed_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(_change, "verify", broken)
+    result, before, now = on(Bench(tmp_path), tried)
+    assert (result.status, result.exit) == (Status.ROLLED_BACK, ExitCode.OUR_FAULT)
+    assert isinstance(result.fault, ZeroDivisionError)
+    assert now == before

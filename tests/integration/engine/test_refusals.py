@@ -1,0 +1,210 @@
+"""Runs that end before anything was changed: the status, the words, and a router as it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import PASSWORD, TEXT, Bench, on
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge, desired
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.twin import DeviceMode, User
+from atlantis_netcfg.twin import Mode as TwinMode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
+
+
+def refused(bench: Bench, status: Status, *words: str, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
+    """Converge, and hold the result to its status, its words and an untouched router."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        before = bench.export()
+        return await bench.converge(**changes), before, bench.export()
+
+    result, before, now = on(bench, act)
+    assert (result.status, result.exit) == (status, ExitCode.FAILED)
+    for each in words:
+        assert each in result.message
+    assert result.confirmed == 0
+    assert now == before
+    assert bench.store.runs("coastal")[0].outcomes["router"].status == status
+    return result
+
+
+def test_a_wrong_password(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> DeviceResult:
+        return await bench.converge(endpoint=replace(bench.job().endpoint, password=Secret("wrong")))
+
+    result = on(bench, act)
+    assert (result.status, result.exit) == (Status.LEFT_AS_FOUND, ExitCode.FAILED)
+    assert "refused the login of `provision`: invalid user name or password (6)" in result.message
+    assert result.hint is not None
+    assert "vaulted password" in result.hint
+
+
+def test_another_certificate(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, int]:
+        job = bench.job()
+        bench.router.recertify()
+        result = await bench.converge(endpoint=job.endpoint, pin=bench.store.pins.pin)
+        return result, bench.router.counters().logins
+
+    result, logins = on(bench, act)
+    assert result.status is Status.LEFT_AS_FOUND
+    assert "the certificate is not the one of this device" in result.message
+    assert logins == 0
+    assert bench.store.pins.get("router") is None
+
+
+def test_a_certificate_that_nobody_may_pin(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> DeviceResult:
+        return await bench.converge(endpoint=replace(bench.job().endpoint, pin=None))
+
+    result = on(bench, act)
+    assert result.status is Status.LEFT_AS_FOUND
+    assert "this device was never met before" in result.message
+
+
+def test_nobody_at_home(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> DeviceResult:
+        endpoint = bench.job().endpoint
+        await bench.router.console(["/ip/service/disable", "=numbers=api-ssl"])
+        assert "api-ssl" not in bench.router.ports
+        return await converge(bench.job(endpoint=endpoint))
+
+    result = on(bench, act)
+    assert (result.status, result.round_trips) == (Status.LEFT_AS_FOUND, 0)
+    assert "cannot be reached" in result.message
+
+
+def test_another_admin_holds_safe_mode(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, bool]:
+        await bench.router.console(["/safe-mode/take"])
+        await bench.router.console(["/ip/pool/add", "=name=theirs", "=ranges=10.9.9.9"])
+        result, planned = await bench.converge(), await bench.converge(Mode.PLAN)
+        return result, planned, "theirs" in bench.export()
+
+    result, planned, kept = on(bench, act)
+    assert (result.status, result.exit) == (Status.LEFT_AS_FOUND, ExitCode.FAILED)
+    assert result.message.startswith("api:provision@10.64.101.10 holds safe mode")
+    assert planned.status is Status.PLANNED
+    assert kept
+
+
+def test_a_device_without_safe_mode(tmp_path: Path) -> None:
+    refused(Bench(tmp_path, spec={"version": "7.16"}), Status.REFUSED, "RouterOS 7.16 has no safe mode over the API")
+
+
+def test_a_device_without_safe_mode_takes_what_can_do_no_harm(tmp_path: Path) -> None:
+    text = MANAGEMENT.join(
+        ("/ip address\n", '/ip pool\nadd comment="atlantis: x" name=spare ranges=10.9.9.1-10.9.9.9\n')
+    )
+    bench = Bench(tmp_path, text=text, spec={"version": "7.16"})
+    result = on(bench, lambda bench: bench.converge())
+    assert (result.status, result.protection, result.confirmed) == (Status.CHANGED, "none", 1)
+
+
+def test_device_mode_home_is_no_obstacle(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, spec={"device_mode": DeviceMode(mode=TwinMode.HOME)})
+    assert on(bench, lambda bench: bench.converge()).status is Status.CHANGED
+
+
+def test_device_mode_home_forbids_a_feature(tmp_path: Path) -> None:
+    bench = Bench(
+        tmp_path, text=TEXT + "/ip proxy\nset enabled=yes\n", spec={"device_mode": DeviceMode(mode=TwinMode.HOME)}
+    )
+    refused(bench, Status.REFUSED, "device-mode home forbids proxy", "/system device-mode update proxy=yes")
+
+
+@pytest.mark.parametrize("group", ["read", "write"])
+def test_our_user_may_not_do_enough(tmp_path: Path, group: str) -> None:
+    users = (User(name="provision", password=PASSWORD, group=group),)
+    refused(Bench(tmp_path, spec={"users": users}), Status.REFUSED, "our user may not", "policy")
+
+
+def test_a_certificate_that_is_not_on_the_device(tmp_path: Path) -> None:
+    text = TEXT + (
+        "/interface ovpn-client\nadd certificate=missing-one"
+        ' comment="atlantis: vpn" connect-to=192.0.2.10 name=vpn user=router\n'
+    )
+    refused(Bench(tmp_path, text=text), Status.REFUSED, "needs certificate missing-one, which is not on the device")
+
+
+def test_a_menu_that_the_version_lacks(tmp_path: Path) -> None:
+    text = TEXT + "/routing settings\nset check-gateway-ping-count=3\n"
+    refused(Bench(tmp_path, text=text), Status.REFUSED, "RouterOS 7.21")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (MANAGEMENT, ""),
+        ("interface=ether5\n", 'interface=ether5\nadd bridge=bridge-lan comment="atlantis: lan" interface=ether8\n'),
+        ("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl disabled=yes\n"),
+        ("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl address=192.0.2.0/24\n"),
+        ("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl port=9999\n"),
+        ('add action=accept chain=input comment="atlantis: management" in-interface=ether8\n', ""),
+        (
+            "/ip pool\n",
+            '/ip route\nadd comment="atlantis: x" dst-address=10.64.101.10/32 gateway=10.64.1.2\n/ip pool\n',
+        ),
+    ],
+    ids=["address", "bridge port", "service", "service address", "service port", "input rule", "route"],
+)
+def test_a_plan_that_would_cut_our_own_way(tmp_path: Path, old: str, new: str) -> None:
+    assert old in TEXT
+    refused(Bench(tmp_path, text=TEXT.replace(old, new, 1)), Status.REFUSED, "refused, nothing was changed")
+
+
+def test_a_full_disk_before_the_first_change(tmp_path: Path) -> None:
+    """The saved state does not fit: safe mode was taken in the same round trip, and is left again."""
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str, str]:
+        before = bench.export()
+        with bench.journal() as journal:
+            (journal.directory / "before").write_text("a file where a directory has to be")
+            result = await bench.converge(journal=journal)
+        answers = await bench.router.console(["/safe-mode/print"])
+        return result, before, bench.export(), str(answers)
+
+    result, before, now, safe_mode = on(bench, act)
+    assert (result.status, result.exit) == (Status.LEFT_AS_FOUND, ExitCode.FAILED)
+    assert "the state before the run cannot be written" in result.message
+    assert now == before
+    assert "=enabled=false" in safe_mode
+
+
+def test_a_text_that_hides_a_secret_is_not_told(tmp_path: Path) -> None:
+    text = TEXT + (
+        '/interface ovpn-client\nadd comment="atlantis: vpn" connect-to=192.0.2.10 name=vpn password=hush-hush user=r\n'
+    )
+    bench = Bench(tmp_path, text=text)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
+        return await bench.converge(Mode.PLAN), await bench.converge()
+
+    planned, result = on(bench, act)
+    assert (planned.status, result.status) == (Status.PLANNED, Status.CHANGED)
+    told = [str(planned.as_dict()), str(result.as_dict()), str(bench.events)]
+    written = [path.read_bytes() for path in tmp_path.rglob("state/**/*") if path.is_file()]
+    assert "********" in planned.diff
+    assert not any("hush-hush" in each for each in told)
+    assert not any(b"hush-hush" in each for each in written)
+    assert desired.read(text).menus
