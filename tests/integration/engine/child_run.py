@@ -1,0 +1,73 @@
+"""A run in a process of its own, which may kill itself or run out of disk; its result is one line of JSON.
+
+python child_run.py {"host": ..., "port": ..., "pin": ..., "state": ..., "text": ..., "mode": ..., ...}
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import resource
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
+from atlantis_netcfg.journal._log import Entry, line
+from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, converge, desired
+from atlantis_netcfg.secret import Secret
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
+
+
+class Deadly(Journal):
+    """A journal whose process dies at its n-th record: before it, in the middle of it, or when it is on disk."""
+
+    left = 0
+    moment = ""
+
+    def write(self, record: Record) -> None:
+        self.left -= 1
+        if self.left == 0 and self.moment == "torn":
+            os.write(self._descriptor, line(Entry(self._now(), record))[:20])
+        if self.left == 0 and self.moment != "after":
+            os.kill(os.getpid(), signal.SIGKILL)
+        super().write(record)
+        if self.left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def journal(asked: Mapping[str, Any]) -> Journal:
+    store = Store(Path(asked["state"]))
+    if asked["mode"] == Mode.RESUME:
+        (run,) = store.unfinished("coastal")
+        return store.resume("coastal", run.id, RunResumed(revision="", tool="", command="provision resume"))
+    with store.start(STARTED) as started:
+        deadly = Deadly(started.directory)
+    deadly.left, deadly.moment = asked.get("record", 0), asked.get("moment", "")
+    return deadly
+
+
+def main(asked: Mapping[str, Any]) -> None:
+    job = DeviceJob(
+        name="router",
+        site="coastal",
+        address="10.64.101.1",
+        endpoint=Endpoint(asked["host"], asked["port"], "provision", Secret(asked["password"]), asked["pin"]),
+        desired=desired.read(Path(asked["text"]).read_text(encoding="utf-8")),
+        journal=journal(asked),
+        patience=Patience(first_poll_s=0.05, last_poll_s=0.2),
+    )
+    if "bytes" in asked:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (asked["bytes"], asked["bytes"]))
+    result = asyncio.run(converge(job, mode=Mode(asked["mode"])))
+    sys.stdout.write(json.dumps({**result.as_dict(), "notes": result.notes}) + "\n")
+
+
+if __name__ == "__main__":
+    main(json.loads(sys.argv[1]))

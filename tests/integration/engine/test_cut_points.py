@@ -1,0 +1,127 @@
+"""A run is cut at every sentence in every way: the router ends as before or as declared, as the status says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import pytest
+from engine_bench import TEXT, Bench, leases, on
+
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.twin import Execute, Fault, FaultKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+GAP_S = 70.0
+LONG = TEXT + leases(70)
+"""More than one safe mode can remember."""
+
+
+@dataclass(frozen=True)
+class Clean:
+    """A run that nothing disturbs."""
+
+    before: str
+    after: str
+    sentences: int
+
+
+@cache
+def clean(text: str, execute: Execute) -> Clean:
+    async def act(bench: Bench) -> Clean:
+        before = bench.export()
+        await bench.converge()
+        return Clean(before, bench.export(), bench.router.counters().sentences)
+
+    with TemporaryDirectory() as folder:
+        return on(Bench(Path(folder), text=text, spec={"execute": execute}), act)
+
+
+def cut(tmp_path: Path, fault: Fault, text: str = TEXT, execute: Execute = Execute.OUTPUT) -> DeviceResult:
+    """Cut one run, hold it to its word, and see that the next one gets through."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, DeviceResult, str]:
+        bench.router.arm(fault)
+        result = await bench.converge()
+        then = bench.export()
+        bench.router.disarm()
+        return result, then, await bench.converge(Mode.RESUME), bench.export()
+
+    whole = clean(text, execute)
+    result, then, resumed, end = on(Bench(tmp_path, text=text, spec={"execute": execute}), act)
+    assert then == (whole.after if result.status is Status.CHANGED else whole.before), (fault, result.message)
+    assert result.status in (Status.CHANGED, Status.ROLLED_BACK, Status.LEFT_AS_FOUND), (fault, result.message)
+    assert resumed.status is (Status.UNCHANGED if result.status is Status.CHANGED else Status.CHANGED), fault
+    assert end == whole.after
+    return result
+
+
+def faults() -> Iterator[tuple[FaultKind, str]]:
+    for kind in FaultKind:
+        yield kind, "before"
+        yield kind, "after"
+
+
+SAMPLE = [
+    ("/login", 1, Status.LEFT_AS_FOUND),
+    ("/ip/address/print", 1, Status.LEFT_AS_FOUND),
+    ("/safe-mode/take", 1, Status.LEFT_AS_FOUND),
+    ("/execute", 3, Status.ROLLED_BACK),
+    ("/login", 2, None),
+    ("/ip/address/print", 2, None),
+    ("/safe-mode/release", 1, None),
+]
+"""Where it hurts, and how it ends unless the fault is only a gap; None where that depends on the fault."""
+
+
+@pytest.mark.parametrize(("path", "nth", "status"), SAMPLE, ids=[f"{path} {nth}" for path, nth, _ in SAMPLE])
+@pytest.mark.parametrize(
+    "kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.TRUNCATE, FaultKind.GARBAGE, FaultKind.GAP]
+)
+def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, path: str, nth: int, status: Status | None) -> None:
+    result = cut(tmp_path, Fault(do=kind, match=path, sentence=nth, when="after", seconds=GAP_S))
+    expected = Status.CHANGED if kind is FaultKind.GAP else status
+    assert result.status is (expected or result.status)
+
+
+@pytest.mark.parametrize("kind", [FaultKind.REBOOT, FaultKind.POWER, FaultKind.HANG])
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("path", ["/execute", "/safe-mode/release"])
+def test_the_router_falls_silent_in_mid_apply(tmp_path: Path, kind: FaultKind, when: str, path: str) -> None:
+    nth = 3 if path == "/execute" else 1
+    result = cut(tmp_path, Fault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when}))
+    released = path == "/safe-mode/release" and when == "after"
+    assert result.status is (Status.CHANGED if released else Status.ROLLED_BACK)
+
+
+@pytest.mark.parametrize("nth", [3, 4, 5])
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.POWER])
+def test_a_long_plan_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
+    fault = Fault(do=kind, match="/execute", sentence=nth, when="after")
+    assert cut(tmp_path, fault, LONG).status in (Status.ROLLED_BACK, Status.CHANGED)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("kind", "when"), list(faults()))
+@pytest.mark.parametrize(
+    ("text", "execute"),
+    [(TEXT, Execute.OUTPUT), (LONG, Execute.OUTPUT), (TEXT, Execute.NONE), (TEXT, Execute.TRAP)],
+    ids=["scripts", "long", "sentences", "traps"],
+)
+def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, text: str, execute: Execute) -> None:
+    for sentence in range(1, clean(text, execute).sentences + 1):
+        fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
+        cut(tmp_path / str(sentence), Fault.model_validate(fault), text, execute)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("offset", [0, 1, 2, 3, 5, 8, 13, 21, 34, 55, 89])
+@pytest.mark.parametrize("kind", [FaultKind.TRUNCATE, FaultKind.GARBAGE])
+def test_answers_are_spoilt_at_many_places(tmp_path: Path, kind: FaultKind, offset: int) -> None:
+    for sentence in range(1, clean(TEXT, Execute.OUTPUT).sentences + 1):
+        cut(tmp_path / str(sentence), Fault(do=kind, when="after", sentence=sentence, offset=offset))

@@ -1,0 +1,140 @@
+"""The process is killed at every record of its journal, or its disk is full: nothing is lost, and `resume` goes on."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import PASSWORD, TEXT, leases, without_header
+
+from atlantis_netcfg.journal import Run, Store
+from atlantis_netcfg.twin import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CHILD = Path(__file__).with_name("child_run.py")
+RECORDS = 13
+"""What a run of one piece writes after its start, and some more."""
+LONG = TEXT + leases(70)
+
+
+@dataclass
+class Quay:
+    """A twin in a thread, and runs against it in processes."""
+
+    site: RunningSite
+    folder: Path
+    text: str
+
+    def run(self, mode: str = "apply", **asked: Any) -> subprocess.CompletedProcess[str]:  # noqa: ANN401 - JSON
+        text = self.folder / "desired.rsc"
+        text.write_text(self.text, encoding="utf-8")
+        ready = self.site.ready["router"]
+        endpoint = {"host": ready["host"], "port": ready["api_ssl"], "pin": ready["pin"], "password": PASSWORD}
+        request = {**endpoint, "state": str(self.folder / "state"), "text": str(text), "mode": mode, **asked}
+        arguments = [sys.executable, str(CHILD), json.dumps(request)]
+        return subprocess.run(arguments, capture_output=True, text=True, check=False)
+
+    def export(self) -> str:
+        return without_header(str(self.site.do("router", "export", show_sensitive=True)))
+
+    def settled(self) -> str:
+        """The export once the router has noticed that its client has died."""
+        until = time.monotonic() + 10
+        while "=enabled=true" in str(self.site.do("router", "console", words=["/safe-mode/print"])):
+            assert time.monotonic() < until
+        return self.export()
+
+    @property
+    def journal(self) -> Run:
+        (run,) = Store(self.folder / "state").runs("coastal")
+        return run
+
+
+@contextmanager
+def quay(folder: Path, text: str = TEXT) -> Iterator[Quay]:
+    users = (User(name="provision", password=PASSWORD), User(name="watch", password="w"))
+    router = RouterSpec(name="router", users=users, unroll_delay_s=0.05)
+    (folder / "twins").mkdir()
+    with RunningSite(SiteSpec(name="coastal", twins=(TwinSpec(router=router),)), folder / "twins") as site:
+        yield Quay(site, folder, text)
+
+
+def kill_and_resume(folder: Path, record: int, moment: str, text: str = TEXT) -> bool:
+    """Kill a run at a record, then resume it; False if the run ended before."""
+    with quay(folder, text) as there:
+        before = there.export()
+        killed = there.run(record=record, moment=moment)
+        if killed.returncode == 0:
+            return False
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        between = there.settled()
+        if not there.journal.unsettled:
+            assert there.journal.outcomes["router"].status == "changed"
+            return True
+        assert bool(there.journal.log.damage) == (moment == "torn")
+        resumed = there.run("resume")
+        assert resumed.returncode == 0, resumed.stderr
+        result = json.loads(resumed.stdout)
+        after = there.export()
+        again = json.loads(there.run().stdout)
+    # Harmless rows that went ahead of safe mode may be there; `resume` completes them.
+    assert between in (before, after) or text != TEXT
+    assert result["status"] == ("unchanged" if between == after else "changed")
+    assert (again["status"], again["planned"]) == ("unchanged", 0)
+    run = Store(folder / "state").runs("coastal")[0]
+    assert run.settled == {"router"}
+    return True
+
+
+@pytest.mark.parametrize("record", range(1, RECORDS))
+def test_killed_at_each_record(tmp_path: Path, record: int) -> None:
+    went_on = kill_and_resume(tmp_path, record, "after")
+    assert went_on == (record <= 11)
+
+
+@pytest.mark.parametrize("moment", ["before", "torn"])
+def test_killed_while_a_script_is_acknowledged(tmp_path: Path, moment: str) -> None:
+    assert kill_and_resume(tmp_path, 6, moment)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("moment", ["before", "torn", "after"])
+@pytest.mark.parametrize("text", [TEXT, LONG], ids=["short", "long"])
+def test_killed_at_each_record_at_each_moment(tmp_path: Path, moment: str, text: str) -> None:
+    record = 0
+    went_on = True
+    while went_on:
+        record += 1
+        folder = tmp_path / str(record)
+        folder.mkdir()
+        went_on = kill_and_resume(folder, record, moment, text)
+    assert record > RECORDS - 2
+
+
+@pytest.mark.parametrize("share", [0, 0.05, 0.5, 0.8, 0.9, 0.97])
+def test_a_disk_that_becomes_full(tmp_path: Path, share: float) -> None:
+    """The file system takes so much of what a whole run writes."""
+    for name in ("whole", "full"):
+        (tmp_path / name).mkdir()
+    with quay(tmp_path / "whole") as there:
+        there.run()
+        size = int(share * (there.journal.directory / "journal.jsonl").stat().st_size)
+    with quay(tmp_path / "full") as there:
+        before = there.export()
+        ended = there.run(bytes=size)
+        assert ended.returncode == 0, ended.stderr
+        now = there.settled()
+    result = json.loads(ended.stdout)
+    assert (now != before) == (result["status"] == "changed")
+    assert "cannot be written: File too large" in f"{result['message']} {result['notes']}"
+    assert not there.journal.log.damage
