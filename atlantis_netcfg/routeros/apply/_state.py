@@ -70,9 +70,13 @@ def _values(menu: Menu, row: Row) -> Mapping[str, str | None]:
 
 
 def _content(path: str, observed: Observed, *, secrets: bool = True) -> list[_Content]:
+    """Return the rows of a menu; of first-match rows the order counts, but only among those of one chain."""
     menu = MENUS[path]
-    rows = [_row(menu, row, secrets=secrets) for row in observed.rows.get(path, ()) if menu.is_touchable(row)]
-    return rows if menu.ordered else sorted(rows)
+    rows = [row for row in observed.rows.get(path, ()) if menu.is_touchable(row)]
+    if menu.chain is not None:
+        rows = sorted(rows, key=lambda row: row.get(menu.chain or "", ""))
+    content = [_row(menu, row, secrets=secrets) for row in rows]
+    return content if menu.ordered else sorted(content)
 
 
 def _row(menu: Menu, row: Row, *, secrets: bool) -> _Content:

@@ -1,0 +1,94 @@
+"""When two readings are the same state; and how a state is declared so that it can be put back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Verb, Version
+from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash, restoring
+from atlantis_netcfg.routeros.planner import plan, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.routeros._types import Row
+
+FACTS = Facts(
+    "router", Version(7, 18, 2), "RB5009", "arm64", {}, (), frozenset({"sensitive"}), True, None, "10.0.0.2", 0
+)
+POOL, FILTER, VPN = "/ip/pool", "/ip/firewall/filter", "/interface/ovpn-client"
+
+
+def observed(**menus: tuple[Row, ...]) -> Observed:
+    names = {"pool": POOL, "filter": FILTER, "vpn": VPN}
+    return Observed(FACTS, {names[name]: rows for name, rows in menus.items()})
+
+
+def pool(name: str, **values: str) -> Mapping[str, str]:
+    return {".id": "*1", "name": name, "ranges": "10.0.0.1-10.0.0.9", **values}
+
+
+def rule(chain: str, **values: str) -> Mapping[str, str]:
+    return {".id": "*1", "chain": chain, "action": "accept", **values}
+
+
+def test_ids_defaults_and_dynamic_rows_are_no_difference() -> None:
+    one = observed(pool=(pool("a"), pool("b", dynamic="true")))
+    other = observed(pool=({**pool("a"), ".id": "*77", "comment": "", "next-pool": "none"},))
+    assert differing(one, other) == ()
+    assert digest(one) == digest(other)
+
+
+def test_values_and_rows_are_a_difference() -> None:
+    one = observed(pool=(pool("a"),))
+    assert differing(one, observed(pool=(pool("a", comment="x"),))) == ("/ip pool",)
+    assert differing(one, observed(pool=(pool("a"), pool("b")))) == ("/ip pool",)
+    assert differing(one, observed()) == ("/ip pool",)
+    assert digest(one) != digest(observed(pool=(pool("b"),)))
+
+
+def test_order_matters_only_where_the_first_match_decides() -> None:
+    assert differing(observed(pool=(pool("a"), pool("b"))), observed(pool=(pool("b"), pool("a")))) == ()
+    first, second, other = rule("input"), rule("input", protocol="tcp"), rule("forward")
+    assert differing(observed(filter=(first, second)), observed(filter=(second, first))) == ("/ip firewall filter",)
+    assert differing(observed(filter=(first, other, second)), observed(filter=(other, first, second))) == ()
+
+
+def test_secrets_are_compared_and_never_hashed() -> None:
+    one, other = ({".id": "*1", "name": "vpn", "password": secret} for secret in ("hush", "shout"))
+    assert differing(observed(vpn=(one,)), observed(vpn=(other,))) == ("/interface ovpn-client",)
+    assert digest(observed(vpn=(one,))) == digest(observed(vpn=(other,)))
+
+
+def test_a_plan_is_known_by_what_a_person_sees() -> None:
+    def made(secret: str, subject: str = "vpn") -> Plan:
+        values = (("name", "vpn"), ("password", secret))
+        action = Action(1, Layer.ATTACHMENT, VPN, Verb.ADD, subject, values=values, secrets=frozenset({"password"}))
+        return Plan("router", (action,), "")
+
+    assert plan_hash(made("hush")) == plan_hash(made("shout"))
+    assert plan_hash(made("hush")) != plan_hash(made("hush", "another"))
+
+
+def test_rows_of_ours_that_the_device_does_not_use() -> None:
+    rows = (
+        rule("input", invalid="true", comment="atlantis: ours"),
+        rule("input", invalid="true", comment="theirs"),
+        rule("input", invalid="false", comment="atlantis: fine"),
+        rule("input", comment="atlantis: off", **{".about": "inactivated, not allowed by device-mode"}),
+    )
+    assert len(invalid(observed(filter=rows))) == 2
+    assert "inactivated, not allowed by device-mode" in invalid(observed(filter=rows))[1]
+
+
+def test_a_restored_state_is_the_state() -> None:
+    before = observed(
+        pool=(pool("a", comment="atlantis: a"), pool("b")),
+        filter=(rule("input", comment="one"), rule("input", **{"in-interface": "ether1"}), rule("forward")),
+    )
+    now = observed(
+        pool=({**pool("b"), ".id": "*2"}, {**pool("c"), ".id": "*3"}),
+        filter=({**rule("forward"), ".id": "*4"}, {**rule("input", comment="other"), ".id": "*5"}),
+    )
+    rows = simulate(now.rows, plan("router", restoring(before), now))
+    assert differing(before, Observed(FACTS, rows)) == ()

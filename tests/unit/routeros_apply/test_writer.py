@@ -1,0 +1,156 @@
+"""Actions as scripts, turns of them, and what is read from a script's output."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.routeros._types import Action, Layer, Verb
+from atlantis_netcfg.routeros.api import Command, Reply, Traffic, Trap
+from atlantis_netcfg.routeros.apply._scripts import LIMIT, action_at, output, scripts
+from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer, Written
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+POOL, FILTER, LEASE = "/ip/pool", "/ip/firewall/filter", "/ip/dhcp-server/lease"
+
+
+def add(number: int, menu: str = POOL, **values: str) -> Action:
+    return Action(number, Layer.POLICY, menu, Verb.ADD, f"row {number}", values=tuple(values.items()))
+
+
+def leases(count: int) -> list[Action]:
+    return [add(number, LEASE, address=f"10.0.{number // 256}.{number % 256}") for number in range(1, count + 1)]
+
+
+class Scripted:
+    """A session whose answers a test computes."""
+
+    def __init__(self, answer: Callable[[Command], Reply]) -> None:
+        self.traffic = Traffic()
+        self.sent: list[Command] = []
+        self._answer = answer
+
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        (reply,) = await self.flight([command], silence_s=silence_s)
+        return reply
+
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+        assert silence_s is None
+        self.sent += commands
+        return [self._answer(command) for command in commands]
+
+    async def close(self) -> None:
+        """Nothing is open."""
+
+
+def send(writer: Writer, actions: Sequence[Action], answer: Callable[[Command], Reply]) -> Written:
+    return asyncio.run(writer.send(Scripted(answer), actions))
+
+
+def test_a_script_names_a_menu_once_and_acknowledges_every_line() -> None:
+    actions = [add(1, name="a"), add(2, name="b"), add(3, FILTER, chain="input"), add(4, name="c")]
+    ((text, inside),) = scripts(actions)
+    assert inside == tuple(actions)
+    assert text == (
+        '/ip/pool\nadd name=a\n:put "ok 1"\nadd name=b\n:put "ok 2"\n'
+        '/ip/firewall/filter\nadd chain=input\n:put "ok 3"\n/ip/pool\nadd name=c\n:put "ok 4"\n'
+    )
+
+
+def test_scripts_keep_within_the_limit_and_to_the_order() -> None:
+    actions = leases(3000)
+    cut = list(scripts(actions))
+    assert len(cut) > 1
+    assert [action for _, inside in cut for action in inside] == actions
+    assert all(len(text.encode()) <= LIMIT and text.startswith(LEASE) for text, _ in cut)
+
+
+def test_lines_are_found_again() -> None:
+    actions = [add(1, name="a"), add(2, name="b"), add(3, FILTER, chain="input")]
+    ((text, _),) = scripts(actions)
+    for number, line in enumerate(text.splitlines(), start=1):
+        found = action_at(actions, number)
+        assert found is not None
+        if line.startswith("add"):
+            assert dict(found.values).items() <= dict([line.split(" ")[1].split("=")]).items()
+    assert action_at(actions, 99) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "acknowledged", "words"),
+    [
+        ("", (), ""),
+        ("ok 1\r\nok 2\r\n", (1, 2), ""),
+        ("ok 1\nfailure: already have such entry", (1,), "failure: already have such entry"),
+        ("  ok 7  \n\nbad command name x (line 3 column 1)\n", (7,), "bad command name x (line 3 column 1)"),
+        ("ok 1 or not\nok\nok x", (), "ok 1 or not ok ok x"),
+    ],
+)
+def test_output_is_acknowledgements_and_words(text: str, acknowledged: tuple[int, ...], words: str) -> None:
+    said = output(text)
+    assert (said.acknowledged, said.words) == (acknowledged, words)
+
+
+@pytest.mark.parametrize(
+    ("reply", "acknowledged", "refused"),
+    [
+        (Reply(ret="ok 1\nok 2"), (1, 2), None),
+        (Reply(ret="ok 1\nno such item"), (1,), "the device refused to add row 2 in /ip pool: no such item"),
+        (Reply(ret="ok 1"), (1,), "the device refused to add row 2 in /ip pool: it stopped without a word"),
+        (Reply(ret="syntax error (line 4 column 5)"), (), "the device refused to add row 2 in /ip pool: syntax error"),
+        (Reply(trap=Trap("no such item")), (), "the device says: no such item"),
+        (
+            Reply(trap=Trap("bad command name x (line 2 column 1)")),
+            (),
+            "the device refused to add row 1 in /ip pool: bad",
+        ),
+        (Reply(ret="ok 1\nok 2\nok 2"), (1, 2), "the device says: it stopped without a word"),
+        (Reply(ret="ok 2\nok 1"), (2, 1), "the device says: "),
+        (Reply(), (), "the device refused to add row 1 in /ip pool: it stopped without a word"),
+    ],
+)
+def test_what_a_script_says_of_itself(reply: Reply, acknowledged: tuple[int, ...], refused: str | None) -> None:
+    written = send(ScriptWriter(), [add(1, name="a"), add(2, name="b")], lambda _: reply)
+    assert written.acknowledged == acknowledged
+    assert (written.refused is None) == (refused is None)
+    assert refused is None or (written.refused or "").startswith(refused)
+
+
+def test_independent_rows_go_in_several_scripts_at_once() -> None:
+    assert len(list(ScriptWriter().turns(leases(3000)))) == 1
+    dependent = [add(number, name=f"pool {number}", ranges="x" * 60) for number in range(1, 2001)]
+    assert len(list(ScriptWriter().turns(dependent))) == len(list(scripts(dependent))) > 1
+
+
+def test_a_script_beside_others_is_refused_on_its_own() -> None:
+    actions = leases(3000)
+    (_, first), (_, second) = scripts(actions)
+    said = iter(["no such item", "\n".join(f"ok {action.number}" for action in second)])
+    written = send(ScriptWriter(), actions, lambda _: Reply(ret=next(said)))
+    assert written.refused == "the device refused to add row 1 in /ip dhcp-server lease: no such item"
+    assert written.acknowledged == tuple(action.number for action in second)
+    assert len(first) + len(second) == 3000
+
+
+def test_sentences_share_a_turn_only_where_order_is_no_matter() -> None:
+    free, ordered = leases(20), [add(number, FILTER, chain="input") for number in (21, 22)]
+    turns = [
+        [action.number for action in turn] for turn in SentenceWriter().turns([*free, *ordered, add(23, name="x")])
+    ]
+    assert turns == [list(range(1, 16)), list(range(16, 21)), [21], [22], [23]]
+
+
+def test_a_refused_sentence_is_named() -> None:
+    def answer(command: Command) -> Reply:
+        refused = ("address", "10.0.0.2") in command.arguments
+        return Reply(trap=Trap("failure: already have such entry")) if refused else Reply(ret="*1")
+
+    written = send(SentenceWriter(), leases(3), answer)
+    assert written.acknowledged == (1, 3)
+    assert (
+        written.refused == "the device refused to add row 2 in /ip dhcp-server lease: failure: already have such entry"
+    )
