@@ -53,8 +53,7 @@ def restoring(before: Observed) -> Desired:
     """Return the observed state as something to declare: every row and every value, nothing else."""
     menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
     items = {menu.path: tuple(_items(menu, before.rows[menu.path])) for menu in menus}
-    entire = frozenset(menu.path for menu in menus if menu.shape is Shape.LIST)
-    return Desired("the state before the run", items, entire, restores=True)
+    return Desired("the state before the run", items, frozenset(items), restores=True)
 
 
 def _items(menu: Menu, rows: tuple[Row, ...]) -> list[Item]:

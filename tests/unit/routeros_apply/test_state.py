@@ -20,7 +20,7 @@ POOL, FILTER, VPN = "/ip/pool", "/ip/firewall/filter", "/interface/ovpn-client"
 
 
 def observed(**menus: tuple[Row, ...]) -> Observed:
-    names = {"pool": POOL, "filter": FILTER, "vpn": VPN}
+    names = {"pool": POOL, "filter": FILTER, "vpn": VPN, "ethernet": "/interface/ethernet", "note": "/system/note"}
     return Observed(FACTS, {names[name]: rows for name, rows in menus.items()})
 
 
@@ -85,10 +85,14 @@ def test_a_restored_state_is_the_state() -> None:
     before = observed(
         pool=(pool("a", comment="atlantis: a"), pool("b")),
         filter=(rule("input", comment="one"), rule("input", **{"in-interface": "ether1"}), rule("forward")),
+        ethernet=({".id": "*1", "default-name": "ether1", "name": "ether1"},),
+        note=({"note": ""},),
     )
     now = observed(
         pool=({**pool("b"), ".id": "*2"}, {**pool("c"), ".id": "*3"}),
         filter=({**rule("forward"), ".id": "*4"}, {**rule("input", comment="other"), ".id": "*5"}),
+        ethernet=({".id": "*1", "default-name": "ether1", "name": "wan", "comment": "atlantis: link"},),
+        note=({"note": "hello"},),
     )
     rows = simulate(now.rows, plan("router", restoring(before), now))
     assert differing(before, Observed(FACTS, rows)) == ()

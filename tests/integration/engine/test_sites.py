@@ -1,0 +1,107 @@
+"""The routers that the inventory declares, from adopted to configured, at the cost that is promised."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import PASSWORD, Bench, leases, on
+
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.site import load
+from atlantis_netcfg.twin import Fault, FaultKind, User
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site import Declaration
+
+ROUTERS = ("coastal-router", "scc-router", "te4sea-router")
+
+
+@cache
+def declaration() -> Declaration:
+    return load(Path(__file__).parents[3] / "inventory")
+
+
+def bench(tmp_path: Path, name: str, extra: str = "") -> Bench:
+    host = declaration().hosts[name]
+    (twin,) = site_spec(declaration(), [host]).twins
+    spec = {**dict(twin.router), "users": (User(name="provision", password=PASSWORD),)}
+    return Bench(tmp_path, text=router(declaration(), host) + extra, spec=spec)
+
+
+def reservations(number: int) -> str:
+    """So many DHCP reservations more, in networks that no site has."""
+    return leases(number).replace("server=lan", "server=dhcp-lan").replace("address=10.64.", "address=10.99.")
+
+
+async def twice(bench: Bench) -> list[DeviceResult]:
+    return [await bench.converge(), await bench.converge()]
+
+
+@pytest.mark.parametrize("number", [0, 300])
+@pytest.mark.parametrize("name", ROUTERS)
+def test_a_declared_router_converges_twice_at_the_promised_cost(tmp_path: Path, name: str, number: int) -> None:
+    first, second = on(bench(tmp_path, name, reservations(number) if number else ""), twice)
+    assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED), first.message
+    assert first.confirmed == first.planned > 100 + number
+    assert first.round_trips <= 16
+    assert second.round_trips <= 4
+    assert second.planned == 0
+
+
+@pytest.mark.parametrize("name", ROUTERS)
+def test_the_estimate_is_what_it_costs(tmp_path: Path, name: str) -> None:
+    bearer = bearer_of(declaration(), declaration().hosts[name])
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
+        return await bench.converge(bearer=bearer), await bench.converge(bearer=bearer)
+
+    for result in on(bench(tmp_path, name), act):
+        assert result.estimate is not None
+        assert result.estimate.round_trips == pytest.approx(result.round_trips, abs=1)
+        assert result.estimate.bytes == pytest.approx(result.sent + result.received, rel=0.25)
+
+
+def test_it_can_be_gone_back_to_what_it_was(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        before = bench.export()
+        bench.text += 'add address=10.99.2.1 comment="atlantis: twice" mac-address=02:00:00:02:00:00 server=dhcp-lan\n'
+        return await bench.converge(), before, bench.export()
+
+    result, before, now = on(bench(tmp_path, "coastal-router", reservations(300)), act)
+    assert result.status is Status.ROLLED_BACK
+    assert "put back by us" in result.message
+    assert now == before
+
+
+@pytest.mark.parametrize("nth", [3, 4, 5])
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.REBOOT])
+def test_a_declared_router_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str, DeviceResult]:
+        before = bench.export()
+        bench.router.arm(Fault(do=kind, match="/execute", sentence=nth, when="after"))
+        result = await bench.converge()
+        return result, before, bench.export(), await bench.converge(Mode.RESUME)
+
+    result, before, now, resumed = on(bench(tmp_path, "coastal-router", reservations(50)), act)
+    assert result.status in (Status.ROLLED_BACK, Status.CHANGED)
+    assert (now == before) == (result.status is Status.ROLLED_BACK)
+    assert resumed.exit == 0
+
+
+def test_what_is_sent_and_kept_holds_no_secret(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> Any:  # noqa: ANN401 - a result
+        return await bench.converge()
+
+    there = bench(tmp_path, "coastal-router")
+    result = on(there, act)
+    told = str(result.as_dict()) + str(there.events)
+    kept = b"".join(path.read_bytes() for path in (tmp_path / "state").rglob("*") if path.is_file())
+    for secret in ("EXAMPLE-vpn-coastal", PASSWORD):
+        assert secret not in told
+        assert secret.encode() not in kept
