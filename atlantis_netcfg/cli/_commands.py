@@ -21,7 +21,6 @@ DEFAULT = "run"
 COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.run",
     "validate": "atlantis_netcfg.cli.validate",
-    "validate": "atlantis_netcfg.cli.validate",
     "backup": "atlantis_netcfg.cli.backup",
     "runs": "atlantis_netcfg.cli.runs",
     "resume": "atlantis_netcfg.cli.resume",

@@ -12,6 +12,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.routeros._types import Layer, Verb
+from atlantis_netcfg.routeros.api import WINDOW
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MENUS
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Bearer", "Estimate", "estimate"]
 
-BATCH: Final = 16
+BATCH: Final = WINDOW
 """Sentences that share a round trip."""
 PREFLIGHT: Final = 5
 """Sentences that ask about the device itself."""

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 
 __all__ = ["WINDOW", "Session"]
 
-WINDOW: Final = 16
-"""Commands in flight at once. A 7.22.1 CHR hung at 25 and more on one connection
-(https://github.com/tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md); the manual names no limit."""
+WINDOW: Final = 24
+"""Commands in flight at once. A 7.22.1 CHR hung at 25 and more `/console/inspect` on one connection
+(https://github.com/tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), a 7.23.2 CHR answered more than a hundred
+short commands at once (https://github.com/danikf/tik4net, Docs/findings-router-throughput-ceiling.md); the manual names
+no limit. Not tried on hardware. A site's router is read in two windows."""
 
 _CLOSE_S: Final = 3.0
 

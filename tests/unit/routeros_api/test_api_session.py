@@ -241,22 +241,22 @@ def test_an_interrupted_command_is_a_trap_of_category_2(tmp_path: Path) -> None:
     assert (reply.trap, reply.rows) == (Trap("interrupted", 2), ({"name": "a"},))
 
 
-def test_forty_commands_are_three_round_trips(tmp_path: Path) -> None:
+def test_sixty_commands_are_three_round_trips(tmp_path: Path) -> None:
     async def script(peer: Peer) -> None:
-        for count in (16, 16, 8):
+        for count in (24, 24, 12):
             tags = await peer.read_tags(count)
             await peer.send(*(("!done", f"=ret={tag}", f".tag={tag}") for tag in reversed(tags)))
         await peer.gone()
 
     async def use(session: Session) -> tuple[list[str | None], int]:
         before = session.traffic.round_trips
-        replies = await session.flight([PRINT] * 40)
+        replies = await session.flight([PRINT] * 60)
         return [reply.ret for reply in replies], session.traffic.round_trips - before
 
     rets, round_trips = talk(tmp_path, script, use)
-    assert WINDOW == 16
+    assert WINDOW == 24
     assert round_trips == 3
-    assert rets == [str(tag) for tag in range(2, 42)]
+    assert rets == [str(tag) for tag in range(2, 62)]
 
 
 def test_tasks_take_turns(tmp_path: Path) -> None:
