@@ -27,12 +27,9 @@ _SAFE_MODE = Command("/safe-mode/print")
 _DEVICE_MODE = Command("/system/device-mode/print")
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
 _HISTORY = Command("/system/history/print", (("count-only", ""),))
-_PACKAGES = Command("/system/package/print", ((".proplist", "name,disabled"),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
 _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
-_EXTRA = {"/interface/wireless": "wireless", "/interface/lte": "lte"}
-"""Menus that a package brings; the others come with RouterOS itself, from some version on."""
 
 
 class MenuMissing(DeviceFailed):
@@ -66,10 +63,14 @@ async def observe(
     answers = dict(zip(menus, replies, strict=False))
     seen = _Preflight(*replies[len(menus) :])
     rows = {path: _rows(reply, needed=path in needed) for path, reply in answers.items()}
-    version = Version.parse(seen.resource.checked().rows[0]["version"])
+    version = _version(seen.resource.checked())
     missing = [path for path in needed if rows[path] is None]
     if missing:
-        raise await _explained(session, missing, version)
+        names = ", ".join(MENUS[path].title for path in missing)
+        raise MenuMissing(
+            f"this device (RouterOS {version}) does not have {names}",
+            hint="upgrade RouterOS or install the package that brings it, or take these rows out of the template",
+        )
     found = {path: there for path, there in rows.items() if there is not None}
     return Observed(_facts(seen, endpoint, version, found), found)
 
@@ -100,19 +101,16 @@ def _rows(reply: Reply, *, needed: bool) -> tuple[Row, ...] | None:
     return reply.checked().rows
 
 
-async def _explained(session: Channel, missing: Sequence[str], version: Version) -> MenuMissing:
-    """Say what the device lacks, and whether a package would help."""
-    installed = {row["name"] for row in (await session.command(_PACKAGES)).rows if row.get("disabled") != "true"}
-    names = ", ".join(MENUS[path].title for path in missing)
-    wanted = sorted({_EXTRA[path] for path in missing if path in _EXTRA} - installed)
-    hint = (
-        f"install package {', '.join(wanted)}" if wanted else "upgrade RouterOS, or take these rows out of the template"
-    )
-    return MenuMissing(f"this device (RouterOS {version}) does not have {names}", hint=hint)
+def _version(resource: Reply) -> Version:
+    text = _first(resource).get("version", "")
+    try:
+        return Version.parse(text)
+    except ValueError:
+        raise DeviceFailed(f"this is no RouterOS that we know: it calls its version `{text}`") from None
 
 
 def _facts(seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]]) -> Facts:
-    resource = seen.resource.rows[0]
+    resource = _first(seen.resource)
     holder = _first(seen.safe_mode)
     taken = holder.get("enabled") in ("true", "yes")
     return Facts(

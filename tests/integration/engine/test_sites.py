@@ -14,11 +14,12 @@ from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Fault, FaultKind, User
+from atlantis_netcfg.twin import Fault, FaultKind, Link, User
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration
 
+RTT_S = 0.7
 ROUTERS = ("coastal-router", "scc-router", "te4sea-router")
 
 
@@ -52,6 +53,19 @@ def test_a_declared_router_converges_twice_at_the_promised_cost(tmp_path: Path, 
     assert first.round_trips <= 16
     assert second.round_trips <= 4
     assert second.planned == 0
+
+
+def test_an_idle_run_over_iridium_is_six_round_trips_long(tmp_path: Path) -> None:
+    """Three for TCP and TLS 1.2, one for the login, two for everything that is read."""
+
+    async def act(bench: Bench) -> DeviceResult:
+        await bench.converge()
+        bench.router.relink(Link(delay_s=RTT_S / 2))
+        return await bench.converge()
+
+    idle = on(bench(tmp_path, "coastal-router"), act)
+    assert idle.status is Status.UNCHANGED
+    assert idle.seconds <= 6 * RTT_S + 0.05
 
 
 @pytest.mark.parametrize("name", ROUTERS)

@@ -6,9 +6,10 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
+from scripted import Scripted
 
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
-from atlantis_netcfg.routeros.api import Command, Reply, Traffic, Trap
+from atlantis_netcfg.routeros.api import WINDOW, Command, Reply, Trap
 from atlantis_netcfg.routeros.apply._scripts import LIMIT, action_at, output, scripts
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer, Written
 
@@ -24,27 +25,6 @@ def add(number: int, menu: str = POOL, **values: str) -> Action:
 
 def leases(count: int) -> list[Action]:
     return [add(number, LEASE, address=f"10.0.{number // 256}.{number % 256}") for number in range(1, count + 1)]
-
-
-class Scripted:
-    """A session whose answers a test computes."""
-
-    def __init__(self, answer: Callable[[Command], Reply]) -> None:
-        self.traffic = Traffic()
-        self.sent: list[Command] = []
-        self._answer = answer
-
-    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
-        (reply,) = await self.flight([command], silence_s=silence_s)
-        return reply
-
-    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
-        assert silence_s is None
-        self.sent += commands
-        return [self._answer(command) for command in commands]
-
-    async def close(self) -> None:
-        """Nothing is open."""
 
 
 def send(writer: Writer, actions: Sequence[Action], answer: Callable[[Command], Reply]) -> Written:
@@ -137,11 +117,11 @@ def test_a_script_beside_others_is_refused_on_its_own() -> None:
 
 
 def test_sentences_share_a_turn_only_where_order_is_no_matter() -> None:
-    free, ordered = leases(20), [add(number, FILTER, chain="input") for number in (21, 22)]
-    turns = [
-        [action.number for action in turn] for turn in SentenceWriter().turns([*free, *ordered, add(23, name="x")])
-    ]
-    assert turns == [list(range(1, 16)), list(range(16, 21)), [21], [22], [23]]
+    free, ordered = leases(WINDOW + 3), [add(number, FILTER, chain="input") for number in (91, 92)]
+    turns = SentenceWriter().turns([*free, *ordered, add(93, name="x")])
+    numbers = [[action.number for action in turn] for turn in turns]
+    assert [len(turn) for turn in numbers] == [WINDOW - 1, 4, 1, 1, 1]
+    assert numbers[2:] == [[91], [92], [93]]
 
 
 def test_a_refused_sentence_is_named() -> None:

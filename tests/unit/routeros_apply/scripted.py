@@ -1,0 +1,31 @@
+"""A session without a device."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.api import Command, Reply, Traffic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+
+class Scripted:
+    """A session whose answers a test computes."""
+
+    def __init__(self, answer: Callable[[Command], Reply]) -> None:
+        self.traffic = Traffic()
+        self.sent: list[Command] = []
+        self._answer = answer
+
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        (reply,) = await self.flight([command], silence_s=silence_s)
+        return reply
+
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+        assert silence_s is None
+        self.sent += commands
+        return [self._answer(command) for command in commands]
+
+    async def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,104 @@
+"""What is read of a device, and what is said of one that does not answer as a RouterOS device does."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+import pytest
+from scripted import Scripted
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
+from atlantis_netcfg.routeros.observe import MenuMissing, observe
+from atlantis_netcfg.secret import Secret
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.routeros._types import Observed
+
+ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
+ANSWERS: Mapping[str, Reply] = {
+    "/system/resource/print": Reply(({"version": "7.18.2 (stable)", "board-name": "RB5009"},)),
+    "/safe-mode/print": Reply(({"enabled": "false", "current": "false"},)),
+    "/system/device-mode/print": Reply(({"mode": "home", "scheduler": "false"},)),
+    "/user/active/print": Reply(
+        (
+            {"name": "provision", "address": "10.0.0.8", "via": "winbox"},
+            {"name": "provision", "address": "10.0.0.2", "via": "api"},
+            {"name": "provision", "address": "10.0.0.3", "via": "api"},
+            {"name": "other", "address": "10.0.0.9", "via": "api"},
+        )
+    ),
+    "/system/history/print": Reply(ret="7"),
+    "/system/identity/print": Reply(({"name": "quay"},)),
+    "/user/print": Reply(({"name": "provision", "group": "ours"},)),
+    "/user/group/print": Reply(({"name": "ours", "policy": "read,write,!sensitive,api"},)),
+    "/ip/pool/print": Reply(({".id": "*1", "name": "lan"},)),
+}
+GONE = Reply(trap=Trap("no such command prefix", 0))
+
+
+def read(changes: Mapping[str, Reply], *needed: str, looked_at: tuple[str, ...] = ()) -> Observed:
+    answers = {**ANSWERS, **changes}
+    return asyncio.run(observe(Scripted(lambda command: answers[command.path]), ENDPOINT, needed, looked_at))
+
+
+def test_facts_of_device_and_session() -> None:
+    facts = read({}, "/ip/pool").facts
+    assert (str(facts.version), facts.board, facts.identity) == ("7.18.2", "RB5009", "quay")
+    assert facts.policies == {"read", "write", "api"}
+    assert facts.session_address == "10.0.0.3"
+    assert (facts.has_safe_mode, facts.safe_mode_owner, facts.history) == (True, None, 7)
+    assert facts.device_mode["mode"] == "home"
+
+
+def test_who_holds_safe_mode() -> None:
+    row = {"enabled": "true", "user": "admin", "current": "false"}
+    assert read({"/safe-mode/print": Reply(({**row, "owner": "ssh:admin"},))}).facts.safe_mode_owner == "ssh:admin"
+    assert read({"/safe-mode/print": Reply((row,))}).facts.safe_mode_owner == "admin"
+    older = read({"/safe-mode/print": GONE, "/system/device-mode/print": GONE, "/system/history/print": GONE}).facts
+    assert (older.has_safe_mode, older.safe_mode_owner, older.device_mode, older.history) == (False, None, {}, 0)
+
+
+def test_nothing_is_asked_twice_and_only_what_matters() -> None:
+    sent: list[Command] = []
+
+    def answer(command: Command) -> Reply:
+        sent.append(command)
+        return ANSWERS[command.path]
+
+    asyncio.run(observe(Scripted(answer), ENDPOINT, ["/ip/pool", "/user"], ["/ip/pool", "/user/group"]))
+    paths = [command.path for command in sent]
+    assert len(paths) == len(set(paths))
+    assert paths[-4:] == [
+        "/safe-mode/print",
+        "/system/device-mode/print",
+        "/user/active/print",
+        "/system/history/print",
+    ]
+    pool = next(command for command in sent if command.path == "/ip/pool/print")
+    assert dict(pool.arguments)[".proplist"].startswith(".id,name,")
+
+
+def test_menus_that_the_device_lacks_are_named() -> None:
+    with pytest.raises(MenuMissing, match=r"RouterOS 7\.18\.2\) does not have /ip pool, /ip route") as failure:
+        read({"/ip/pool/print": GONE, "/ip/route/print": GONE}, "/ip/pool", "/ip/route")
+    assert failure.value.hint is not None
+    assert "upgrade RouterOS" in failure.value.hint
+
+
+def test_menus_that_are_only_looked_at_may_be_missing_or_kept_from_us() -> None:
+    secret = Reply(trap=Trap("not enough permissions (9)"))
+    found = read({"/ip/pool/print": GONE, "/user/print": secret}, looked_at=("/ip/pool",))
+    assert "/ip/pool" not in found.rows
+    assert found.facts.policies == frozenset()
+    with pytest.raises(Refused, match="not enough permissions"):
+        read({"/ip/pool/print": secret}, "/ip/pool")
+
+
+@pytest.mark.parametrize("rows", [(), ({},), ({"version": "OpenWrt 23"},)])
+def test_a_device_of_another_kind(rows: tuple[Mapping[str, str], ...]) -> None:
+    with pytest.raises(DeviceFailed, match="no RouterOS that we know"):
+        read({"/system/resource/print": Reply(rows)})
