@@ -7,7 +7,7 @@ import re
 import shlex
 import sys
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,15 +66,27 @@ class Session:
         """Whether a program reads the output."""
         return self.arguments.flag("json")
 
-    def perform(self, mode: Mode, *, plans: Mapping[str, str] | None = None, run: str | None = None) -> RunReport:
-        """Run the playbook once for the hosts that a role handles."""
-        asked = [host for host in self.hosts if handled(host)]
+    @property
+    def asked(self) -> tuple[Host, ...]:
+        """The hosts that a role handles."""
+        return tuple(host for host in self.hosts if handled(host))
+
+    def perform(
+        self,
+        mode: Mode,
+        *,
+        plans: Mapping[str, str] | None = None,
+        run: str | None = None,
+        via: Mapping[str, str] | None = None,
+    ) -> RunReport:
+        """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones."""
+        asked = self.asked
         request = Request(
             state=self.state,
             mode=mode,
             rehearsed=self.rehearsed,
             targets=self.rehearsal.targets if self.rehearsal else {},
-            via={host.name: self.via for host in asked} if self.via else {},
+            via={**({host.name: self.via for host in asked} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
             command=shlex.join(["provision", *sys.argv[1:]]),
@@ -89,17 +101,6 @@ class Session:
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(outcome.runs.values()),
         )
-
-    def rehearse(self) -> RunReport:
-        """The run and, as every change must converge, the same run again."""
-        first = self.perform(Mode.APPLY)
-        if self.arguments.flag("verbose"):
-            self.show_plan(first)
-        if first.exit is not ExitCode.DONE:
-            return first
-        second = self.perform(Mode.APPLY)
-        again = {name: int(result["planned"]) for name, result in second.devices.items()}
-        return replace(first, second_pass=again)
 
     def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""

@@ -41,8 +41,10 @@ def run(arguments: Arguments) -> ExitCode:
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if arguments.flag("plan"):
             report = opened.plan()
-        elif opened.rehearsed:
-            report = opened.rehearse()
+        elif opened.rehearsal is not None:
+            from atlantis_netcfg.cli._rehearse import rehearse
+
+            report = rehearse(opened, opened.rehearsal)
         else:
             report = _apply(opened, ask=not arguments.flag("yes"))
     return opened.close(report)

@@ -33,6 +33,7 @@ from atlantis_netcfg.twin import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Rehearsal", "rehearsal", "site_spec"]
@@ -49,6 +50,10 @@ class Rehearsal:
     def export(self, name: str) -> str:
         """What the twin's own `/export` says now."""
         return str(self.twins.do(name, "export"))
+
+    def relink(self, name: str, bearer: Bearer) -> None:
+        """Put the twin behind another bearer."""
+        self.twins.do(name, "link", **link(bearer).model_dump())
 
 
 @contextmanager
@@ -75,7 +80,6 @@ def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None =
 def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
     device = host.device
     assert isinstance(device, Router)  # noqa: S101 - `handled` has said so
-    bearer = bearer_of(declaration, host, via)
     return TwinSpec(
         router=RouterSpec(
             name=host.name,
@@ -85,8 +89,13 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
             management=_management(declaration, host, device),
             certificates=tuple(one.name for one in prerequisites(declaration, host) if one.menu == "/certificate"),
         ),
-        link=Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps),
+        link=link(bearer_of(declaration, host, via)),
     )
+
+
+def link(bearer: Bearer) -> Link:
+    """Make the twin's link as slow as the bearer is declared to be."""
+    return Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps)
 
 
 def _management(declaration: Declaration, host: Host, device: Router) -> Management:

@@ -10,9 +10,27 @@ from atlantis_netcfg.errors import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["RunReport"]
+__all__ = ["Pass", "RunReport"]
 
 _WORST_FIRST = (ExitCode.OUR_FAULT, ExitCode.UNKNOWN, ExitCode.FAILED, ExitCode.USAGE, ExitCode.CHANGES)
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """A second run over a device of a rehearsal, which must find nothing left to change."""
+
+    device: str
+    bearer: str
+    result: Mapping[str, Any]
+
+    @property
+    def left(self) -> int:
+        """Changes that it still found."""
+        return int(self.result["planned"])
+
+    def as_json(self) -> dict[str, Any]:
+        """What it cost."""
+        return {name: self.result[name] for name in ("exit", "planned", "round_trips", "bytes", "seconds")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +41,8 @@ class RunReport:
     rehearsed: bool
     devices: Mapping[str, Mapping[str, Any]]
     """Device name to the engine's result."""
-    second_pass: Mapping[str, int] = field(default_factory=dict)
-    """Rehearsal: device name to the number of changes that a second run still found."""
+    passes: tuple[Pass, ...] = ()
+    """Rehearsal: the second runs, one over each bearer."""
     not_handled: Mapping[str, str] = field(default_factory=dict)
     """Device name to its kind, for what no role handles yet."""
     not_rehearsed: tuple[str, ...] = ()
@@ -36,8 +54,7 @@ class RunReport:
         if not self.devices:
             return ExitCode.NOTHING
         codes = {ExitCode(result["exit"]) for result in self.devices.values()}
-        if any(self.second_pass.values()):
-            codes.add(ExitCode.FAILED)
+        codes |= {ExitCode.FAILED if one.left else ExitCode(one.result["exit"]) for one in self.passes}
         return next((code for code in _WORST_FIRST if code in codes), ExitCode.DONE)
 
     def as_json(self) -> dict[str, Any]:
@@ -59,8 +76,13 @@ class RunReport:
         }
 
     def _device(self, name: str, result: Mapping[str, Any]) -> dict[str, Any]:
-        not_rehearsed = list(self.not_rehearsed) if self.rehearsed else []
-        return {**result, "second_pass": self.second_pass.get(name), "not_rehearsed": not_rehearsed}
+        passes = [one for one in self.passes if one.device == name]
+        return {
+            **result,
+            "second_pass": sum(one.left for one in passes) if passes else None,
+            "bearers": {one.bearer: one.as_json() for one in passes},
+            "not_rehearsed": list(self.not_rehearsed) if self.rehearsed else [],
+        }
 
     def as_text(self) -> str:
         """The closing lines that a person reads."""
@@ -71,9 +93,9 @@ class RunReport:
             yield f"  {name:<18} {result['message']}{_cost(result)}"
             if result["hint"]:
                 yield f"  {'':<18} {result['hint']}"
-            if name in self.second_pass:
-                left = self.second_pass[name]
-                yield f"  {'':<18} second pass: {f'{left} changes LEFT' if left else '0 changes'}"
+            for one in self.passes:
+                if one.device == name:
+                    yield f"  {'':<18} again over {one.bearer}: {_left(one)}{_cost(one.result)}"
             yield from (f"  {'':<18} drift: {drift['message']}" for drift in result["drift"])
         for name, kind in self.not_handled.items():
             yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
@@ -81,6 +103,12 @@ class RunReport:
             yield from (f"  not rehearsed: {one}" for one in self.not_rehearsed)
         if self.runs:
             yield f"  recorded as {', '.join(self.runs)}"
+
+
+def _left(one: Pass) -> str:
+    if one.result["exit"] != ExitCode.DONE:
+        return str(one.result["message"])
+    return f"{one.left} changes LEFT" if one.left else "0 changes"
 
 
 def _cost(result: Mapping[str, Any]) -> str:

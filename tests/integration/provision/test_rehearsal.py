@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 ROUTERS = {"scc": "scc-router", "coastal": "coastal-router", "te4sea": "te4sea-router"}
+BEARERS = {
+    "scc": ["lan", "uplink"],
+    "coastal": ["lan", "wifi-ptp", "4g", "satellite"],
+    "te4sea": ["lan", "4g", "satellite"],
+}
 
 
 def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
@@ -42,6 +47,8 @@ def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path:
     assert router["status"] == "changed"
     assert router["planned"] == router["confirmed"] > 100
     assert router["second_pass"] == 0
+    assert list(router["bearers"]) == BEARERS[site]
+    assert all(again["round_trips"] <= 4 for again in router["bearers"].values())
     assert router["round_trips"] <= 16
     assert router["not_rehearsed"] == list(NOT_REHEARSED)
     others = {name: told for name, told in told["devices"].items() if name != ROUTERS[site]}

@@ -1,0 +1,54 @@
+"""`--rehearse`: the run itself, then once more over every bearer of the site. Nothing may be left to change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.operations import Mode
+from atlantis_netcfg.operations.bearers import LAN, bearer_of
+from atlantis_netcfg.report.run import Pass
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.report.run import RunReport
+
+__all__ = ["rehearse"]
+
+
+def rehearse(opened: Session, twins: Rehearsal) -> RunReport:
+    """Apply over the bearer that is declared, then converge again over each bearer with its delay and rate."""
+    _announce(opened)
+    first = opened.perform(Mode.APPLY)
+    if opened.arguments.flag("verbose"):
+        opened.show_plan(first)
+    if first.exit is not ExitCode.DONE:
+        return first
+    return replace(first, passes=tuple(_again(opened, twins)))
+
+
+def _announce(opened: Session) -> None:
+    if not opened.as_json:
+        sites = {host.site for host in opened.asked}
+        titles = ", ".join(site.title for name, site in opened.declaration.sites.items() if name in sites)
+        print(f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted")
+
+
+def _again(opened: Session, twins: Rehearsal) -> Iterator[Pass]:
+    """Run again over each bearer; a device whose site lacks it is left at its own."""
+    sites = opened.declaration.sites
+    for name in dict.fromkeys([LAN.name, *(one.name for host in opened.asked for one in sites[host.site].bearers)]):
+        via = {host.name: name for host in opened.asked if name in {LAN.name, *_names(opened, host.site)}}
+        for host in opened.asked:
+            twins.relink(host.name, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
+        for device, result in opened.perform(Mode.APPLY, via=via).devices.items():
+            if device in via:
+                yield Pass(device, name, result)
+
+
+def _names(opened: Session, site: str) -> list[str]:
+    return [bearer.name for bearer in opened.declaration.sites[site].bearers]
