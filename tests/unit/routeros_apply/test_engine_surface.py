@@ -1,0 +1,33 @@
+"""What other parts may use of the engine and of the journal."""
+
+from __future__ import annotations
+
+from atlantis_netcfg import journal, routeros
+from atlantis_netcfg.routeros import apply
+
+
+def test_the_surface_of_the_engine() -> None:
+    assert routeros.__all__ == [
+        "Bearer",
+        "DeviceJob",
+        "DeviceResult",
+        "Endpoint",
+        "Estimate",
+        "Mode",
+        "Patience",
+        "Status",
+        "converge",
+        "desired",
+        "fleet",
+    ]
+    assert all(hasattr(routeros, name) for name in routeros.__all__)
+    assert all(hasattr(apply, name) for name in apply.__all__)
+
+
+def test_the_surface_of_the_journal() -> None:
+    assert journal.__all__ == sorted(journal.__all__, key=lambda name: (name.lower() == name, not name.isupper(), name))
+    assert all(hasattr(journal, name) for name in journal.__all__)
+
+
+def test_statuses_that_leave_nothing_open_are_those_of_the_engine() -> None:
+    assert {status.value for status in routeros.Status} - journal.SETTLED == {"unknown"}
