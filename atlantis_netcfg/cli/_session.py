@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
+from atlantis_netcfg.cli._consent import agreed
 from atlantis_netcfg.cli._playbook import play
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
@@ -77,6 +78,7 @@ class Session:
         *,
         plans: Mapping[str, str] | None = None,
         run: str | None = None,
+        back_to: str | None = None,
         via: Mapping[str, str] | None = None,
     ) -> RunReport:
         """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones."""
@@ -89,6 +91,7 @@ class Session:
             via={**({host.name: self.via for host in asked} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
+            back_to=back_to,
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
         with progress(quiet=self.as_json) as notify:
@@ -102,16 +105,27 @@ class Session:
             runs=tuple(outcome.runs.values()),
         )
 
-    def plan(self) -> RunReport:
+    def plan(self, back_to: str | None = None) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
         before = self._exports()
-        report = self.perform(Mode.PLAN)
+        report = self.perform(Mode.PLAN, back_to=back_to)
         self.show_plan(report)
         if self._exports() != before:
             raise NetcfgError("planning has changed an emulated device: this must never happen")
         if self.rehearsed and not self.as_json:
             print("the emulated device is unchanged, byte for byte")
         return report
+
+    def change(self, *, ask: bool, back_to: str | None = None) -> RunReport:
+        """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out."""
+        if not ask:
+            return self.perform(Mode.APPLY, back_to=back_to)
+        planned = self.plan(back_to)
+        if planned.exit is not ExitCode.CHANGES:
+            return planned
+        agreed(f"Change {', '.join(name for name, one in planned.devices.items() if one['planned'])} now")
+        plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
+        return self.perform(Mode.APPLY, plans=plans, back_to=back_to)
 
     def _exports(self) -> dict[str, str]:
         """What the twins hold, without the comment lines, which tell the time."""

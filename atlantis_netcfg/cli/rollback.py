@@ -28,16 +28,11 @@ COMMAND = Command(
 
 
 def run(arguments: Arguments) -> ExitCode:
-    """Ask, then roll back every device of which the run has saved a state."""
-    from atlantis_netcfg.cli._consent import agreed
+    """Show the way back, ask, then roll back every device of which the run has saved a state."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations import Mode
 
     with session(arguments) as opened:
         saved = opened.store.run(opened.site, arguments.word("to"))
         opened.narrow([host.name for host in opened.hosts if saved.before(host.name) is not None])
-        question = f"Put {', '.join(host.name for host in opened.hosts)} back to before run {saved.id}"
-        if not arguments.flag("yes"):
-            agreed(question)
-        report = opened.perform(Mode.ROLLBACK, run=saved.id)
+        report = opened.change(ask=not arguments.flag("yes"), back_to=saved.id)
     return opened.close(report)

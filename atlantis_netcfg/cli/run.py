@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
-from atlantis_netcfg.errors import ExitCode
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.report.run import RunReport
+    from atlantis_netcfg.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -46,20 +44,5 @@ def run(arguments: Arguments) -> ExitCode:
 
             report = rehearse(opened, opened.rehearsal)
         else:
-            report = _apply(opened, ask=not arguments.flag("yes"))
+            report = opened.change(ask=not arguments.flag("yes"))
     return opened.close(report)
-
-
-def _apply(opened: Session, *, ask: bool) -> RunReport:
-    """Change the devices; a person agrees to the plan that is shown, and only that plan is applied."""
-    from atlantis_netcfg.cli._consent import agreed
-    from atlantis_netcfg.operations import Mode
-
-    if not ask:
-        return opened.perform(Mode.APPLY)
-    planned = opened.plan()
-    if planned.exit is not ExitCode.CHANGES:
-        return planned
-    changing = [name for name, result in planned.devices.items() if result["planned"]]
-    agreed(f"Change {', '.join(changing)} now")
-    return opened.perform(Mode.APPLY, plans={name: one["plan_hash"] for name, one in planned.devices.items()})

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob
@@ -48,11 +47,11 @@ def device_job(
 def _desired(declaration: Declaration, host: Host, request: Request, store: Store) -> Desired:
     """What is declared; for a rollback, in the same menus, what the device was before that run."""
     declared = read(router(declaration, host), source=f"the desired text of {host.name}")
-    if request.mode is not Mode.ROLLBACK:
+    if request.back_to is None:
         return declared
-    saved = store.run(host.site, request.run or "").before(host.name)
+    saved = store.run(host.site, request.back_to).before(host.name)
     if saved is None:
-        raise NothingMatched(f"run {request.run} has saved no state of {host.name}")
+        raise NothingMatched(f"run {request.back_to} has saved no state of {host.name}")
     return from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
 
 

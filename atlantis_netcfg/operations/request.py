@@ -16,7 +16,6 @@ class Mode(StrEnum):
     PLAN = "plan"
     APPLY = "apply"
     RESUME = "resume"
-    ROLLBACK = "rollback"
     BACKUP = "backup"
 
 
@@ -47,7 +46,9 @@ class Request(_Data):
     plans: dict[str, str] | None = None
     """Host name to the hash of the plan that a person has agreed to; a different plan is not applied."""
     run: str | None = None
-    """Rollback: the run whose saved state is wanted. Resume: the run to go on with."""
+    """Resume: the run to go on with."""
+    back_to: str | None = None
+    """Not what is declared is wanted, but what the devices were before this run."""
     events_fd: int | None = None
     """File descriptor for events, one JSON object a line."""
     command: str = "ansible-playbook"

@@ -13,7 +13,6 @@ from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.routeros import fleet
-from atlantis_netcfg.routeros.apply import Mode as Engine
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
@@ -25,15 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
-
-_ENGINE = {
-    Mode.PLAN: Engine.PLAN,
-    Mode.APPLY: Engine.APPLY,
-    Mode.RESUME: Engine.RESUME,
-    Mode.ROLLBACK: Engine.APPLY,
-    Mode.BACKUP: Engine.BACKUP,
-}
-"""A rollback is a change like any other: only what is wanted differs."""
 
 
 def perform(
@@ -70,7 +60,7 @@ def _perform(
     with ExitStack() as stack:
         sites = {site: _Site(declaration, site, hosts, request, stack) for site in sorted({one.site for one in hosts})}
         jobs = [device_job(declaration, host, request, sites[host.site].journal, channel.event) for host in hosts]
-        results = asyncio.run(fleet.run(jobs, mode=_ENGINE[request.mode]))
+        results = asyncio.run(fleet.run(jobs, mode=request.mode.value))
         for site in sites.values():
             site.end(results)
     return results, {name: site.run for name, site in sites.items() if site.run}
