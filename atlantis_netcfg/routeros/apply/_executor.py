@@ -102,6 +102,8 @@ def _plan(work: Work) -> None:
         work.estimate = estimate(work.plan, job.bearer, work.seen)
     work.protection = Protection.SAFE_MODE if work.seen.facts.has_safe_mode else Protection.NONE
     work.stages = cut(work.plan, work.protection)
+    if not work.stages.protected:
+        work.protection = Protection.NONE
     work.notes += [f"the device does not use {row}" for row in invalid(work.seen)]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
 
@@ -110,7 +112,7 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     facts, found = work.seen.facts, work.aim
     reasons = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)]
-    if work.protection is Protection.NONE and not all(action.inert for action in found.actions):
+    if not facts.has_safe_mode and not all(action.inert for action in found.actions):
         reasons.append(
             f"RouterOS {facts.version} has no safe mode over the API (7.18 and later have): a change that goes wrong"
             " could not be taken back; upgrade it first"

@@ -16,7 +16,6 @@ from atlantis_netcfg.routeros.api import Command
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
 
@@ -57,13 +56,7 @@ class Hold:
     @classmethod
     def of(cls, reply: Reply) -> Hold:
         """Read the answer to HOLD; a device without safe mode has nobody who holds it."""
-        if reply.trap is not None or not reply.rows:
-            return cls(taken=False)
-        return cls.of_row(reply.rows[0])
-
-    @classmethod
-    def of_row(cls, row: Row) -> Hold:
-        """Read the row of `/safe-mode`."""
+        row = reply.rows[0] if reply.trap is None and reply.rows else {}
         if row.get("enabled") not in _TRUE:
             return cls(taken=False)
         return cls(True, row.get("current") in _TRUE, row.get("owner") or row.get("user") or "somebody")
@@ -73,7 +66,7 @@ def take_failed(take: Reply, hold: Hold) -> DeviceFailed:
     """Say why safe mode could not be taken."""
     if hold.taken and not hold.ours:
         return DeviceFailed(
-            f"{hold.who} holds safe mode, and there is only one: nothing was changed",
+            f"{hold.who} holds safe mode, and there is only one",
             hint="let them release or unroll it, then run the same command again",
         )
     words = take.trap.message if take.trap is not None else "it says it is not taken"

@@ -150,7 +150,7 @@ async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Obse
     work.say(Stage.APPLYING, "putting the state before the run back")
     job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
     inner = Work(job, work.contact, work.started, restores=True, session=session, before=now)
-    inner.protection = work.protection if now.facts.has_safe_mode else Protection.NONE
+    inner.protection = Protection.SAFE_MODE if now.facts.has_safe_mode else Protection.NONE
     try:
         inner.plan = plan(job.name, job.desired, now)
         inner.stages = cut(inner.plan, inner.protection)

@@ -315,3 +315,28 @@ def test_a_fault_of_ours_takes_the_change_back_and_is_handed_on(
     assert (result.status, result.exit) == (Status.ROLLED_BACK, ExitCode.OUR_FAULT)
     assert isinstance(result.fault, ZeroDivisionError)
     assert now == before
+
+
+@pytest.mark.parametrize("end", ["/safe-mode/release", "/safe-mode/unroll"])
+def test_another_admin_takes_safe_mode_between_two_pieces(tmp_path: Path, end: str) -> None:
+    """Half of the plan is permanent; once they are done, the old state is put back."""
+    bench = Bench(tmp_path, text=TEXT + "/ip dns static\n" + "".join(NAMES))
+    ends: list[asyncio.Future[Any]] = []
+
+    async def hijack() -> None:
+        await console(bench, ["/safe-mode/take"])()
+        asyncio.get_running_loop().call_later(60, lambda: ends.append(asyncio.ensure_future(console(bench, [end])())))
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        return await tried(bench, connect=Meddler("/safe-mode/release", hijack).connect)
+
+    result, before, now = on(bench, act)
+    assert len(ends) == 1
+    assert result.status is Status.ROLLED_BACK
+    assert "put back by us" in result.message
+    assert "api:provision@10.64.101.10 holds safe mode" in result.message
+    assert now == before
+
+
+NAMES = [f'add address=10.64.1.{each} comment="atlantis: x" name=host{each}.lan\n' for each in range(1, 100)]
+"""Rows that are not harmless, more than one safe mode can remember."""
