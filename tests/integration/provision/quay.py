@@ -71,6 +71,24 @@ class Quay:
         assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
         return done
 
+    def typed(self, *typed: str, answer: str, code: int) -> str:
+        """Type a command at a terminal, and an answer to its question; give all that it prints."""
+        ours, theirs = os.openpty()
+        with os.fdopen(ours, "wb", buffering=0) as keyboard:
+            keyboard.write(f"{answer}\n".encode())
+            done = subprocess.run(
+                [PROVISION, *typed, f"inventory={self.inventory}"],
+                env=self.environment(),
+                stdin=theirs,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                check=False,
+            )
+            os.close(theirs)
+        assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}"
+        return done.stdout
+
     def json(self, *typed: str, code: int) -> dict[str, Any]:
         told: dict[str, Any] = json.loads(self.provision(*typed, "--json", code=code).stdout)
         assert told["exit"] == code

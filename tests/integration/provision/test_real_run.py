@@ -49,6 +49,19 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay) -> None:
     assert at.export().splitlines() == before.splitlines()
 
 
+def test_what_a_person_agrees_to_is_done(at: Quay) -> None:
+    before = at.export()
+    said_no = at.typed("site=coastal", answer="no", code=4)
+    assert "+ set name=coastal-router" in said_no
+    assert "not agreed, so nothing was changed" in said_no
+    assert at.export() == before
+    assert "147 actions read back and kept" in at.typed("site=coastal", answer="yes", code=0)
+    (run, *_) = at.runs()
+    back = at.typed("rollback", "site=coastal", f"to={run['run']}", answer="yes", code=0)
+    assert "- set name=coastal-router" in back
+    assert at.export().splitlines() == before.splitlines()
+
+
 def test_a_killed_run_is_resumed(at: Quay) -> None:
     at.twins.do(ROUTER, "link", delay_s=0.15)
     with subprocess.Popen(
