@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import Arguments, Command, Flag, Word
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.near import nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
-__all__ = ["SeveralErrors", "nearest", "parse"]
+__all__ = ["SeveralErrors", "parse"]
 
 
 class SeveralErrors(UsageError):
@@ -19,14 +20,6 @@ class SeveralErrors(UsageError):
     def __init__(self, errors: Sequence[UsageError]) -> None:
         super().__init__("\n".join(str(error) for error in errors))
         self.errors = tuple(errors)
-
-
-def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate that a person most likely meant, or None when nothing is near."""
-    from difflib import get_close_matches
-
-    close = get_close_matches(name.lower(), list(candidates), n=1, cutoff=0.6)
-    return close[0] if close else None
 
 
 def parse(command: Command, typed: Sequence[str]) -> Arguments:

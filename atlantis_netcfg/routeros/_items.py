@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.near import nearest
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 
 if TYPE_CHECKING:
@@ -72,8 +72,8 @@ class Mistake(UsageError):
 
 def near(word: str, words: Iterable[str]) -> str:
     """Return `; did you mean X?`, or nothing when no word is close."""
-    close = get_close_matches(word, list(words), n=1)
-    return f"; did you mean {close[0]}?" if close else ""
+    close = nearest(word, words)
+    return f"; did you mean {close}?" if close else ""
 
 
 def known_menu(path: str) -> Menu:

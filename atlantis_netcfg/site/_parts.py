@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from atlantis_netcfg.near import nearest
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site._draft import Draft, Part
 from atlantis_netcfg.site._names import why_no_name
-from atlantis_netcfg.site._near import choices, meant, nearest, shown_key
+from atlantis_netcfg.site._near import choices, meant, shown_key
 from atlantis_netcfg.site._node import Node
 from atlantis_netcfg.site._words import explain, label_of
 from atlantis_netcfg.site.findings import Finding

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NothingMatched
-from atlantis_netcfg.site._near import choices, nearest
+from atlantis_netcfg.near import nearest
+from atlantis_netcfg.site._near import choices
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

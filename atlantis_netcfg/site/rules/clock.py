@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 
+from atlantis_netcfg.near import nearest
 from atlantis_netcfg.site._draft import Draft, Part, Rule
-from atlantis_netcfg.site._near import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import yaml
 from pydantic import TypeAdapter
 
+from atlantis_netcfg.near import nearest
 from atlantis_netcfg.site._draft import Draft, Part, Rule
-from atlantis_netcfg.site._near import meant, nearest
+from atlantis_netcfg.site._near import meant
 from atlantis_netcfg.site.model import Column, Model, VehicleKind
 
 if TYPE_CHECKING:
