@@ -9,7 +9,6 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from atlantis_netcfg.cli._arguments import Command
 
@@ -40,30 +39,10 @@ def _harmless(command: Command, typed: Sequence[str]) -> bool:
 
 def crashed(error: BaseException, typed: Sequence[str], *, as_json: bool) -> ExitCode:
     """Tell an error that nobody foresaw in one sentence; the traceback goes to a log file."""
-    message = f"provision itself failed ({type(error).__name__}): this is our fault, not a mistake of yours"
-    try:
-        hint = f"please send us the log file {_write_log(error, typed)}"
-    except (NetcfgError, OSError) as no_log:
-        hint = f"no log file could be written ({no_log}); the cause was: {error}"
-    _tell([(message, hint)], ExitCode.OUR_FAULT, as_json=as_json)
-    return ExitCode.OUR_FAULT
+    from atlantis_netcfg import crash
+    from atlantis_netcfg.paths import state_dir
 
-
-def _write_log(error: BaseException, typed: Sequence[str]) -> Path:
-    import os
-    import platform
-    import traceback
-    from datetime import UTC, datetime
-
-    from atlantis_netcfg import __version__
-    from atlantis_netcfg.paths import private_directory, state_dir
-
-    directory = private_directory(state_dir() / "log")
-    path = directory / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}-{os.getpid()}.txt"
-    text = f"provision {__version__}, Python {platform.python_version()}, {platform.platform()}\n{list(typed)!r}\n\n"
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as log:
-        log.write(text + "".join(traceback.format_exception(error)))
-    return path
+    return failed(crash.crashed(error, repr(list(typed)), state_dir), as_json=as_json)
 
 
 def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__, paths
+from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.journal import Journal, NoJournal, RunEnded, RunResumed, RunStarted, Store
+from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode, Request
@@ -44,8 +46,20 @@ def perform(
     except NetcfgError as error:
         channel.error(error)
         raise
+    except Exception as fault:
+        problem = crashed(fault, asked.command, lambda: asked.state)
+        channel.error(problem)
+        raise problem from fault
+    results = [_logged(result, asked) for result in results]
     channel.outcome({result.name: result.as_dict() for result in results}, runs)
     return _for_ansible(results)
+
+
+def _logged(result: DeviceResult, request: Request) -> DeviceResult:
+    """A fault of ours on one device goes to a log file, and its place into the result."""
+    if result.fault is None:
+        return result
+    return replace(result, hint=crashed(result.fault, request.command, lambda: request.state).hint)
 
 
 def _perform(
@@ -83,9 +97,13 @@ class _Site:
             self.run = opened.run
 
     def end(self, results: Sequence[DeviceResult]) -> None:
-        """Write the last record: nothing of this run is open any more."""
+        """Write the last record: nothing of this run is open any more.
+
+        A disk that is full by now is told in the devices' own results, which must not be lost over it.
+        """
         worst = max((result.exit for result in results if result.name in self.hosts), default=ExitCode.NOTHING)
-        self.journal.write(RunEnded(exit=int(worst)))
+        with suppress(JournalFailed):
+            self.journal.write(RunEnded(exit=int(worst)))
 
 
 def _open(store: Store, declaration: Declaration, site: str, hosts: Sequence[str], request: Request) -> Journal:

@@ -1,0 +1,42 @@
+"""Faults of ours: one sentence for the person, the traceback in a log file."""
+
+from __future__ import annotations
+
+import os
+import platform
+import traceback
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.paths import private_directory
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+__all__ = ["Crashed", "crashed"]
+
+
+class Crashed(NetcfgError):
+    """Something that nobody foresaw; `str()` and `hint` are what a person may see of it."""
+
+
+def crashed(error: BaseException, doing: str, state: Callable[[], Path]) -> Crashed:
+    """Write the traceback below the state directory and say so; without a place for it, name the cause instead."""
+    message = f"provision itself failed ({type(error).__name__}): this is our fault, not a mistake of yours"
+    try:
+        hint = f"please send us the log file {_write(error, doing, state())}"
+    except (NetcfgError, OSError) as no_log:
+        hint = f"no log file could be written ({no_log}); the cause was: {error}"
+    return Crashed(message, hint=hint)
+
+
+def _write(error: BaseException, doing: str, state: Path) -> Path:
+    directory = private_directory(state / "log")
+    path = directory / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}-{os.getpid()}.txt"
+    text = f"provision {__version__}, Python {platform.python_version()}, {platform.platform()}\n{doing}\n\n"
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as log:
+        log.write(text + "".join(traceback.format_exception(error)))
+    return path

@@ -1,0 +1,70 @@
+"""What the doors get when something goes wrong before or beside the devices."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+
+from atlantis_netcfg.crash import Crashed
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.operations import bearers, site
+from atlantis_netcfg.site import load
+
+INVENTORY = Path(__file__).parents[3] / "inventory"
+
+
+def told(reader: int) -> list[dict[str, Any]]:
+    with os.fdopen(reader, encoding="utf-8") as lines:
+        return [json.loads(line) for line in lines]
+
+
+def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> NoReturn:
+        raise ZeroDivisionError("the password is swordfish")
+
+    monkeypatch.setattr(site, "load", broken)
+    reader, writer = os.pipe()
+    request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
+    with pytest.raises(Crashed, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
+        site.perform(INVENTORY, ["coastal-router"], request, plan_only=True, decrypt=str)
+    os.close(writer)
+    (log,) = (tmp_path / "log").iterdir()
+    assert caught.value.hint == f"please send us the log file {log}"
+    assert "ZeroDivisionError" in log.read_text(encoding="utf-8")
+    assert log.stat().st_mode & 0o077 == 0
+    assert told(reader) == [{"error": {"message": str(caught.value), "hint": caught.value.hint, "exit": 1}}]
+
+
+def test_example_values_never_leave_the_laptop(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="still holds example values"):
+        site.perform(INVENTORY, ["coastal-router"], {"state": str(tmp_path)}, plan_only=True, decrypt=str)
+
+
+@pytest.mark.parametrize(
+    ("host", "via", "name", "rtt_s"),
+    [
+        ("coastal-router", None, "lan", 0.001),
+        ("coastal-router", "satellite", "satellite", 0.7),
+        ("te4sea-router", None, "satellite", 0.7),
+        ("te4sea-router", "lan", "lan", 0.001),
+    ],
+)
+def test_the_bearer_in_use_is_the_declared_one_or_the_one_named(
+    host: str, via: str | None, name: str, rtt_s: float
+) -> None:
+    declaration = load(INVENTORY)
+    bearer = bearers.bearer_of(declaration, declaration.hosts[host], via)
+    assert (bearer.name, bearer.rtt_s) == (name, rtt_s)
+
+
+def test_a_bearer_that_the_site_lacks_is_refused_with_those_it_has() -> None:
+    declaration = load(INVENTORY)
+    with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
+        bearers.bearer_of(declaration, declaration.hosts["coastal-router"], "uplink")
+    assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
