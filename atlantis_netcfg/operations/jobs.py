@@ -34,6 +34,7 @@ def device_job(
     return DeviceJob(
         name=host.name,
         site=host.site,
+        address=str(device.access.address),
         endpoint=_endpoint(host, device, request, pins.get(host.name)),
         desired=_desired(declaration, host, request, store),
         bearer=bearer_of(declaration, host, request.via.get(host.name)),

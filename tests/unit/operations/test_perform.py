@@ -11,7 +11,10 @@ import pytest
 
 from atlantis_netcfg.crash import Crashed
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.operations import bearers, site
+from atlantis_netcfg.events import ignore
+from atlantis_netcfg.journal import NoJournal
+from atlantis_netcfg.operations import Request, Target, bearers, site
+from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.site import load
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
@@ -68,3 +71,11 @@ def test_a_bearer_that_the_site_lacks_is_refused_with_those_it_has() -> None:
     with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
         bearers.bearer_of(declaration, declaration.hosts["coastal-router"], "uplink")
     assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
+
+
+def test_the_guard_is_told_the_declared_address_also_where_a_twin_listens_elsewhere(tmp_path: Path) -> None:
+    declaration = load(INVENTORY)
+    target = Target(host="127.0.0.1", port=1, pin="00")
+    request = Request(state=tmp_path, rehearsed=True, targets={"coastal-router": target})
+    job = device_job(declaration, declaration.hosts["coastal-router"], request, NoJournal(), ignore)
+    assert (job.endpoint.host, job.endpoint.pin, job.address) == ("127.0.0.1", "00", "10.64.101.1")
