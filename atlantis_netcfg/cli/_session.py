@@ -119,7 +119,10 @@ class Session:
     def change(self, *, ask: bool, back_to: str | None = None) -> RunReport:
         """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out."""
         if not ask:
-            return self.perform(Mode.APPLY, back_to=back_to)
+            report = self.perform(Mode.APPLY, back_to=back_to)
+            if self.arguments.flag("verbose"):
+                self.show_plan(report)
+            return report
         planned = self.plan(back_to)
         if planned.exit is not ExitCode.CHANGES:
             return planned
