@@ -49,6 +49,32 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay) -> None:
     assert at.export().splitlines() == before.splitlines()
 
 
+def test_the_checks_of_the_site_tell_declared_from_not(at: Quay) -> None:
+    found = _checks(at)
+    assert found.returncode == 1
+    assert "coastal-router differs from the declaration" in found.stdout
+    at.provision("site=coastal", "--yes", code=0)
+    found = _checks(at)
+    assert (found.returncode, "1 passed" in found.stdout) == (0, True), found.stdout
+
+
+def test_checks_of_a_mistyped_site_are_not_green(at: Quay) -> None:
+    found = _checks(at, site="costal")
+    assert found.returncode not in (0, 1)
+    assert "did you mean `coastal`?" in found.stdout + found.stderr
+
+
+def _checks(at: Quay, site: str = "coastal") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "checks/", "--site", site, "--inventory", str(at.inventory)],
+        cwd=CHECKOUT,
+        env=at.environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
 def test_what_a_person_agrees_to_is_done(at: Quay) -> None:
     before = at.export()
     said_no = at.typed("site=coastal", answer="no", code=4)
