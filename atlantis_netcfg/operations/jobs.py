@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.render import router
@@ -15,7 +17,7 @@ from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
-    from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.journal import Pins, Recorder
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.desired import Desired
     from atlantis_netcfg.site import Declaration, Host
@@ -40,9 +42,15 @@ def device_job(
         bearer=bearer_of(declaration, host, request.via.get(host.name)),
         events=notify,
         journal=journal,
-        pin=pins.pin,
+        pin=partial(_first_contact, pins, notify),
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
     )
+
+
+def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) -> None:
+    """Pin the certificate of a device that was never met, and say so: a person may compare it with the device's own."""
+    pins.pin(name, certificate)
+    notify(Event(name, Stage.CONNECTING, f"first contact: its certificate is pinned, SHA-256 {certificate}"))
 
 
 def _desired(declaration: Declaration, host: Host, request: Request, store: Store) -> Desired:

@@ -96,6 +96,7 @@ class RunReport:
             for one in self.passes:
                 if one.device == name:
                     yield f"  {'':<18} again over {one.bearer}: {_left(one)}{_cost(one.result)}"
+            yield from (f"  {'':<18} note: {note}" for note in result["notes"])
             yield from (f"  {'':<18} drift: {drift['message']}" for drift in result["drift"])
         for name, kind in self.not_handled.items():
             yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
