@@ -44,6 +44,9 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
         return await _read_back(work, reason)
     except NetcfgError as lost:
         return _unknown(work, f"{reason}; then: {lost}")
+    except Exception as fault:  # noqa: BLE001 - a fault of ours in here must not hide that the device was changed
+        unknown = _unknown(work, f"{reason}; then provision itself failed ({type(fault).__name__})")
+        return replace(unknown, fault=fault)
 
 
 async def _let_go(work: Work) -> bool:

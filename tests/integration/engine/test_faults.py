@@ -12,7 +12,7 @@ from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
-from atlantis_netcfg.routeros.apply import _change, _executor
+from atlantis_netcfg.routeros.apply import _change, _executor, _settle
 from atlantis_netcfg.twin import Execute, Fault, FaultKind, Knobs
 
 if TYPE_CHECKING:
@@ -313,6 +313,18 @@ def test_a_fault_of_ours_takes_the_change_back_and_is_handed_on(
     monkeypatch.setattr(_change, "verify", broken)
     result, before, now = on(Bench(tmp_path), tried)
     assert (result.status, result.exit) == (Status.ROLLED_BACK, ExitCode.OUR_FAULT)
+    assert isinstance(result.fault, ZeroDivisionError)
+    assert now == before
+
+
+def test_a_fault_of_ours_while_we_find_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(_settle, "differing", broken)
+    result, before, now = on(Bench(tmp_path, text=TEXT + LAST), tried)
+    assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
+    assert "the device refused to set /ip ssh settings" in result.message
     assert isinstance(result.fault, ZeroDivisionError)
     assert now == before
 
