@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Facts, Observed, Row, Version
+from atlantis_netcfg.routeros._types import Facts, Observed, Row
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

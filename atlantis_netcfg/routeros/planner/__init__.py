@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.routeros._items import Desired, Item
-    from atlantis_netcfg.routeros._types import Observed, Row, Version
+    from atlantis_netcfg.routeros._types import Observed, Row
+    from atlantis_netcfg.versions import Version
 
 __all__ = ["CannotPlan", "after", "plan", "simulate"]
 

@@ -11,13 +11,14 @@ import pytest
 import yaml
 
 from atlantis_netcfg.routeros import guard
-from atlantis_netcfg.routeros._types import Facts, Observed, Version
+from atlantis_netcfg.routeros._types import Facts, Observed
 from atlantis_netcfg.routeros.commands import console, sentence
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
 from atlantis_netcfg.routeros.guard import ManagementPath
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.planner import plan
 from atlantis_netcfg.twin import Device, Management, RouterSpec
+from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Plan, Row

@@ -1,0 +1,34 @@
+"""RouterOS' version numbers, which compare as MikroTik releases them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Self
+
+__all__ = ["Version"]
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Version:
+    """A RouterOS version, `MAJOR.MINOR[.PATCH][betaN|rcN]`; a stable one is above its rc, an rc above its beta."""
+
+    major: int
+    minor: int
+    patch: int = 0
+    maturity: int = 2
+    build: int = 0
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read `7.18.2 (stable)` as `/system/resource` prints it. Raises ValueError on anything else."""
+        match = re.fullmatch(r"(\d+)\.(\d+)(?:\.(\d+))?(?:(beta|rc)(\d+))?(?: \(.+\))?", text.strip())
+        if match is None:
+            raise ValueError(f"not a RouterOS version: {text!r}")
+        major, minor, patch, stage, build = match.groups()
+        return cls(int(major), int(minor), int(patch or 0), {"beta": 0, "rc": 1}.get(stage, 2), int(build or 0))
+
+    def __str__(self) -> str:
+        patch = f".{self.patch}" if self.patch else ""
+        stage = ("beta", "rc", "")[self.maturity]
+        return f"{self.major}.{self.minor}{patch}{stage}{self.build if stage else ''}"
