@@ -1,0 +1,44 @@
+"""SSH host keys: shown before the password is sent, compared with the pin, written as OpenSSH writes them."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+
+import paramiko
+
+from atlantis_netcfg.console._errors import HostKeyChanged, UnknownHostKey
+
+__all__ = ["PinnedKey", "fingerprint"]
+
+
+def fingerprint(key: paramiko.PKey) -> str:
+    """`SHA256:` and the unpadded base64 of the key's digest, as `ssh-keygen -l` prints it."""
+    digest = base64.b64encode(hashlib.sha256(key.asbytes()).digest()).decode()
+    return f"SHA256:{digest.rstrip('=')}"
+
+
+class PinnedKey(paramiko.MissingHostKeyPolicy):
+    """Lets one key through; paramiko asks it after the key exchange and before any authentication."""
+
+    def __init__(self, pin: str | None) -> None:
+        self._pin = pin
+        self.seen: str | None = None
+
+    def missing_host_key(self, client: paramiko.SSHClient, hostname: str, key: paramiko.PKey) -> None:  # noqa: ARG002
+        """Raise UnknownHostKey without a pin, HostKeyChanged if the keys differ."""
+        self.seen = fingerprint(key)
+        if self._pin is None:
+            raise UnknownHostKey(
+                f"{hostname}: this device was never met over SSH; it shows the host key {self.seen}",
+                fingerprint=self.seen,
+                hint="`provision adopt` records it, over a cable that leads to nothing but the device",
+            )
+        if self._pin != self.seen:
+            raise HostKeyChanged(
+                f"{hostname}: the SSH host key is not the one of this device; pinned is {self._pin}, "
+                f"it showed {self.seen}",
+                pinned=self._pin,
+                seen=self.seen,
+                hint="another device at this address, a reset device, or somebody in between: nothing was sent to it",
+            )

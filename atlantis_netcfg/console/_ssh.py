@@ -1,0 +1,132 @@
+"""The console over SSH: netmiko opens the session, our dialogue does the talking.
+
+What netmiko would type after connecting, it types with its own log of every write, secrets included; therefore its
+channel is taken over as soon as it is open.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+import paramiko
+from netmiko import NetmikoAuthenticationException, NetmikoTimeoutException
+from netmiko.mikrotik.mikrotik_ssh import MikrotikRouterOsSSH
+
+from atlantis_netcfg.console._errors import ConsoleUnreachable, LoginFailed
+from atlantis_netcfg.console._keys import PinnedKey
+from atlantis_netcfg.console._terminal import Terminal
+from atlantis_netcfg.console._types import CONNECT_S
+from atlantis_netcfg.console._wire import WireLost
+from atlantis_netcfg.errors import NetcfgError
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.console._types import Console
+    from atlantis_netcfg.secret import Secret
+
+__all__ = ["connected", "open_ssh"]
+
+_CHUNK = 65536
+
+
+class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # netmiko's types differ by version
+    """netmiko's session up to the open shell."""
+
+    def special_login_handler(self, delay_factor: float = 1.0) -> None:
+        """Leave the questions of the first login to the dialogue."""
+
+    def session_preparation(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - netmiko's signature
+        """Leave the prompt to the dialogue."""
+
+
+class SshWire:
+    """A paramiko channel."""
+
+    def __init__(self, connection: _Connection) -> None:
+        self._connection = connection
+        channel = connection.remote_conn
+        assert isinstance(channel, paramiko.Channel)  # noqa: S101 - netmiko holds telnet and serial lines there too
+        self._channel = channel
+
+    def read(self, timeout_s: float) -> bytes:
+        """Whatever came."""
+        self._channel.settimeout(max(timeout_s, 0.001))
+        try:
+            data = self._channel.recv(_CHUNK)
+        except TimeoutError:
+            return b""
+        except OSError as error:
+            raise WireLost from error
+        if not data:
+            raise WireLost
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send."""
+        self._channel.settimeout(CONNECT_S)
+        try:
+            self._channel.sendall(data)
+        except OSError as error:
+            raise WireLost from error
+
+    def close(self) -> None:
+        """Drop the connection."""
+        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+            self._connection.paramiko_cleanup()
+
+    def hang_up(self) -> None:
+        """A dropped connection is the signal."""
+        self.close()
+
+
+@contextlib.contextmanager
+def connected(address: str, port: int) -> Any:  # noqa: ANN401 - a context manager without a value
+    """Say in our words why no session came about."""
+    where = f"{address} port {port}"
+    try:
+        yield
+    except NetcfgError:
+        raise
+    except (NetmikoAuthenticationException, paramiko.AuthenticationException) as error:
+        raise LoginFailed(
+            f"{where}: the device did not accept the user name and password",
+            hint="the factory's password is on the sticker of newer devices, and empty on older ones",
+        ) from error
+    except (NetmikoTimeoutException, OSError, EOFError, paramiko.SSHException) as error:
+        raise ConsoleUnreachable(
+            f"{where}: no SSH session came about ({type(error).__name__})",
+            hint="is the laptop plugged into the right port, and has it an address of that network?",
+        ) from error
+
+
+def open_ssh(  # noqa: PLR0913 - all of it is one address
+    address: str, port: int, user: str, password: Secret, *, pin: str | None, timeout_s: float = CONNECT_S
+) -> Console:
+    """Log in over SSH. `pin`: `SHA256:...` of the host key.
+
+    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
+    LoginFailed, ConsoleLost.
+    """
+    policy = PinnedKey(pin)
+    with connected(address, port):
+        connection = _Connection(
+            host=address,
+            port=port,
+            username=user,
+            password=password.reveal(),
+            conn_timeout=timeout_s,
+            auth_timeout=timeout_s,
+            banner_timeout=timeout_s,
+            blocking_timeout=timeout_s,
+            ssh_strict=True,
+            auto_connect=False,
+        )
+        connection.key_policy = policy
+        try:
+            connection._open()  # noqa: SLF001 - the step that `auto_connect` leaves out
+        except BaseException:
+            connection.paramiko_cleanup()
+            raise
+    terminal = Terminal(SshWire(connection), user=user, name=f"{address} port {port}", host_key=policy.seen)
+    terminal.settle(timeout_s)
+    return terminal

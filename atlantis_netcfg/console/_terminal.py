@@ -1,0 +1,280 @@
+"""The dialogue with a RouterOS console that somebody is logged in to: prompts, commands, safe mode.
+
+How a command is known to have succeeded: a mark is printed by the same line (`command; :put "mark"`), and RouterOS
+stops a line at its first error. The mark counts only as a whole line of output, so the echo cannot be taken for it.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from itertools import count
+from typing import TYPE_CHECKING, Protocol
+
+from atlantis_netcfg.console._errors import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
+from atlantis_netcfg.console._rows import parse_rows
+from atlantis_netcfg.console._screen import WIDTH, Screen
+from atlantis_netcfg.console._types import COMMAND_S
+from atlantis_netcfg.console._wire import Wire, WireLost
+from atlantis_netcfg.secret import MASK
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.secret import Secret
+
+__all__ = ["FLAGS", "Terminal"]
+
+FLAGS = f"+ct{WIDTH}w4098h"
+"""No colours, no detection of the terminal, wide and high (Manual, Command Line Interface: console login options)."""
+ENTER, CTRL_C, CTRL_D, CTRL_X = b"\r", b"\x03", b"\x04", b"\x18"
+
+_PROMPT = re.compile(r"\[[^\r\n]*\][^\[\]<>]*(?P<safe><SAFE>)?[ ]*>?[ ]*")
+_LICENCE = re.compile(r"software license\?.*:?\s*\Z", re.IGNORECASE)
+_DEFAULTS = re.compile(
+    r'remove this default configuration.*|or hit any other key.*|"r".*default configuration', re.IGNORECASE
+)
+_PASSWORD = re.compile(r"new password>\s*\Z", re.IGNORECASE)
+_ENTER = re.compile(r"press \"?enter\"? to continue", re.IGNORECASE)
+_HIJACK = re.compile(r"Hijacking Safe Mode.*", re.IGNORECASE)
+_QUIET_S = 0.3
+"""A prompt is believed when nothing followed it for so long: RouterOS redraws it before the output comes."""
+_TAKEN_S = 30.0
+_BYE_S = 5.0
+
+
+class _Line(Wire, Protocol):
+    """A wire that can end a session without `/quit`."""
+
+    def hang_up(self) -> None:
+        """End the session so that the device undoes safe mode."""
+
+
+class Terminal:
+    """See `Console`, which this is."""
+
+    def __init__(self, wire: _Line, *, user: str, name: str, host_key: str | None = None) -> None:
+        self._wire = wire
+        self._screen = Screen()
+        self._user = user
+        self._name = name
+        self._host_key = host_key
+        self._numbers = count(1)
+        self._safe = False
+        self._lost = False
+
+    @property
+    def host_key(self) -> str | None:
+        """The SSH host key."""
+        return self._host_key
+
+    @property
+    def user(self) -> str:
+        """Who is logged in."""
+        return self._user
+
+    @property
+    def safe(self) -> bool:
+        """Whether the prompt says `<SAFE>`."""
+        return self._safe
+
+    # --- first words -----------------------------------------------------------------------------------------------
+
+    def settle(self, timeout_s: float) -> None:
+        """Answer the questions of the first login until a prompt stands there, and answers.
+
+        No licence is read, the default configuration stays for now, the password stays as it is.
+        """
+        self._until(self._greeted, timeout_s, in_flight=False)
+        self._sync(timeout_s, in_flight=False)
+
+    def _greeted(self) -> bool:
+        tail = self._tail()
+        if _LICENCE.search(tail):
+            self._answer(b"n")
+        elif _PASSWORD.search(tail):
+            self._answer(CTRL_C)
+        elif _ENTER.search(tail) or _DEFAULTS.search(tail):
+            self._answer(ENTER)
+        elif re.search(r"login failed|^login:\s*$", tail, re.IGNORECASE | re.MULTILINE):
+            raise LoginFailed(f"{self._name}: the device did not accept the user name and password")
+        return self._at_prompt()
+
+    def _tail(self) -> str:
+        return "\n".join(line for line in self._screen.text(-8) if line.strip())
+
+    def _answer(self, key: bytes) -> None:
+        self._screen.clear()
+        self._send(key, in_flight=False)
+
+    # --- commands --------------------------------------------------------------------------------------------------
+
+    def run(self, command: str, *, timeout_s: float = COMMAND_S, secrets: Sequence[Secret] = ()) -> str:
+        """Run one line."""
+        if "\n" in command or "\r" in command:
+            raise ValueError("one line at a time: quote line ends as \\n")
+        mark = f"atlantis-done-{next(self._numbers)}"
+        self._screen.clear()
+        self._send(f'{command}; :put "{mark}"'.encode("utf-8", "surrogateescape") + ENTER, in_flight=True)
+        self._until(lambda: self._marked(mark), timeout_s, in_flight=True)
+        if mark not in self._screen.text():
+            self._sync(timeout_s, in_flight=True)
+        lines = [line.rstrip() for line in self._screen.text()]
+        done = mark in lines
+        output = self._output(lines, mark if done else None)
+        if not done:
+            words = _masked(" ".join(output.split()), secrets) or "no answer"
+            raise ConsoleRefused(f"{self._name}: the device refused a command: {words}", words=words)
+        return output
+
+    def ask(self, command: str, question: str, answer: str, *, timeout_s: float = COMMAND_S) -> None:
+        """Run a command that asks back."""
+        self._screen.clear()
+        self._send(command.encode() + ENTER, in_flight=False)
+        self._until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
+        if question not in self._tail():
+            words = " ".join(self._output([line.rstrip() for line in self._screen.text()], None).split())
+            raise ConsoleRefused(f"{self._name}: the device refused a command: {words}", words=words)
+        self._send(answer.encode(), in_flight=True)
+
+    def rows(self, menu: str, *, where: str = "", timeout_s: float = COMMAND_S) -> list[dict[str, str]]:
+        """Rows of a menu."""
+        condition = f" where {where}" if where else ""
+        output = self.run(f":put [{menu} print detail as-value{condition}]", timeout_s=timeout_s)
+        return parse_rows(output.replace("\n", ""))
+
+    def _marked(self, mark: str) -> bool:
+        """Whether the mark came and the prompt after it, or the prompt alone: then the line stopped at an error."""
+        if mark in (line.rstrip() for line in self._screen.lines):
+            return self._at_prompt()
+        return len(self._screen.lines) > 1 and self._quiet_prompt()
+
+    def _output(self, lines: list[str], mark: str | None) -> str:
+        """Lines between the echo and the mark; without a mark, those before the next prompt."""
+        last = lines.index(mark) if mark is not None else len(lines)
+        echo = next((place for place, line in enumerate(lines[:last]) if '; :put "atlantis-done-' in line), -1)
+        kept = [line for line in lines[echo + 1 : last] if _PROMPT.match(line) is None or "atlantis-" not in line]
+        while kept and (not kept[-1].strip() or _PROMPT.fullmatch(kept[-1])):
+            kept.pop()
+        while kept and not kept[0].strip():
+            kept.pop(0)
+        return "\n".join(line for line in kept if not _PROMPT.fullmatch(line))
+
+    def _sync(self, timeout_s: float, *, in_flight: bool) -> None:
+        """Make sure that the prompt is one that answers, and that nothing more of before comes."""
+        mark = f"atlantis-here-{next(self._numbers)}"
+        self._send(f':put "{mark}"'.encode() + ENTER, in_flight=in_flight)
+        self._until(
+            lambda: mark in (line.rstrip() for line in self._screen.lines) and self._at_prompt(),
+            timeout_s,
+            in_flight=in_flight,
+        )
+        for place, line in enumerate(self._screen.lines):
+            if f':put "{mark}"' in line or line.rstrip() == mark:
+                self._screen.lines[place] = ""
+
+    # --- safe mode -------------------------------------------------------------------------------------------------
+
+    def take_safe_mode(self) -> None:
+        """Ctrl+X, unless the prompt says that it is ours already."""
+        if self._safe:
+            return
+        self._screen.clear()
+        self._send(CTRL_X, in_flight=False)
+        self._until(lambda: self._hijacking() or (self._at_prompt() and self._safe), _TAKEN_S, in_flight=False)
+        if self._hijacking():
+            self._answer(b"d")
+            self._sync(_TAKEN_S, in_flight=False)
+            raise SafeModeHeld(
+                f"{self._name}: somebody else holds safe mode on this device; it was left alone",
+                hint="wait until that session is over, then run the same command again",
+            )
+
+    def release_safe_mode(self) -> None:
+        """Ctrl+X, unless safe mode is not ours."""
+        if not self._safe:
+            return
+        self._screen.clear()
+        self._send(CTRL_X, in_flight=True)
+        self._until(lambda: self._at_prompt() and not self._safe, _TAKEN_S, in_flight=True)
+
+    def _hijacking(self) -> bool:
+        return any(_HIJACK.search(line) for line in self._screen.lines)
+
+    def close(self) -> None:
+        """End the session."""
+        try:
+            if self._lost:
+                return
+            if self._safe:
+                self._wire.hang_up()
+                return
+            self._screen.clear()
+            self._wire.write(b"/quit" + ENTER)
+            deadline = time.monotonic() + _BYE_S
+            while time.monotonic() < deadline and "ogin:" not in self._tail():
+                self._screen.feed(self._wire.read(0.2))
+        except WireLost:
+            pass
+        finally:
+            self._lost = True
+            self._wire.close()
+
+    # --- the wire --------------------------------------------------------------------------------------------------
+
+    def _at_prompt(self) -> bool:
+        match = _PROMPT.fullmatch(self._screen.lines[-1])
+        if match is None or not self._screen.lines[-1].rstrip().endswith(">"):
+            return False
+        self._safe = match["safe"] is not None
+        return True
+
+    def _quiet_prompt(self) -> bool:
+        """Whether a prompt stands there and nothing follows it."""
+        if not self._at_prompt():
+            return False
+        data = self._receive(_QUIET_S, in_flight=True)
+        return not data and self._at_prompt()
+
+    def _send(self, data: bytes, *, in_flight: bool) -> None:
+        if self._lost:
+            raise self._gone("the session is over", in_flight=False)
+        try:
+            self._wire.write(data)
+        except WireLost as error:
+            raise self._gone("the connection was lost", in_flight=in_flight) from error
+
+    def _receive(self, timeout_s: float, *, in_flight: bool) -> bytes:
+        try:
+            data = self._wire.read(timeout_s)
+        except WireLost as error:
+            raise self._gone("the connection was lost", in_flight=in_flight) from error
+        self._screen.feed(data)
+        if self._screen.replies:
+            replies, self._screen.replies = self._screen.replies, b""
+            self._send(replies, in_flight=in_flight)
+        return data
+
+    def _until(self, reached: Callable[[], bool], timeout_s: float, *, in_flight: bool) -> None:
+        deadline = time.monotonic() + timeout_s
+        while not reached():
+            left = deadline - time.monotonic()
+            if left <= 0:
+                raise self._gone(f"no answer within {timeout_s:.0f} s", in_flight=in_flight)
+            self._receive(left, in_flight=in_flight)
+
+    def _gone(self, why: str, *, in_flight: bool) -> ConsoleLost:
+        self._lost = True
+        self._wire.close()
+        return ConsoleLost(
+            f"{self._name}: {why}",
+            in_flight=in_flight,
+            hint="whether the last command was done is not known" if in_flight else None,
+        )
+
+
+def _masked(words: str, secrets: Sequence[Secret]) -> str:
+    for secret in secrets:
+        if secret.reveal():
+            words = words.replace(secret.reveal(), MASK)
+    return words
