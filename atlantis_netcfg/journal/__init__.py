@@ -4,18 +4,19 @@
     <state>/<real|rehearsal>/<site>/lock                        who works on the site now
     <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
+    <state>/<real|rehearsal>/<site>/confirmed/<device>-<hash>.rsc    a state that runs have read back at their end
 
 Everything is readable by its owner only. No record holds a secret: actions arrive here masked.
 """
 
 from __future__ import annotations
 
-from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy
+from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy, StateDamaged
 from atlantis_netcfg.journal._files import write_atomically
 from atlantis_netcfg.journal._lock import Holder, SiteLock
 from atlantis_netcfg.journal._log import Entry, Log, read
 from atlantis_netcfg.journal._pins import Pins
-from atlantis_netcfg.journal._runs import Run
+from atlantis_netcfg.journal._runs import Confirmed, Run
 from atlantis_netcfg.journal._store import Store
 from atlantis_netcfg.journal._writer import Journal, NoJournal, Recorder
 from atlantis_netcfg.journal.records import (
@@ -34,6 +35,7 @@ from atlantis_netcfg.journal.records import (
     RunEnded,
     RunResumed,
     RunStarted,
+    StateConfirmed,
     StateSaved,
     Unrolled,
     Verified,
@@ -43,6 +45,7 @@ __all__ = [
     "SETTLED",
     "ActionsAcknowledged",
     "ActionsConfirmed",
+    "Confirmed",
     "DeviceObserved",
     "Entry",
     "Holder",
@@ -68,6 +71,8 @@ __all__ = [
     "RunStarted",
     "SiteBusy",
     "SiteLock",
+    "StateConfirmed",
+    "StateDamaged",
     "StateSaved",
     "Store",
     "Unrolled",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 
-__all__ = ["JournalFailed", "NoSuchRun", "PinsDamaged", "SiteBusy"]
+__all__ = ["JournalFailed", "NoSuchRun", "PinsDamaged", "SiteBusy", "StateDamaged"]
 
 
 class JournalFailed(NetcfgError):
@@ -15,6 +15,12 @@ class JournalFailed(NetcfgError):
 
 class PinsDamaged(NetcfgError):
     """The file of pinned certificates cannot be read: no device may be trusted until a person has looked."""
+
+    exit = ExitCode.FAILED
+
+
+class StateDamaged(NetcfgError):
+    """A saved state is not what was written: it must not be put on a device."""
 
     exit = ExitCode.FAILED
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.journal._errors import StateDamaged
 from atlantis_netcfg.journal._log import Log, read
 from atlantis_netcfg.journal._writer import FILE
 from atlantis_netcfg.journal.records import (
@@ -16,6 +18,7 @@ from atlantis_netcfg.journal.records import (
     RunEnded,
     RunResumed,
     RunStarted,
+    StateConfirmed,
     StateSaved,
 )
 
@@ -23,7 +26,33 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-__all__ = ["Run"]
+__all__ = ["Confirmed", "Run"]
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """The state of one device as a run has read it back; `text` is export text without secrets."""
+
+    run: str
+    at: datetime
+    path: Path
+    sha256: str
+
+    def text(self) -> str:
+        """Read it. Raises StateDamaged if the file is gone, or not what the run has written."""
+        try:
+            data = self.path.read_bytes()
+        except OSError as error:
+            raise self._damaged(error.strerror or str(error)) from error
+        if hashlib.sha256(data).hexdigest() != self.sha256:
+            raise self._damaged("it was changed since")
+        return data.decode()
+
+    def _damaged(self, why: str) -> StateDamaged:
+        return StateDamaged(
+            f"the state that run {self.run} confirmed cannot be used: {why} ({self.path})",
+            hint="take the state of another run: `provision runs` lists them",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +114,15 @@ class Run:
         """The device's state before the run's first change, if the run came that far."""
         saved = next((record for record in self._of(device) if isinstance(record, StateSaved)), None)
         return None if saved is None else self.directory / saved.file
+
+    def confirmed_state(self, device: str) -> Confirmed | None:
+        """The device's state as it was read back at the end of the run; None if the run did not come to that."""
+        for entry in reversed(self.log.entries):
+            record = entry.record
+            if isinstance(record, StateConfirmed) and record.device == device:
+                site = self.directory.parent.parent
+                return Confirmed(self.id, entry.at, site / record.file, record.sha256)
+        return None
 
     def state_before(self, device: str) -> str | None:
         """The digest of what was read at the start."""

@@ -8,11 +8,11 @@ from atlantis_netcfg.journal._errors import NoSuchRun
 from atlantis_netcfg.journal._files import component, make_private, sync_directory, translated
 from atlantis_netcfg.journal._lock import SiteLock
 from atlantis_netcfg.journal._pins import Pins
-from atlantis_netcfg.journal._runs import Run
+from atlantis_netcfg.journal._runs import Confirmed, Run
 from atlantis_netcfg.journal._writer import Journal, utc_now
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from datetime import datetime
     from pathlib import Path
 
@@ -63,6 +63,19 @@ class Store:
     def runs(self, site: str) -> tuple[Run, ...]:
         """All runs of a site, oldest first."""
         return tuple(Run.load(self._runs(site) / name) for name in self._names(site))
+
+    def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, Confirmed]:
+        """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
+        missing = set(devices)
+        found: dict[str, Confirmed] = {}
+        for name in reversed(self._names(site)):
+            if not missing:
+                break
+            run = Run.load(self._runs(site) / name)
+            states = {device: run.confirmed_state(device) for device in missing}
+            found |= {device: state for device, state in states.items() if state is not None}
+            missing -= found.keys()
+        return found
 
     def unfinished(self, site: str) -> tuple[Run, ...]:
         """Runs that were killed, or left a device unknown, and that no later run has settled; oldest first."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 from atlantis_netcfg.journal._errors import JournalFailed
 from atlantis_netcfg.journal._files import component, make_private, translated, unwritable, write_all, write_atomically
 from atlantis_netcfg.journal._log import Entry, line
-from atlantis_netcfg.journal.records import Record, StateSaved
+from atlantis_netcfg.journal.records import Record, StateConfirmed, StateSaved
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +35,9 @@ class Recorder(Protocol):
     def save(self, device: str, text: str) -> None:
         """Put a device's state before the first change on disk, and record it. Raises JournalFailed."""
 
+    def confirm(self, device: str, text: Callable[[], str]) -> None:
+        """Put the state that was read back at the end on disk, and record it. Raises JournalFailed."""
+
 
 class NoJournal:
     """For runs that change nothing."""
@@ -44,6 +47,15 @@ class NoJournal:
 
     def save(self, device: str, text: str) -> None:
         """Forget it."""
+
+    def confirm(self, device: str, text: Callable[[], str]) -> None:
+        """Do not even ask for it."""
+
+
+def _put(what: str, path: Path, data: bytes) -> None:
+    with translated(what, path):
+        make_private(path.parent)
+        write_atomically(path, data)
 
 
 class Journal:
@@ -80,14 +92,25 @@ class Journal:
         data = text.encode()
         path = self._free(component(device), data)
         try:
-            with translated("the state before the run", path):
-                make_private(path.parent)
-                write_atomically(path, data)
+            _put("the state before the run", path, data)
         except JournalFailed as failure:
             self.failure = failure
             raise
         file = str(path.relative_to(self.directory))
         self.write(StateSaved(device=device, file=file, sha256=hashlib.sha256(data).hexdigest()))
+
+    def confirm(self, device: str, text: Callable[[], str]) -> None:
+        """Put what was read back on disk, and record it. Runs that read the same share one file, called by its hash.
+
+        If that fails the journal goes on: nothing will be changed any more, and the outcome can still be recorded.
+        """
+        data = text().encode()
+        digest = hashlib.sha256(data).hexdigest()
+        site = self.directory.parent.parent
+        path = site / "confirmed" / f"{component(device)}-{digest[:16]}.rsc"
+        if not path.exists() or path.read_bytes() != data:
+            _put("the confirmed state", path, data)
+        self.write(StateConfirmed(device=device, file=str(path.relative_to(site)), sha256=digest))
 
     def close(self) -> None:
         """Close the file; nothing is pending."""

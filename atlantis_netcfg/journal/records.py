@@ -26,6 +26,7 @@ __all__ = [
     "RunEnded",
     "RunResumed",
     "RunStarted",
+    "StateConfirmed",
     "StateSaved",
     "Unrolled",
     "Verified",
@@ -48,6 +49,10 @@ class RunStarted:
     hosts: tuple[str, ...]
     rehearsed: bool
     command: str
+    back_to: str | None = None
+    """Rollback: the run whose state before it is put back."""
+    restore: str | None = None
+    """Restore: the run whose confirmed state is put on the device."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +81,16 @@ class StateSaved:
     """The device's export before the first change is on disk; `file` is relative to the run's directory."""
 
     kind: Literal["state-saved"] = "state-saved"
+    device: str
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateConfirmed:
+    """What was read back at the end is on disk; `file` is relative to the site's directory, as later runs share it."""
+
+    kind: Literal["state-confirmed"] = "state-confirmed"
     device: str
     file: str
     sha256: str
@@ -200,6 +215,7 @@ Record = Annotated[
     | RunResumed
     | DeviceObserved
     | StateSaved
+    | StateConfirmed
     | Planned
     | Protected
     | LayerSent

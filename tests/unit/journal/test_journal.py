@@ -33,6 +33,8 @@ from atlantis_netcfg.journal import (
     RunEnded,
     RunResumed,
     RunStarted,
+    StateConfirmed,
+    StateDamaged,
     StateSaved,
     Store,
     Unrolled,
@@ -68,6 +70,7 @@ EVERY: tuple[Record, ...] = (
     Released(device="router"),
     ActionsConfirmed(device="router", actions=(1,)),
     Unrolled(device="router", reason="a trap"),
+    StateConfirmed(device="router", file="confirmed/router-44.rsc", sha256="44"),
     Outcome(device="router", status="changed", exit=0, message="1 of 1"),
     RunEnded(exit=0),
 )
@@ -162,6 +165,56 @@ def test_an_earlier_saved_state_is_never_overwritten(store: Store) -> None:
     first = store.run("coastal", journal.run).before("router")
     assert first is not None
     assert first.read_text() == "one"
+
+
+def test_runs_that_confirm_the_same_state_share_one_private_file(store: Store, tmp_path: Path) -> None:
+    runs = []
+    for text in ("one", "one", "two"):
+        with store.start(STARTED) as journal:
+            journal.confirm("router", lambda text=text: text)  # type: ignore[misc]  # bound now, called now
+            runs.append(journal.run)
+    files = list((tmp_path / "real" / "coastal" / "confirmed").iterdir())
+    assert sorted(path.read_text() for path in files) == ["one", "two"]
+    assert {stat.S_IMODE(path.stat().st_mode) for path in files} == {0o600}
+    states = [store.run("coastal", run).confirmed_state("router") for run in runs]
+    assert [(state.run, state.text()) for state in states if state] == list(
+        zip(runs, ("one", "one", "two"), strict=True)
+    )
+    assert {device: state.run for device, state in store.last_confirmed("coastal", ("router", "cpe")).items()} == {
+        "router": runs[-1]
+    }
+    assert store.last_confirmed("nowhere", ("router",)) == {}
+
+
+def test_a_confirmed_state_that_was_changed_or_lost_is_not_used_and_comes_anew(store: Store) -> None:
+    with store.start(STARTED) as journal:
+        journal.confirm("router", lambda: "one")
+        state = store.run("coastal", journal.run).confirmed_state("router")
+        assert state is not None
+        state.path.write_text("something else")
+        with pytest.raises(StateDamaged, match="cannot be used: it was changed since"):
+            state.text()
+        state.path.unlink()
+        with pytest.raises(StateDamaged, match="cannot be used: No such file"):
+            state.text()
+        journal.confirm("router", lambda: "one")
+        assert state.text() == "one"
+
+
+def test_a_confirmed_state_that_does_not_fit_does_not_end_the_journal(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_descriptor: int) -> NoReturn:
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+    with store.start(STARTED) as journal:
+        monkeypatch.setattr("os.fsync", full)
+        with pytest.raises(JournalFailed, match="the confirmed state cannot be written"):
+            journal.confirm("router", lambda: "text")
+        monkeypatch.undo()
+        journal.write(EVERY[2])
+    assert store.run("coastal", journal.run).confirmed_state("router") is None
+    assert store.run("coastal", journal.run).state_before("router") == "00"
 
 
 @pytest.mark.parametrize("name", ["../x", "", "a/b", ".hidden", "a\0b"])
