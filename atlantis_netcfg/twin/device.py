@@ -19,6 +19,7 @@ from atlantis_netcfg.twin.listen import emit, listen
 from atlantis_netcfg.twin.path import path_open
 from atlantis_netcfg.twin.scheduler import next_run, run_due
 from atlantis_netcfg.twin.sentence import Sentence
+from atlantis_netcfg.twin.software import boot_with
 from atlantis_netcfg.twin.store import Store
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ NOT_REHEARSED = (
     "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
     "certificates: names and fingerprints only, nothing is signed or imported",
     "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
-    "firmware upgrades, packages, button presses",
+    "what a package contains: names, versions and architectures only; the configuration is not converted",
+    "button presses",
 )
 """What a run against router twins says nothing about; the rehearsal's report prints it."""
 
@@ -283,15 +285,30 @@ class Device:
                 for change in reversed(entry.changes):
                     store.put_back(change)
         files = {name: [file.number, file.contents, file.modified] for name, file in core.files.items()}
-        return {"configuration": store.dump(), "files": files}
+        software = {"version": core.spec.version, "packages": list(core.spec.packages)}
+        return {"configuration": store.dump(), "files": files, "software": software}
 
     def restore(self, flash: Mapping[str, Any]) -> None:
-        """Boot from what `snapshot` returned; sessions, safe mode and history are gone."""
+        """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
         revision = self._core.store.revision
-        before, self._core = self._core, Core(self.spec, self._now)
+        files = {name: File(*parts) for name, parts in flash["files"].items()}
+        found = boot_with(self.spec.model_copy(update=_software(flash)), files)
+        upgraded = found.spec.version != flash.get("software", {}).get("version", self.spec.version)
+        before, self._core = self._core, Core(found.spec, self._now)
         self._core.resume(before)
-        self._core.store.load(flash["configuration"])
+        if upgraded:
+            boot(self._core)
+        self._core.store.load(flash["configuration"], upgraded=upgraded)
         self._core.store.revision = revision + 1
-        self._core.files = {name: File(*parts) for name, parts in flash["files"].items()}
+        self._core.files = dict(found.files)
+        self.spec = found.spec
+        for topics, message in found.log:
+            self._core.note(topics, message)
         self._unroll_at = None
         self._lost.clear()
+
+
+def _software(flash: Mapping[str, Any]) -> dict[str, Any]:
+    """What was installed when the flash was written."""
+    software = flash.get("software")
+    return {} if software is None else {"version": software["version"], "packages": tuple(software["packages"])}

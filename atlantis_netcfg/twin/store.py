@@ -213,14 +213,22 @@ class Store:
             },
         }
 
-    def load(self, data: Mapping[str, Any]) -> None:
-        """Replace everything by what `dump` returned."""
-        self.counters = dict(data["counters"])
-        self.tables.clear()
+    def load(self, data: Mapping[str, Any], *, upgraded: bool = False) -> None:
+        """Replace everything by what `dump` returned.
+
+        `upgraded`: it was written by another version. What this one does not know is dropped, where a device converts
+        some of it; what it has beyond keeps the factory's rows.
+        """
+        self.counters = {**self.counters, **data["counters"]} if upgraded else dict(data["counters"])
+        if not upgraded:
+            self.tables.clear()
         for path, rows in data["tables"].items():
-            self.table(path).items = [
-                Item(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows
-            ]
+            if upgraded and not self.schema.has_menu(path):
+                continue
+            table = self.table(path)
+            table.items = [Item(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows]
+            for item in table.items if upgraded else ():
+                item.values = {name: value for name, value in item.values.items() if name in {*table.args, "name"}}
         self.changes.clear()
         self._dynamic_ids.clear()
         self.revision += 1

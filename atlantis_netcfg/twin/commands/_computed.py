@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.derived import type_of
 from atlantis_netcfg.twin.devicemode import FEATURES, allowed
+from atlantis_netcfg.twin.software import package_file
 from atlantis_netcfg.twin.values import id_text, interval
 
 if TYPE_CHECKING:
@@ -147,13 +148,30 @@ def _files(core: Core, _call: Call) -> Rows:
         {
             ".id": id_text(file.number),
             "name": name,
-            "type": "script" if name.endswith(".rsc") else "backup" if name.endswith(".backup") else ".txt file",
+            "type": next((kind for ending, kind in _FILE_TYPES.items() if name.endswith(ending)), ".txt file"),
             "size": str(len(file.contents.encode(errors="surrogateescape"))),
             "last-modified": file.modified,
-            "contents": file.contents,
+            **_contents(name, file.contents),
         }
         for name, file in sorted(core.files.items())
     ]
+
+
+_FILE_TYPES = {".rsc": "script", ".backup": "backup", ".npk": "package"}
+
+
+def _contents(name: str, contents: str) -> dict[str, str]:
+    """Return the text; of a package what its header says, of a broken one nothing (Manual, Files)."""
+    if not name.endswith(".npk"):
+        return {"contents": contents}
+    package = package_file(contents)
+    if package is None:
+        return {}
+    return {
+        "package-name": package.name,
+        "package-version": package.version,
+        "package-architecture": package.architecture,
+    }
 
 
 def _log(core: Core, _call: Call) -> Rows:
