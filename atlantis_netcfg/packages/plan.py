@@ -71,6 +71,7 @@ class Upgrade:
     """What is to be sent, in which order, and what is to be read back after the reboot; empty: already so."""
 
     send: tuple[Npk, ...]
+    """RouterOS itself last: a device that reboots before finds packages that it cannot install, and stays as it is."""
     version: Version
     """Of the system afterwards."""
     expected: tuple[str, ...]
@@ -97,7 +98,7 @@ def plan(installed: Installed, given: Sequence[Npk], *, give_up: Sequence[str] =
     there = {package.name: package for package in installed.packages}
     send = tuple(
         package
-        for package in sorted(given, key=lambda each: (each.name != MAIN, each.name))
+        for package in sorted(given, key=lambda each: (each.name == MAIN, each.name))
         if package.name not in there or there[package.name].version != package.version
     )
     kept = {package.name for package in installed.packages if version == installed.version}

@@ -39,8 +39,8 @@ class Case:
 
 CASES = {
     "the bundle alone": Case(device(), (npk("routeros"),), send=("routeros",)),
-    "the bundle is sent first": Case(
-        device("routeros", "container"), (npk("container"), npk("routeros")), send=("routeros", "container")
+    "the bundle is sent last": Case(
+        device("routeros", "container"), (npk("routeros"), npk("container")), send=("container", "routeros")
     ),
     "already there": Case(device(release="7.21.5"), (npk("routeros"),)),
     "a package more of the same version": Case(device(release="7.21.5"), (npk("routeros"), npk("gps")), send=("gps",)),
@@ -71,7 +71,7 @@ CASES = {
     "the radio across 7.13 with its driver": Case(
         device(release="7.4.1", radios=("wlan1",)),
         (npk("routeros"), npk("wireless")),
-        send=("routeros", "wireless"),
+        send=("wireless", "routeros"),
     ),
     "the radio given up": Case(
         device(release="7.4.1", radios=("wlan1",)), (npk("routeros"),), send=("routeros",), drop=("wireless",)
@@ -90,7 +90,7 @@ CASES = {
     "from 6 with the bundle": Case(
         device("routeros-arm64", "system", "ppp", "wireless", release="6.49.19", radios=("wlan1",)),
         (npk("routeros"), npk("wireless")),
-        send=("routeros", "wireless"),
+        send=("wireless", "routeros"),
     ),
     "from 6 made of single packages": Case(
         device("system", "ppp", release="6.49.19"), (npk("routeros"),), says=("made of single packages",)
