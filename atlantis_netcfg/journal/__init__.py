@@ -1,6 +1,6 @@
 """What ran, what the devices said, what to go on with: kept on disk so that a kill at any moment loses nothing.
 
-    <state>/<real|rehearsal>/pins.json                          certificates, by device
+    <state>/<real|rehearsal>/pins.json                          certificates and SSH host keys, by device
     <state>/<real|rehearsal>/<site>/lock                        who works on the site now
     <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
@@ -23,12 +23,18 @@ from atlantis_netcfg.journal.records import (
     SETTLED,
     ActionsAcknowledged,
     ActionsConfirmed,
+    ContactStep,
+    ContactStepDone,
     DeviceObserved,
     LayerSent,
     Outcome,
+    PackagesConfirmed,
+    PackageSent,
+    Pinned,
     Planned,
     PlannedAction,
     Protected,
+    Rebooting,
     Record,
     Released,
     Releasing,
@@ -46,6 +52,8 @@ __all__ = [
     "ActionsAcknowledged",
     "ActionsConfirmed",
     "Confirmed",
+    "ContactStep",
+    "ContactStepDone",
     "DeviceObserved",
     "Entry",
     "Holder",
@@ -56,11 +64,15 @@ __all__ = [
     "NoJournal",
     "NoSuchRun",
     "Outcome",
+    "PackageSent",
+    "PackagesConfirmed",
+    "Pinned",
     "Pins",
     "PinsDamaged",
     "Planned",
     "PlannedAction",
     "Protected",
+    "Rebooting",
     "Record",
     "Recorder",
     "Released",

@@ -1,4 +1,4 @@
-"""Certificates pinned at first contact: a device that shows another one is not spoken to."""
+"""Certificates and SSH host keys pinned at first contact: a device that shows others is not spoken to."""
 
 from __future__ import annotations
 
@@ -17,9 +17,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Pins"]
 
+_HOST_KEY = "ssh "
+"""Before a device's name where its host key is kept; names have no spaces."""
+
 
 class Pins:
-    """SHA-256 (hex) of each device's certificate, by device name. Several processes may write at once."""
+    """SHA-256 (hex) of each device's certificate, and its SSH host key (`SHA256:...`), by device name.
+
+    Several processes may write at once.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -40,6 +46,18 @@ class Pins:
                 pins.pop(device, None)
             else:
                 pins[device] = certificate
+
+    def host_key(self, device: str) -> str | None:
+        """The pinned SSH host key as OpenSSH prints it, or None before the first contact by SSH. Raises PinsDamaged."""
+        return self._read().get(_HOST_KEY + device)
+
+    def pin_host_key(self, device: str, host_key: str) -> str:
+        """Pin at first contact and return what is pinned: an earlier pin stays."""
+        return self.pin(_HOST_KEY + device, host_key)
+
+    def change_host_key(self, device: str, host_key: str | None) -> None:
+        """Trust another host key from now on, or (None) none; only on a person's word."""
+        self.change(_HOST_KEY + device, host_key)
 
     @contextmanager
     def _writing(self) -> Iterator[dict[str, str]]:

@@ -14,12 +14,18 @@ __all__ = [
     "SETTLED",
     "ActionsAcknowledged",
     "ActionsConfirmed",
+    "ContactStep",
+    "ContactStepDone",
     "DeviceObserved",
     "LayerSent",
     "Outcome",
+    "PackageSent",
+    "PackagesConfirmed",
+    "Pinned",
     "Planned",
     "PlannedAction",
     "Protected",
+    "Rebooting",
     "Record",
     "Released",
     "Releasing",
@@ -32,7 +38,7 @@ __all__ = [
     "Verified",
 ]
 
-SETTLED = frozenset({"unchanged", "changed", "planned", "refused", "rolled-back", "left-as-found"})
+SETTLED = frozenset({"unchanged", "changed", "planned", "drifted", "refused", "rolled-back", "left-as-found"})
 """Outcomes after which nothing is open on the device; the other one is `unknown`."""
 
 
@@ -192,6 +198,64 @@ class Unrolled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ContactStep:
+    """This step of first contact is about to be typed on the device's console; it may be repeated."""
+
+    kind: Literal["contact-step"] = "contact-step"
+    device: str
+    step: str
+    commands: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactStepDone:
+    """The device has printed that it executed every command of the step."""
+
+    kind: Literal["contact-step-done"] = "contact-step-done"
+    device: str
+    step: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pinned:
+    """From here on the device is known by these; None where it was not seen (no SSH on a serial line)."""
+
+    kind: Literal["pinned"] = "pinned"
+    device: str
+    certificate: str | None
+    host_key: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackageSent:
+    """This package file lies on the device, whole; the device installs it at its next reboot."""
+
+    kind: Literal["package-sent"] = "package-sent"
+    device: str
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rebooting:
+    """The device is about to be told to reboot, into this version."""
+
+    kind: Literal["rebooting"] = "rebooting"
+    device: str
+    version: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackagesConfirmed:
+    """After the reboot the device was read: these packages, all of this version."""
+
+    kind: Literal["packages-confirmed"] = "packages-confirmed"
+    device: str
+    version: str
+    packages: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """How the run ended on one device."""
 
@@ -225,6 +289,12 @@ Record = Annotated[
     | Released
     | ActionsConfirmed
     | Unrolled
+    | ContactStep
+    | ContactStepDone
+    | Pinned
+    | PackageSent
+    | Rebooting
+    | PackagesConfirmed
     | Outcome
     | RunEnded,
     Field(discriminator="kind"),

@@ -112,6 +112,18 @@ def test_a_pin_changes_only_when_told(tmp_path: Path) -> None:
     assert pins.get("router") is None
 
 
+def test_a_host_key_is_pinned_beside_the_certificate(tmp_path: Path) -> None:
+    pins = Pins(tmp_path / "pins.json")
+    assert pins.host_key("coastal-router") is None
+    assert pins.pin_host_key("coastal-router", "SHA256:first") == "SHA256:first"
+    assert pins.pin_host_key("coastal-router", "SHA256:second") == "SHA256:first"
+    assert pins.get("coastal-router") is None
+    pins.change_host_key("coastal-router", "SHA256:second")
+    assert Pins(tmp_path / "pins.json").host_key("coastal-router") == "SHA256:second"
+    pins.change_host_key("coastal-router", None)
+    assert pins.host_key("coastal-router") is None
+
+
 def test_pins_of_several_writers_are_all_kept(tmp_path: Path) -> None:
     names = [f"device{number}" for number in range(40)]
     with ThreadPoolExecutor(8) as pool:
