@@ -16,6 +16,7 @@ __all__ = [
     "Action",
     "Drift",
     "Facts",
+    "Hidden",
     "Layer",
     "Observed",
     "Owner",
@@ -125,6 +126,17 @@ class Drift:
     subject: str
     owner: Owner
     message: str
+    id: str = ""
+    """The row's `.id`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hidden:
+    """A declared secret that the device does not show, so that nobody can tell whether it differs."""
+
+    menu: str
+    subject: str
+    name: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +148,7 @@ class Plan:
     diff: str
     """The same in the device's own export language with margins `+`, `-`; secrets masked; empty: nothing changes."""
     drift: tuple[Drift, ...] = ()
+    hidden: tuple[Hidden, ...] = ()
     notes: Sequence[str] = field(default_factory=tuple)
 
     @property

@@ -11,6 +11,7 @@ from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned, PlannedAction
 from atlantis_netcfg.routeros.apply._change import change
 from atlantis_netcfg.routeros.apply._contact import Contact
+from atlantis_netcfg.routeros.apply._drift import compared, drift
 from atlantis_netcfg.routeros.apply._job import Mode, Status
 from atlantis_netcfg.routeros.apply._prerequisites import missing
 from atlantis_netcfg.routeros.apply._protection import Protection
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
 __all__ = ["converge"]
+
+_READING = (Mode.PLAN, Mode.DRIFT)
+"""Ways that change nothing."""
 
 
 class Interrupted(DeviceFailed):
@@ -52,6 +56,8 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
     except (CannotPlan, MenuMissing) as refusal:
         return work.result(Status.REFUSED, str(refusal), hint=refusal.hint)
     except NetcfgError as failure:
+        if mode is Mode.DRIFT:
+            return work.result(Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
         return await settle(work, failure)
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
@@ -66,11 +72,15 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
 async def _run(work: Work, mode: Mode) -> DeviceResult:
     await _observe(work, mode)
     holder = work.seen.facts.safe_mode_owner
-    if holder is not None and mode is not Mode.PLAN:
+    if holder is not None and mode not in _READING:
         return _held(work, holder)
     _plan(work)
     if holder is not None:
         work.notes.append(f"{holder} holds safe mode: what was changed in it may yet be taken back")
+    if mode is Mode.DRIFT:
+        return await drift(work)
+    if mode is Mode.PLAN:
+        work.comparison = compared(work)
     refusal = None if not work.aim.actions else _judge(work, mode)
     if refusal is not None:
         return refusal

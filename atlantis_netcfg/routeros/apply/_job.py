@@ -13,8 +13,10 @@ from atlantis_netcfg.journal import NoJournal, Recorder
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts
+    from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
 
 __all__ = [
@@ -39,6 +41,8 @@ class Mode(StrEnum):
     """Like `apply`; the desired state is a saved one."""
     BACKUP = "backup"
     """Save the device's own text of its state, and change nothing."""
+    DRIFT = "drift"
+    """Say what differs from the desired state, since when and by whom, and change nothing."""
 
 
 class Status(StrEnum):
@@ -47,6 +51,7 @@ class Status(StrEnum):
     UNCHANGED = "unchanged"
     CHANGED = "changed"
     PLANNED = "planned"
+    DRIFTED = "drifted"
     REFUSED = "refused"
     ROLLED_BACK = "rolled-back"
     LEFT_AS_FOUND = "left-as-found"
@@ -62,6 +67,7 @@ _EXITS = {
     Status.UNCHANGED: ExitCode.DONE,
     Status.CHANGED: ExitCode.DONE,
     Status.PLANNED: ExitCode.CHANGES,
+    Status.DRIFTED: ExitCode.CHECKS_FAILED,
     Status.REFUSED: ExitCode.FAILED,
     Status.ROLLED_BACK: ExitCode.FAILED,
     Status.LEFT_AS_FOUND: ExitCode.FAILED,
@@ -119,6 +125,8 @@ class DeviceJob:
     """Told name and certificate of a device that was never met; None: such a device is refused."""
     agreed: str | None = None
     """Hash of the plan that a person has agreed to: another one is not applied."""
+    confirmed: Confirmed | None = None
+    """The state that a run has read back last, to say since when something differs."""
     patience: Patience = Patience()
     connect: Connect = Session.open
 
@@ -138,6 +146,8 @@ class DeviceResult:
     """Actions that were read back and are permanent."""
     diff: str = ""
     drift: tuple[Drift, ...] = ()
+    comparison: Comparison | None = None
+    """What differs, where the run was to say so."""
     notes: tuple[str, ...] = ()
     estimate: Estimate | None = None
     plan_hash: str = ""
@@ -161,6 +171,7 @@ class DeviceResult:
             "confirmed": self.confirmed,
             "diff": self.diff,
             "drift": [_drift(each) for each in self.drift],
+            "comparison": None if self.comparison is None else self.comparison.as_dict(),
             "notes": list(self.notes),
             "estimate": None if self.estimate is None else _estimate(self.estimate),
             "plan_hash": self.plan_hash,

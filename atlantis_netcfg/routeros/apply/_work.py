@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed, Outcome
+from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Protection
 from atlantis_netcfg.routeros.apply._stages import Stages
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._contact import Contact
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
     from atlantis_netcfg.routeros.apply._writer import Writer
+    from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Estimate
 
 __all__ = ["Work"]
@@ -29,6 +32,7 @@ _STAGES = {
     Status.UNCHANGED: Stage.DONE,
     Status.CHANGED: Stage.CONFIRMED,
     Status.PLANNED: Stage.DONE,
+    Status.DRIFTED: Stage.DONE,
     Status.ROLLED_BACK: Stage.UNROLLED,
 }
 
@@ -48,6 +52,7 @@ class Work:
     after: Observed | None = None
     """What the verifying session read."""
     plan: Plan | None = None
+    comparison: Comparison | None = None
     estimate: Estimate | None = None
     stages: Stages = field(default_factory=Stages)
     writer: Writer | None = None
@@ -124,6 +129,7 @@ class Work:
             confirmed=self.confirmed,
             diff=plan.diff if plan is not None else "",
             drift=plan.drift if plan is not None else (),
+            comparison=self.comparison,
             notes=(*(plan.notes if plan is not None else ()), *self.notes),
             estimate=self.estimate,
             plan_hash=plan_hash(plan) if plan is not None else "",
@@ -135,10 +141,17 @@ class Work:
             facts=self.before.facts if self.before is not None else None,
         )
 
+    def _confirm(self, status: Status) -> None:
+        """Keep what was read back at the end of a run, for drift to be dated by and for a replacement."""
+        read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(status)
+        if read is not None and self.plan is not None:
+            self.job.journal.confirm(self.job.name, partial(snapshot.write, self.job.name, self.job.desired, read))
+
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
         outcome = Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
         try:
+            self._confirm(result.status)
             self.record(outcome)
         except JournalFailed as failure:
             if str(failure) not in result.message:

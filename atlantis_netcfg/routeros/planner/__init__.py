@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed, Row
     from atlantis_netcfg.versions import Version
 
-__all__ = ["CannotPlan", "after", "plan", "simulate"]
+__all__ = ["CannotPlan", "after", "as_renamed", "plan", "simulate"]
 
 
 def plan(device: str, desired: Desired, observed: Observed) -> Plan:
@@ -36,8 +36,9 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     menus = sorted(desired.menus, key=rank)
     problems = [problem for path in menus for problem in _unsupported(path, desired, observed.facts.version)]
     names = new_names(desired, observed.rows)
+    rows = as_renamed(desired, observed.rows)
     context = Context(desired, Names(observed.rows), "sensitive" in observed.facts.policies)
-    parts = [_plan_menu(path, desired, renamed(path, observed.rows[path], names), context) for path in menus]
+    parts = [_plan_menu(path, desired, rows[path], context) for path in menus]
     for part in parts:
         _order_renames(part, names)
         problems += part.problems
@@ -48,8 +49,15 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
         actions=tuple(_numbered(parts)),
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
+        hidden=tuple(hidden for part in parts for hidden in part.hidden),
         notes=(*desired.notes, *dict.fromkeys(note for part in parts for note in part.notes)),
     )
+
+
+def as_renamed(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, tuple[Row, ...]]:
+    """Return the rows of the declared menus as they will read once the ports have their declared names."""
+    names = new_names(desired, rows)
+    return {path: renamed(path, rows[path], names) for path in desired.menus}
 
 
 def _unsupported(path: str, desired: Desired, version: Version) -> Iterator[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Layer, Verb
+from atlantis_netcfg.routeros._types import Hidden, Layer, Verb
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -47,6 +47,7 @@ class MenuPlan:
     changes: list[Change] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     drift: list[Drift] = field(default_factory=list)
+    hidden: list[Hidden] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
@@ -132,6 +133,7 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
     if each.unread:
         return {}
     if each.secret and context.is_hidden(row.get(name)):
+        report.hidden.append(Hidden(menu.path, menu.name_of(row), name))
         report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
         return {}
     value = item.values[name]

@@ -239,7 +239,7 @@ def _show(lists: _Lists) -> None:
     for place, row in enumerate(lists.old):
         if place not in declared and place not in lists.moved and not _is_ours(lists, row):
             message = "not declared, and not ours: left as it is"
-            report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message))
+            report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message, row[".id"]))
 
 
 def _shown(lists: _Lists, row: Row, item: Item | None, *, moved: bool) -> list[Line]:

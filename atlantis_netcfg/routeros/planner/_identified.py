@@ -248,4 +248,4 @@ def _report_left(work: _Rows) -> None:
     for row in work.left:
         if not _is_removable(work, row) and not menu.is_stock(row):
             message = "not declared, and not ours: left as it is"
-            work.report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message))
+            work.report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message, row[".id"]))

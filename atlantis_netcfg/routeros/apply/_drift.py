@@ -1,0 +1,72 @@
+"""Reading a device to say what differs: like a plan, and with what the device and the journal remember."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.routeros.apply._job import Status
+from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftKind, History, Past, compare
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.apply._job import DeviceResult
+    from atlantis_netcfg.routeros.apply._work import Work
+
+__all__ = ["compared", "drift"]
+
+_FORGOTTEN = History()
+
+
+async def drift(work: Work) -> DeviceResult:
+    """End with what differs; the device's history costs one round trip, and only where something does."""
+    history = _FORGOTTEN
+    if _differs(work):
+        reply = await work.channel.command(HISTORY)
+        history = History(() if reply.trap is not None else reply.rows)
+    found = work.comparison = compared(work, history)
+    if not found.drifted:
+        return work.result(Status.UNCHANGED, _as_declared(found))
+    return work.result(Status.DRIFTED, _summary(found))
+
+
+def compared(work: Work, history: History = _FORGOTTEN) -> Comparison:
+    """Compare with the declaration, and with the last confirmed state as far as that can be read."""
+    return compare(work.job.desired, work.seen, work.aim, _past(work), history)
+
+
+def _differs(work: Work) -> bool:
+    return bool(work.aim.actions or work.aim.drift)
+
+
+def _past(work: Work) -> Past | None:
+    confirmed = work.job.confirmed
+    if confirmed is None:
+        return None
+    if not _differs(work):
+        return Past(confirmed.run, confirmed.at, {})
+    try:
+        return Past.read(confirmed.run, confirmed.at, confirmed.text())
+    except NetcfgError as error:
+        work.notes.append(str(error))
+        return None
+
+
+def _as_declared(found: Comparison) -> str:
+    beside = [one for one in found.differences if one.kind is DriftKind.FOREIGN]
+    hidden = [one for one in found.differences if one.kind is DriftKind.HIDDEN]
+    words = ["as declared"]
+    if beside:
+        words.append(f"{_count(len(beside), 'foreign row')} left alone as before")
+    if hidden:
+        words.append(f"{_count(len(hidden), 'secret')} could not be compared")
+    return "; ".join(words)
+
+
+def _summary(found: Comparison) -> str:
+    kinds = [one.kind for one in found.drifted]
+    parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
+    return f"{_count(len(kinds), 'difference')} from the declaration: {parts}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,26 @@
+"""What differs on a device from the declaration: in one vocabulary, with who owns it and since when.
+
+It is made from a plan, so that drift is exactly what a run would change, plus what it would leave alone. Pure: what was
+confirmed last and what the device remembers are given as text and rows.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.routeros.drift._compare import compare
+from atlantis_netcfg.routeros.drift._history import HISTORY, History
+from atlantis_netcfg.routeros.drift._model import Comparison, Deed, Difference, DriftKind, FieldDifference, Owner, Since
+from atlantis_netcfg.routeros.drift._past import Past
+
+__all__ = [
+    "HISTORY",
+    "Comparison",
+    "Deed",
+    "Difference",
+    "DriftKind",
+    "FieldDifference",
+    "History",
+    "Owner",
+    "Past",
+    "Since",
+    "compare",
+]

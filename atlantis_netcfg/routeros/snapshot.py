@@ -1,0 +1,113 @@
+"""The state that a run has read back, as text: for comparing later states with it, and for a replacement device.
+
+It is written in the language of exports, but from rows that the API has returned anyway, so that it costs no round
+trip; whoever reads it back goes by the same table of menus. It holds the declared menus with every row in them,
+whosoever it is. It holds no secrets, and nothing that belongs to the box alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.desired import from_export
+from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical, rank
+from atlantis_netcfg.rsc import Export, Statement, parse, print_export
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._types import Observed, Row
+    from atlantis_netcfg.routeros.menus import Field, Menu
+
+__all__ = ["read", "write"]
+
+_OF_THE_BOX = frozenset(
+    {
+        ("/interface/bridge", "admin-mac"),
+        ("/interface/ovpn-client", "mac-address"),
+        ("/ip/address", "broadcast"),
+        ("/ip/address", "network"),
+    }
+)
+"""Properties of rows that the device gives itself: a replacement has its own."""
+
+
+def write(device: str, desired: Desired, observed: Observed) -> str:
+    """Return the state of the declared menus, in the order in which they can be set."""
+    facts = observed.facts
+    menus = [MENUS[path] for path in sorted(desired.menus, key=rank) if not MENUS[path].readonly]
+    menus = [menu for menu in menus if menu.exported]
+    named = {menu.path: {name for item in desired.items[menu.path] for name in item.values} for menu in menus}
+    used = frozenset(_used(observed.rows))
+    statements = [
+        statement
+        for menu in menus
+        for row in observed.rows[menu.path]
+        if menu.is_touchable(row)
+        for statement in _statement(menu, row, named[menu.path], used)
+    ]
+    header = (
+        f"confirmed state of {device}: the declared menus as they were read back, without secrets",
+        f"by RouterOS {facts.version}",
+        f"model = {facts.board}",
+    )
+    return print_export(Export(header, tuple(statements), tuple(menu.path for menu in menus)))
+
+
+def read(text: str, source: str) -> Desired:
+    """Read a state as something to declare: its menus, each of them entirely. Raises RscError."""
+    menus = [path for path in parse(text, source).menus if path in MENUS]
+    return from_export(text, menus, source)
+
+
+def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
+    """Yield every name by which a row names an interface."""
+    for path, found in rows.items():
+        fields = [each.name for each in MENUS[path].fields if each.kind in (Kind.INTERFACE, Kind.GATEWAY)]
+        if MENUS[path].shape is not Shape.FIXED:
+            for row in found:
+                yield from (
+                    word.strip("!").rpartition("%")[2] for name in fields for word in row.get(name, "").split(",")
+                )
+
+
+def _statement(menu: Menu, row: Row, named: set[str], used: frozenset[str]) -> Iterator[Statement]:
+    """Yield the statement that sets the row; none for settings and given rows that are at their defaults."""
+    values = dict(_values(menu, row, named))
+    if menu.shape is Shape.LIST and not menu.is_stock(row):
+        yield Statement(menu.path, "add", tuple(values.items()))
+        return
+    keys = {key: row.get(key, "") for key in menu.keys}
+    if menu.shape is Shape.FIXED and "name" not in menu.keys and row.get("name") in used:
+        # Said even where it is the default: a replacement without this port cannot take the state.
+        values["name"] = row["name"]
+    changed = tuple((name, value) for name, value in values.items() if name not in keys)
+    if changed:
+        yield Statement(menu.path, "set", changed, find=tuple(keys.items()) or None)
+
+
+def _values(menu: Menu, row: Row, named: set[str]) -> Iterator[tuple[str, str | None]]:
+    for each in sorted(menu.fields, key=lambda one: one.name):
+        value = row.get(each.name)
+        if value is None or each.secret or each.unread or _is_left_to_the_box(menu, each, named):
+            continue
+        if each.name in (*menu.keys, "action") or menu.form(each.name, row) != _default(menu, each, row):
+            yield each.name, _printed(each, value)
+
+
+def _is_left_to_the_box(menu: Menu, each: Field, named: set[str]) -> bool:
+    """Tell of a property that the device computes, unless it is declared or may well be somebody's own choice."""
+    if not each.keep or each.default is not None or each.name in named:
+        return False
+    return menu.shape is not Shape.LIST or (menu.path, each.name) in _OF_THE_BOX
+
+
+def _default(menu: Menu, each: Field, row: Row) -> str:
+    return each.form(menu.default_of(each.name, row))
+
+
+def _printed(each: Field, value: str) -> str | None:
+    if each.kind is Kind.FLAG:
+        return "" if canonical(each.kind, value) == "yes" else None
+    return canonical(each.kind, value) if each.kind is Kind.BOOLEAN else value
