@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Caller
 from atlantis_netcfg.twin.commands._complete import mac_of
 from atlantis_netcfg.twin.console.run import run_file
+from atlantis_netcfg.twin.factory import default_configuration
 from atlantis_netcfg.twin.menus import INTERFACES, MODELLED, Menu, Shape
 from atlantis_netcfg.twin.store import Item
 from atlantis_netcfg.twin.values import reference, spell
@@ -19,6 +20,7 @@ __all__ = ["SYSTEM", "SeedRefused", "boot"]
 SYSTEM = Caller(0, "*sys", "full", "local", "", 0.0)
 """Who seeds the router and runs its schedulers."""
 _MARK = "atlantis: management"
+_BUILTIN_USER = "system default user"
 
 
 class SeedRefused(ValueError):
@@ -34,8 +36,11 @@ def boot(core: Core) -> None:
             _factory(core, menu)
     _ports(core)
     _people(core)
-    _certificates(core)
-    _adopt(core)
+    if core.spec.factory:
+        _seed(core, default_configuration(core.spec) + core.spec.seed)
+    else:
+        _certificates(core)
+        _adopt(core)
     core.store.changes.clear()
     core.history.clear()
     core.log.clear()
@@ -71,12 +76,13 @@ def _people(core: Core) -> None:
     names = {user.name for user in spec.users}
     if "admin" not in names:
         everyone = core.store.refer("group", "full")
-        admin = {"name": "admin", "group": everyone, "disabled": "yes", "comment": "system default user"}
+        admin = {"name": "admin", "group": everyone, "disabled": "yes", "comment": _BUILTIN_USER}
         core.store.insert(path, admin)
     for user in spec.users:
         values = {"name": user.name, "group": core.store.refer("group", user.group), "password": user.password}
         values |= {"disabled": "yes"} if user.disabled else {}
         values |= {"address": user.address} if user.address else {}
+        values |= {"comment": _BUILTIN_USER} if user.name == "admin" else {}
         core.store.insert(path, values)
 
 
@@ -97,7 +103,10 @@ def _adopt(core: Core) -> None:
     for item in service.items:
         if store.text(service, item, "name") == "api-ssl" and core.spec.certificates:
             item.values["certificate"] = store.refer("certificate", core.spec.certificates[0])
-    if core.spec.seed:
-        error = run_file(core, SYSTEM, core.spec.seed).error
-        if error is not None:
-            raise SeedRefused(f"{core.spec.name}: the seed was refused: {error}")
+    _seed(core, core.spec.seed)
+
+
+def _seed(core: Core, text: str) -> None:
+    error = run_file(core, SYSTEM, text).error if text else None
+    if error is not None:
+        raise SeedRefused(f"{core.spec.name}: the seed was refused: {error}")

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call
     from atlantis_netcfg.twin.spec import RouterSpec
 
-__all__ = ["Core", "File", "Listener", "Record"]
+__all__ = ["GREETINGS", "Core", "File", "Listener", "Record"]
 
 _LOG_LINES = 1000
+GREETINGS = ("licence", "default-configuration", "password")
+"""The questions of a first login, in their order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,8 @@ class Core:
         """Sessions that somebody asked to end: whoever owns the sockets closes them."""
         self.certificates: dict[str, dict[str, str]] = {}
         """Properties of certificates that whoever made them knows: fingerprint, validity."""
+        self.keys: dict[int, str] = {}
+        """Key and certificate of rows of `/certificate`, as PEM text; a row without is a template still unsigned."""
         self.ran: dict[int, float] = {}
         """When each job of the scheduler ran last."""
         self.run_counts: dict[int, int] = {}
@@ -80,6 +84,12 @@ class Core:
         """When dynamic entries of address lists go."""
         self.scheduled_since: dict[int, float] = {}
         """When each job was seen first: what should have run before will not."""
+        self.menus: dict[int, str] = {}
+        """Where in the tree of menus each console session stands, if not at its root."""
+        self.notices: list[tuple[int, str]] = []
+        """What the console has to tell a session without being asked: session, text."""
+        self.greetings: tuple[str, ...] = GREETINGS if spec.factory else ()
+        """What the console still has to ask whoever logs in first."""
         self.boot_clock = spec.clock
         self._topology: Topology | None = None
         self._numbers = 0

@@ -14,6 +14,8 @@ from atlantis_netcfg.twin.boot import boot
 from atlantis_netcfg.twin.commands._call import Call, Result
 from atlantis_netcfg.twin.commands.dispatch import dispatch
 from atlantis_netcfg.twin.console.export import Form, export_text
+from atlantis_netcfg.twin.console.side import ConsoleSide
+from atlantis_netcfg.twin.console.typed import Printed
 from atlantis_netcfg.twin.core import Core, File
 from atlantis_netcfg.twin.listen import emit, listen
 from atlantis_netcfg.twin.path import path_open
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.twin.spec import RouterSpec
 
-__all__ = ["NOT_REHEARSED", "Device", "Service"]
+__all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
 
 NOT_REHEARSED = (
     "throughput, latency and load of the real board",
@@ -56,7 +58,7 @@ class Service:
     tls_version: str
 
 
-class Device:
+class Device(ConsoleSide):
     """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
 
     It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the
@@ -126,6 +128,7 @@ class Device:
         """Drop a session; if it holds safe mode, its changes are undone a little later."""
         core = self._core
         core.sessions.pop(number, None)
+        core.menus.pop(number, None)
         core.ended.discard(number)
         core.listeners = [one for one in core.listeners if one.caller.number != number]
         self._lost.pop(number, None)
@@ -233,12 +236,27 @@ class Device:
 
     # --- what others look at ---------------------------------------------------------------------------------------
 
-    def path_open(self, caller: str, local: str, service: str, *, established: bool = False) -> bool:
+    def path_open(
+        self, caller: str, local: str, service: str, *, established: bool = False, plug: str | None = None
+    ) -> bool:
         """Would a packet from the technician's address `caller` reach `service` at `local`, and the answer come back.
 
-        `established`: for a session that exists already (its connection is tracked).
+        `established`: for a session that exists already (its connection is tracked). `plug`: factory name of the port
+        that the technician's cable is in; the management port if left out.
         """
-        return path_open(self._core, caller, local, service, established=established)
+        return path_open(self._core, caller, local, service, established=established, plug=plug)
+
+    def certificate(self, name: str) -> str | None:
+        """Key and certificate of a row of `/certificate` as PEM text; None for a template that nobody has signed."""
+        number = self._core.store.id_of("certificate", name)
+        return None if number is None else self._core.keys.get(number)
+
+    def give_certificate(self, name: str, pem: str) -> None:
+        """Put key and certificate of a row on the flash, as its maker has done. LookupError without a row."""
+        number = self._core.store.id_of("certificate", name)
+        if number is None:
+            raise LookupError(name)
+        self._core.keys[number] = pem
 
     def services(self) -> Mapping[str, Service]:
         """The services by name, as they are configured now."""
@@ -286,7 +304,8 @@ class Device:
                     store.put_back(change)
         files = {name: [file.number, file.contents, file.modified] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
-        return {"configuration": store.dump(), "files": files, "software": software}
+        keys = {str(number): pem for number, pem in core.keys.items()}
+        return {"configuration": store.dump(), "files": files, "software": software, "keys": keys}
 
     def restore(self, flash: Mapping[str, Any]) -> None:
         """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
@@ -301,6 +320,7 @@ class Device:
         self._core.store.load(flash["configuration"], upgraded=upgraded)
         self._core.store.revision = revision + 1
         self._core.files = dict(found.files)
+        self._core.keys = {int(number): pem for number, pem in flash.get("keys", {}).items()}
         self.spec = found.spec
         for topics, message in found.log:
             self._core.note(topics, message)

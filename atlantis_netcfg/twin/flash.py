@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.twin.wire import private
-from atlantis_netcfg.twin.wire.tls import certificate, fingerprint
+from atlantis_netcfg.twin.wire.tls import certificate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,9 +42,12 @@ class Flash:
         """PEM file of the certificate that the router calls `name`."""
         return certificate(self._folder / "certificates", name, common_name=common_name, address=address)
 
-    def pin(self, name: str, *, common_name: str, address: str) -> str:
-        """Its SHA-256 fingerprint."""
-        return fingerprint(self.certificate(name, common_name=common_name, address=address))
+    def keep(self, pem: str) -> Path:
+        """A file with this key and certificate."""
+        path = self._folder / "certificates" / f"{hashlib.sha256(pem.encode()).hexdigest()[:16]}.used.pem"
+        if not path.exists():
+            private.write(path, pem.encode())
+        return path
 
     def forget_certificates(self) -> None:
         """Let the next connection find new keys, as after a reset of the router."""

@@ -24,11 +24,16 @@ _CLIENT_PORT = 50000
 _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"
 
 
-def path_open(core: Core, caller: str, local: str, service: str, *, established: bool) -> bool:
-    """Walk a packet in and its answer out; for a new session the connection's later packets have to pass as well."""
+def path_open(  # noqa: PLR0913 - one packet's two ends
+    core: Core, caller: str, local: str, service: str, *, established: bool, plug: str | None = None
+) -> bool:
+    """Walk a packet in and its answer out; for a new session the connection's later packets have to pass as well.
+
+    `plug`: factory name of the port that the caller's cable is in; the management port if left out.
+    """
     topology = core.topology
     port = _service_port(core, service)
-    entry = _port(core)
+    entry = _port(core, plug or core.spec.management.port)
     if port is None or entry is None or not topology.up(entry):
         return False
     interface = topology.interfaces[entry].master or entry
@@ -47,11 +52,11 @@ def path_open(core: Core, caller: str, local: str, service: str, *, established:
     )
 
 
-def _port(core: Core) -> int | None:
-    """Return the interface into whose socket the technician's cable is plugged, however it is called now."""
+def _port(core: Core, plug: str) -> int | None:
+    """Return the interface of a socket by its factory name, however it is called now."""
     table = core.store.table("/interface/ethernet")
     for item in table.items:
-        if (item.factory or {})["name"] == core.spec.management.port:
+        if (item.factory or {})["name"] == plug:
             return item.id
     return None
 

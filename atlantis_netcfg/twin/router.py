@@ -7,8 +7,10 @@ to apply a change, or what RouterOS leaves undocumented; for the last there are 
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
+from atlantis_netcfg.twin.certificates import known
 from atlantis_netcfg.twin.device import Device
 from atlantis_netcfg.twin.flash import Flash
 from atlantis_netcfg.twin.wire.doors import HOST, Doors
@@ -53,6 +55,7 @@ class Router:
         self._knobs = knobs or Knobs()
         self._flash = Flash(state_dir)
         self._doors = Doors(self._visitor, ports or {})
+        self._side_doors = Doors(self._side_visitor, {})
         self._tallies: list[Tally] = []
         self._consoles: dict[str, Caller] = {}
 
@@ -62,6 +65,7 @@ class Router:
         flash = self._flash.load()
         if flash is not None:
             self.device.restore(flash)
+        self._issue()
         self._board = Switchboard(
             self.device,
             self.spec.management,
@@ -81,6 +85,7 @@ class Router:
     async def stop(self) -> None:
         """Pull the plug: sockets close, the flash stays; raises what went wrong inside the twin meanwhile."""
         self._doors.close()
+        self._side_doors.close()
         self._flash.save(self.device.snapshot())
         self._board.stop()
         await asyncio.sleep(0)
@@ -119,12 +124,16 @@ class Router:
         return self._doors.port_map
 
     @property
+    def first_contact_ports(self) -> dict[int, int]:
+        """Loopback port by the port in `/ip/service`, for a laptop at the spec's `first_contact`."""
+        return self._side_doors.port_map
+
+    @property
     def pin(self) -> str | None:
         """SHA-256 of the certificate that api-ssl shows, in hex; None if it has none."""
         service = self.device.services().get("api-ssl")
-        if service is None or service.certificate is None:
-            return None
-        return self._flash.pin(service.certificate, common_name=self.spec.name, address=self.spec.management.local)
+        pem = None if service is None or service.certificate is None else self.device.certificate(service.certificate)
+        return None if pem is None else known(pem).fingerprint
 
     def export(
         self,
@@ -214,15 +223,30 @@ class Router:
     def recertify(self) -> None:
         """Replace the certificates, as a reset or an intruder would."""
         self._flash.forget_certificates()
+        self._issue(again=True)
 
     # Inside.
+
+    def _issue(self, *, again: bool = False) -> None:
+        """Let the certificates of the spec be those that an earlier start has made."""
+        for name in () if self.spec.factory else self.spec.certificates:
+            if again or self.device.certificate(name) is None:
+                pem = self._flash.certificate(name, common_name=self.spec.name, address=self.spec.management.local)
+                with suppress(LookupError):  # somebody has removed it
+                    self.device.give_certificate(name, pem.read_text(encoding="ascii"))
 
     def _visitor(self, service: str) -> Pipe:
         return self._board.visitor(service)
 
+    def _side_visitor(self, service: str) -> Pipe:
+        return self._board.visitor(service, self.spec.first_contact)
+
     async def _changed(self) -> None:
         await self._doors.align(self.device.services())
+        if self.spec.first_contact is not None:
+            await self._side_doors.align(self.device.services())
         self._flash.save(self.device.snapshot())
 
-    def _certificate(self, name: str) -> Path:
-        return self._flash.certificate(name, common_name=self.spec.name, address=self.spec.management.local)
+    def _certificate(self, name: str) -> Path | None:
+        pem = self.device.certificate(name)
+        return None if pem is None else self._flash.keep(pem)

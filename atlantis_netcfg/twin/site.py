@@ -108,4 +108,10 @@ def describe(router: Router) -> dict[str, Any]:
         "ports": {str(service): loopback for service, loopback in router.port_map.items()},
         "pin": router.pin,
         "address": router.spec.management.local,
+        "first_contact": None
+        if router.spec.first_contact is None
+        else {
+            "address": router.spec.first_contact.local,
+            "ports": {str(service): loopback for service, loopback in router.first_contact_ports.items()},
+        },
     }

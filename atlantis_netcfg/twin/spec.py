@@ -112,10 +112,24 @@ class RouterSpec(_Spec):
     neighbours: tuple[str, ...] = ()
     """Addresses that answer `/ping` when a route leads to them."""
     execute: Execute = Execute.OUTPUT
+    serial: bool = False
+    """It has a serial line: a pty whose path the running twin tells."""
+    factory: bool = False
+    """As it comes out of its box: the console asks about licence, default configuration and password.
+
+    It has the default configuration and the users of the spec (name `admin`), no certificate and no management address.
+    """
+    first_contact: Management | None = None
+    """A second way in, beside `management`: a laptop on a port of the factory's network."""
+
+    @property
+    def paths(self) -> tuple[Management, ...]:
+        """Every place from which the router is managed, the declared one first."""
+        return (self.management,) if self.first_contact is None else (self.management, self.first_contact)
 
     @model_validator(mode="after")
     def _ports(self) -> Self:
-        unknown = {self.management.port, *self.poe_ports} - set(self.ports)
+        unknown = {*(path.port for path in self.paths), *self.poe_ports} - set(self.ports)
         if unknown:
             raise ValueError(f"no such port on {self.name}: {', '.join(sorted(unknown))}")
         return self

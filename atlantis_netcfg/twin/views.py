@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.certificates import expires_after, known
 from atlantis_netcfg.twin.derived import dynamic_rows, properties
 from atlantis_netcfg.twin.devicemode import INACTIVE, allowed
 from atlantis_netcfg.twin.menus import Shape
@@ -86,12 +87,31 @@ def _service(core: Core, _item: Item) -> dict[str, str]:
     return {"dynamic": "false"} if core.schema.at_least("7.19") else {}
 
 
+def _certificate(core: Core, item: Item) -> dict[str, str]:
+    """A template says nothing of these before it is signed."""
+    pem = core.keys.get(item.id)
+    if pem is None:
+        return {}
+    found, now = known(pem), core.time()
+    return {
+        "serial-number": found.serial,
+        "fingerprint": found.fingerprint,
+        "invalid-before": core.stamp(found.not_before),
+        "invalid-after": core.stamp(found.not_after),
+        "expires-after": expires_after(found.not_after, now),
+        "private-key": "true" if found.private_key else "false",
+        "authority": "true" if found.authority else "false",
+        "expired": "true" if found.not_after < now else "false",
+    }
+
+
 def _expiring(core: Core, item: Item) -> dict[str, str]:
     when = core.expires.get(item.id)
     return {} if when is None else {"timeout": interval(max(0, round(when - core.now())))}
 
 
 _OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
+    "/certificate": _certificate,
     "/ip/firewall/address-list": _expiring,
     "/ip/service": _service,
     "/system/clock": _clock,

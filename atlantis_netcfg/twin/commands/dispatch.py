@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
-from atlantis_netcfg.twin.commands import files, read, safe, system, write
+from atlantis_netcfg.twin.commands import certificate, files, read, safe, system, write
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 __all__ = ["dispatch"]
 
 _SPECIAL: dict[str, tuple[Handler, str]] = {
+    "/certificate/import": (certificate.import_, "policy"),
+    "/certificate/sign": (certificate.sign, "policy"),
     "/execute": (files.execute, "write"),
     "/export": (files.export, "read"),
     "/file/add": (files.add, "write"),
@@ -44,6 +46,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/system/reboot": (system.reboot, "reboot"),
     "/tool/ping": (system.ping, "test"),
     "/undo": (safe.undo, "write"),
+    "/user/active/remove": (system.logout, "policy"),
     "/user/active/request-logout": (system.logout, "policy"),
 }
 _ROWS: dict[str, tuple[Handler, str]] = {

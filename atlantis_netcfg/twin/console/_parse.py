@@ -31,6 +31,7 @@ _POSITIONAL = {
     "move": ("numbers", "destination"),
     "get": ("number", "value-name"),
     "import": ("file-name",),
+    "sign": ("number",),
     "ping": ("address",),
 }
 

@@ -21,13 +21,29 @@ __all__ = ["Host"]
 class Host(Protocol):
     """What a connection needs of its router."""
 
-    bearer: Bearer
-    air: asyncio.Event
-    """Cleared while the bearer has a gap."""
-    knobs: Knobs
-    pace: Pace
-    chance: Random | None
-    """What shuffles, or None for the order of arrival."""
+    @property
+    def bearer(self) -> Bearer:
+        """What carries the bytes."""
+
+    @property
+    def air(self) -> asyncio.Event:
+        """Cleared while the bearer has a gap."""
+
+    @property
+    def knobs(self) -> Knobs:
+        """The knobs of this moment."""
+
+    @property
+    def pace(self) -> Pace:
+        """How fast the router answers."""
+
+    @property
+    def chance(self) -> Random | None:
+        """What shuffles, or None for the order of arrival."""
+
+    @property
+    def booting(self) -> bool:
+        """The router is down."""
 
     @property
     def silent_timeout_s(self) -> float:

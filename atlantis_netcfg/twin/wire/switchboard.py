@@ -12,6 +12,7 @@ from atlantis_netcfg.twin.wire.faults import Fault, FaultKind, Faults
 from atlantis_netcfg.twin.wire.knobs import Knobs, Pace
 from atlantis_netcfg.twin.wire.link import Bearer, Link
 from atlantis_netcfg.twin.wire.tls import Channel, Plain, Tls, context
+from atlantis_netcfg.twin.wire.way import Way
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -37,7 +38,7 @@ class Switchboard:
         path: Management,
         *,
         changed: Callable[[], Awaitable[None]],
-        certificate: Callable[[str], Path],
+        certificate: Callable[[str], Path | None],
         tallies: list[Tally],
     ) -> None:
         self.bearer = Bearer(Link())
@@ -83,9 +84,9 @@ class Switchboard:
         """Those that are there now."""
         return tuple(self._connections.values())
 
-    def visitor(self, service: str) -> Pipe:
-        """Make what serves a new client of `service`."""
-        connection = Connection(self, service)
+    def visitor(self, service: str, way: Management | None = None) -> Pipe:
+        """Make what serves a new client of `service`, who comes over the declared path or another `way`."""
+        connection = Connection(self if way is None else Way(self, self._device, way), service)
         self._connections[connection.pipe] = connection
         return connection.pipe
 

@@ -44,7 +44,7 @@ def test_the_protocol_and_sigterm(tmp_path: Path) -> None:
     with process(tmp_path) as twins:
         ready = ask(twins, "")
         assert ready["ready"] is True
-        assert set(ready["twins"]["router"]) == {"host", "api", "api_ssl", "ports", "pin", "address"}
+        assert {"host", "api", "api_ssl", "ports", "pin", "address", "first_contact"} <= set(ready["twins"]["router"])
         assert ask(twins, "not json")["ok"] is False
         assert ask(twins, '{"do": "drop"}')["ok"] is False
         assert ask(twins, '{"twin": "router", "do": "export"}')["result"].startswith("# ")

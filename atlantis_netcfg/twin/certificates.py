@@ -1,0 +1,151 @@
+"""What `/certificate` makes: keys, signatures, and what a certificate says about itself (Manual, Certificates)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
+from typing import TYPE_CHECKING
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec, rsa
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, load_pem_private_key
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+__all__ = ["BadRequest", "Known", "expires_after", "issue", "known", "split"]
+
+_CURVES: dict[str, Callable[[], ec.EllipticCurve]] = {
+    "prime256v1": ec.SECP256R1,
+    "secp384r1": ec.SECP384R1,
+    "secp521r1": ec.SECP521R1,
+}
+_SIZES = ("1024", "1536", "2048", "4096", "8192")
+_DIGESTS: dict[str, hashes.SHA256 | hashes.SHA384 | hashes.SHA512] = {
+    "sha256": hashes.SHA256(),
+    "sha384": hashes.SHA384(),
+    "sha512": hashes.SHA512(),
+}
+_NAMES = {
+    "common-name": NameOID.COMMON_NAME,
+    "country": NameOID.COUNTRY_NAME,
+    "locality": NameOID.LOCALITY_NAME,
+    "organization": NameOID.ORGANIZATION_NAME,
+    "state": NameOID.STATE_OR_PROVINCE_NAME,
+    "unit": NameOID.ORGANIZATIONAL_UNIT_NAME,
+}
+_PURPOSES = {"tls-server": ExtendedKeyUsageOID.SERVER_AUTH, "tls-client": ExtendedKeyUsageOID.CLIENT_AUTH}
+_BLOCK = re.compile(r"-----BEGIN ([A-Z ]+)-----.*?-----END \1-----\n?", re.DOTALL)
+
+
+class BadRequest(ValueError):
+    """A value that no certificate can have; the text is the argument's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What a certificate says; `fingerprint` is SHA-256 in hex, as RouterOS prints it."""
+
+    fingerprint: str
+    common_name: str
+    not_before: datetime
+    not_after: datetime
+    serial: str
+    private_key: bool
+    authority: bool
+
+
+def issue(template: Mapping[str, str], *, now: datetime, authority: str | None = None) -> str:
+    """Make a key and a certificate after a template's row; signed by itself, or by the PEM of an authority."""
+    key = _key(template.get("key-size", "2048"))
+    subject = x509.Name([x509.NameAttribute(_NAMES[name], template[name]) for name in _NAMES if template.get(name)])
+    issuer, signer = subject, key
+    if authority is not None:
+        issuer = x509.load_pem_x509_certificate(authority.encode()).subject
+        signer = load_pem_private_key(authority.encode(), None)  # type: ignore[assignment]
+    usage = set(template.get("key-usage", "").split(","))
+    builder = (
+        x509.CertificateBuilder(issuer_name=issuer, subject_name=subject, public_key=key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now)
+        .not_valid_after(now + timedelta(days=int(template.get("days-valid", "365"))))
+        .add_extension(x509.BasicConstraints(ca="key-cert-sign" in usage, path_length=None), critical=True)
+    )
+    if names := _alternatives(template.get("subject-alt-name", "")):
+        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
+    if purposes := [_PURPOSES[word] for word in sorted(usage & _PURPOSES.keys())]:
+        builder = builder.add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
+    digest = _DIGESTS.get(template.get("digest-algorithm", "sha256"))
+    if digest is None:
+        raise BadRequest("digest-algorithm")
+    signed = builder.sign(signer, digest)
+    secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    return (secret + signed.public_bytes(Encoding.PEM)).decode()
+
+
+def known(pem: str) -> Known:
+    """Read what a certificate says about itself."""
+    found = x509.load_pem_x509_certificate(pem.encode())
+    names = found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    constraints = [one.value for one in found.extensions if isinstance(one.value, x509.BasicConstraints)]
+    return Known(
+        fingerprint=found.fingerprint(hashes.SHA256()).hex(),
+        common_name=str(names[0].value) if names else "",
+        not_before=found.not_valid_before_utc,
+        not_after=found.not_valid_after_utc,
+        serial=f"{found.serial_number:X}",
+        private_key="PRIVATE KEY" in pem,
+        authority=any(one.ca for one in constraints),
+    )
+
+
+def split(text: str) -> tuple[list[str], list[str]]:
+    """Part a file into certificates and unencrypted keys; ValueError for what is neither."""
+    certificates, keys = [], []
+    for match in _BLOCK.finditer(text):
+        if match[1] == "CERTIFICATE":
+            x509.load_pem_x509_certificate(match[0].encode())
+            certificates.append(match[0])
+        elif match[1].endswith("PRIVATE KEY"):
+            load_pem_private_key(match[0].encode(), None)
+            keys.append(match[0])
+    return certificates, keys
+
+
+def _key(size: str) -> rsa.RSAPrivateKey | ec.EllipticCurvePrivateKey:
+    if size in _CURVES:
+        return ec.generate_private_key(_CURVES[size]())
+    if size not in _SIZES:
+        raise BadRequest("key-size")
+    return rsa.generate_private_key(65537, int(size))
+
+
+def _alternatives(text: str) -> list[x509.GeneralName]:
+    """`IP:10.0.0.1,DNS:router.lan,email:a@b` (Manual, Certificates)."""
+    found: list[x509.GeneralName] = []
+    for part in text.split(",") if text else ():
+        kind, _, value = part.partition(":")
+        try:
+            found.append(_ALTERNATIVES[kind](value))
+        except (KeyError, ValueError) as error:
+            raise BadRequest("subject-alt-name") from error
+    return found
+
+
+_ALTERNATIVES: dict[str, Callable[[str], x509.GeneralName]] = {
+    "IP": lambda value: x509.IPAddress(ip_address(value)),
+    "DNS": x509.DNSName,
+    "email": x509.RFC822Name,
+}
+
+
+def expires_after(moment: datetime, now: datetime) -> str:
+    """How RouterOS writes the rest of a validity: weeks, days, and a time of day."""
+    rest = max(timedelta(), moment - now.astimezone(UTC))
+    weeks, days = divmod(rest.days, 7)
+    hours, seconds = divmod(rest.seconds, 3600)
+    return f"{weeks}w{days}d{hours:02}h{seconds // 60:02}m{seconds % 60:02}s"

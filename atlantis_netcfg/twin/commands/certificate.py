@@ -1,0 +1,87 @@
+"""`/certificate`: sign a template, import a file (Manual, Certificates). Keys stay with their row.
+
+The words of the refusals are inferred; no public source has them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin import certificates
+from atlantis_netcfg.twin.answers import Category, Trap
+from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.twin.commands.write import located
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.commands._call import Call
+    from atlantis_netcfg.twin.core import Core
+    from atlantis_netcfg.twin.store import Item
+
+__all__ = ["import_", "sign"]
+
+_MENU = "/certificate"
+_SELECTORS = ("numbers", "number", ".id")
+
+
+def sign(core: Core, call: Call) -> Result:
+    """Make the key of a template and sign it, by itself or by `ca=`."""
+    _known(core, call)
+    named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if named is None:
+        raise MissingArgument("number")
+    item = _row(core, call, named)
+    if item.id in core.keys:
+        raise Trap("failure: certificate already signed")
+    authority = None
+    if "ca" in call.arguments:
+        authority = core.keys.get(_row(core, call, call.arguments["ca"]).id)
+        if authority is None or not certificates.known(authority).authority:
+            raise Trap("failure: invalid CA")
+    values = {name: value for name, value in item.values.items() if isinstance(value, str)}
+    try:
+        core.keys[item.id] = certificates.issue(values, now=core.time(), authority=authority)
+    except certificates.BadRequest as bad:
+        raise Trap(f"invalid value for argument {bad}", Category.ARGUMENT) from bad
+    if "name" in call.arguments:
+        core.store.update(_MENU, item, {**item.values, "name": call.arguments["name"]})
+        core.store.changes.clear()
+    core.store.revision += 1
+    return Result(rows=[{"progress": "done"}], text="  progress: done")
+
+
+def import_(core: Core, call: Call) -> Result:
+    """Take certificates and keys from a PEM file; a key joins the certificate that it belongs to."""
+    _known(core, call)
+    name = call.arguments.get("file-name")
+    if name is None:
+        raise MissingArgument("file-name")
+    file = core.files.get(name)
+    if file is None:
+        raise no_such_item()
+    try:
+        found, keys = certificates.split(str(file.contents))
+    except ValueError as error:
+        raise Trap("failure: unable to decode file") from error
+    for number, pem in enumerate(found):
+        common = certificates.known(pem).common_name
+        row = {"name": f"{call.arguments.get('name', name)}_{number}", "common-name": common}
+        item = core.store.insert(_MENU, {**row, "trusted": call.arguments.get("trusted", "yes")})
+        core.keys[item.id] = (keys[number] if number < len(keys) else "") + pem
+    core.store.changes.clear()
+    counts = {"certificates-imported": len(found), "private-keys-imported": min(len(found), len(keys))}
+    row = {word: str(count) for word, count in (counts | {"files-imported": 1, "decryption-failures": 0}).items()}
+    return Result(rows=[row], text="\n".join(f"  {word}: {count}" for word, count in row.items()))
+
+
+def _row(core: Core, call: Call, named: str) -> Item:
+    item = located(core, core.store.table(_MENU), named, console=call.console)
+    if item is None:
+        raise no_such_item()
+    return item
+
+
+def _known(core: Core, call: Call) -> None:
+    known = core.schema.arguments(call.menu, call.command) | {*_SELECTORS}
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
