@@ -1,6 +1,8 @@
 """Which menus, commands and arguments a RouterOS version has: read from its own command trees, never guessed.
 
-A version between two trees is held to the older one, so that the twin is at worst stricter than the device.
+A version between two trees is held to the older one, and to what is known of its own (`boundaries.py`), so that the
+twin is at worst stricter than the device. Versions below 7.16 have the tree of 7.16 less what is known to be newer;
+what else RouterOS 6 lacks, or had and lost, no published tree tells.
 """
 
 from __future__ import annotations
@@ -8,17 +10,20 @@ from __future__ import annotations
 import gzip
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any
 
-from atlantis_netcfg.twin.supplement import ADDED, BOARD_FEATURES, PACKAGE_MENUS, TAKEN_AWAY
+from atlantis_netcfg.twin.boundaries import BOUNDARIES, Boundary
+from atlantis_netcfg.twin.supplement import ADDED, BOARD_FEATURES, PACKAGE_MENUS, WITHIN_ROUTEROS
 
 __all__ = ["TREES", "Schema", "offered", "version_key"]
 
 TREES = ("7.16", "7.18.2", "7.21.5")
+_FIRST = {"7.18.2": "7.18"}
+"""The first version with the very tree of a later one: 7.18 and 7.18.1 are identical to 7.18.2."""
 _MENU_TYPES = ("dir", "path")
 _PRINT_FORMS = ("getall", "listen")
 
@@ -64,58 +69,42 @@ class Schema:
     @property
     def tree(self) -> str:
         """The newest shipped tree that is not newer than the router; the oldest for older routers."""
-        return max((tree for tree in TREES if self.at_least(tree)), key=version_key, default=TREES[0])
+        return max((tree for tree in TREES if self.at_least(_FIRST.get(tree, tree))), key=version_key, default=TREES[0])
 
     def has_menu(self, menu: str) -> bool:
         """Tell whether `menu` is a menu of this router."""
         if menu == "/":
             return True
+        words = _words(self)
+        if not self._installed(menu) or _lacks(words, menu):
+            return False
         node = self._node(menu)
-        known = node is not None and node["_type"] in _MENU_TYPES
-        return self._installed(menu) and (known or any(row.menu == menu for row in self._added()))
+        return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.added
 
     def has_command(self, menu: str, command: str) -> bool:
         """Tell whether `menu` knows `command`; `getall` and `listen` are the API's forms of `print`."""
-        if not self.has_menu(menu):
-            return False
         command = "print" if command in _PRINT_FORMS else command
-        if any(row.menu == menu and row.command == command for row in self._added()):
-            return True
-        return self._command(menu, command) is not None
+        return self.has_menu(menu) and command in _commands(self, menu)
 
     def arguments(self, menu: str, command: str) -> frozenset[str]:
         """Return the names that `command` takes."""
-        return _arguments(self, menu, command)
-
-    def find_arguments(self, menu: str, command: str) -> frozenset[str]:
-        """Look the names up: what `arguments` remembers."""
-        command = "print" if command in _PRINT_FORMS else command
-        node = self._command(menu, command) or {}
-        names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] == "arg"}
-        names.update(*(row.arguments for row in self._added() if (row.menu, row.command) == (menu, command)))
-        return frozenset(names)
+        return _arguments(self, menu, "print" if command in _PRINT_FORMS else command)
 
     def commands(self, menu: str) -> frozenset[str]:
         """Return every command word of `menu`."""
-        node = self._node(menu) or {}
-        names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] == "cmd"}
-        return frozenset(names | {row.command for row in self._added() if row.menu == menu})
+        return _commands(self, menu) if self.has_menu(menu) else frozenset()
 
     def submenus(self, menu: str) -> frozenset[str]:
         """Return the names of the menus directly below `menu`."""
-        node = self._node(menu) or {}
-        names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] in _MENU_TYPES}
         prefix = menu.rstrip("/") + "/"
-        names.update(
-            row.menu.removeprefix(prefix).split("/")[0] for row in self._added() if row.menu.startswith(prefix)
-        )
-        return frozenset(name for name in names if self._installed(prefix + name))
+        names = {name for name, child in self._children(menu) if child["_type"] in _MENU_TYPES}
+        names.update(path.removeprefix(prefix).split("/")[0] for path in _words(self).added if path.startswith(prefix))
+        return frozenset(name for name in names if self.has_menu(prefix + name))
 
-    def _command(self, menu: str, command: str) -> Mapping[str, Any] | None:
-        if any((row.menu, row.command) == (menu, command) and not self.at_least(row.since) for row in TAKEN_AWAY):
-            return None
-        node = (self._node(menu) or {}).get(command)
-        return node if isinstance(node, Mapping) and node["_type"] == "cmd" else None
+    def _children(self, menu: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        for name, child in (self._node(menu) or {}).items():
+            if isinstance(child, Mapping):
+                yield name, child
 
     def _node(self, menu: str) -> Mapping[str, Any] | None:
         node: Any = _load(f"{self.tree}.json.gz")
@@ -123,21 +112,77 @@ class Schema:
             node = node.get(part) if isinstance(node, Mapping) else None
         return node if isinstance(node, Mapping) else None
 
-    def _added(self) -> Iterator[Any]:
-        for row in ADDED:
-            if self.at_least(row.since) and (row.feature is None or row.feature in self.features):
-                yield row
-
     def _installed(self, menu: str) -> bool:
         for package, prefix in PACKAGE_MENUS:
             if (menu == prefix or menu.startswith(prefix + "/")) and package not in self.packages:
-                return False
+                return package in WITHIN_ROUTEROS and not self.at_least(WITHIN_ROUTEROS[package])
         return True
+
+
+@dataclass(frozen=True, slots=True)
+class _Words:
+    """How the vocabulary of a router differs from the tree that it is held to."""
+
+    added: Mapping[str, Mapping[str, frozenset[str]]]
+    """By menu and command: arguments."""
+    lacking: frozenset[tuple[str, str, str]]
+    """Menu, command, argument; the last two are empty where the whole menu, the last where the whole command lacks."""
+
+
+@cache
+def _words(schema: Schema) -> _Words:
+    added: dict[str, dict[str, frozenset[str]]] = {}
+    lacking: set[tuple[str, str, str]] = set()
+    for row in ADDED:
+        if schema.at_least(row.since) and (row.feature is None or row.feature in schema.features):
+            _add(added, row.menu, row.command, row.arguments)
+    for boundary in BOUNDARIES:
+        if not _there(schema, boundary):
+            lacking.update(_cells(boundary))
+            continue
+        for command in boundary.commands:
+            _add(added, boundary.menu, command, boundary.arguments)
+    return _Words(added, frozenset(lacking))
+
+
+def _there(schema: Schema, row: Boundary) -> bool:
+    begun = row.since is None or schema.at_least(row.since)
+    return begun and (row.gone is None or not schema.at_least(row.gone))
+
+
+def _cells(row: Boundary) -> Iterator[tuple[str, str, str]]:
+    for command in row.commands or ("",):
+        for name in row.arguments or ("",):
+            yield row.menu, command, name
+
+
+def _add(added: dict[str, dict[str, frozenset[str]]], menu: str, command: str, names: Iterable[str]) -> None:
+    commands = added.setdefault(menu, {})
+    commands[command] = commands.get(command, frozenset()) | frozenset(names)
+
+
+def _lacks(words: _Words, menu: str) -> bool:
+    parts = menu.split("/")
+    return any(("/".join(parts[:end]), "", "") in words.lacking for end in range(2, len(parts) + 1))
+
+
+@cache
+def _commands(schema: Schema, menu: str) -> frozenset[str]:
+    words = _words(schema)
+    names = {name for name, child in schema._children(menu) if child["_type"] == "cmd"}  # noqa: SLF001
+    names.update(words.added.get(menu, ()))
+    return frozenset(name for name in names if (menu, name, "") not in words.lacking)
 
 
 @cache
 def _arguments(schema: Schema, menu: str, command: str) -> frozenset[str]:
-    return schema.find_arguments(menu, command)
+    if not schema.has_menu(menu) or command not in _commands(schema, menu):
+        return frozenset()
+    words = _words(schema)
+    node = (schema._node(menu) or {}).get(command, {})  # noqa: SLF001
+    names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] == "arg"}
+    names |= words.added.get(menu, {}).get(command, frozenset())
+    return frozenset(name for name in names if (menu, command, name) not in words.lacking)
 
 
 def features_of(board: str, *, poe: bool) -> frozenset[str]:

@@ -1,14 +1,14 @@
-"""What the command trees cannot know, as visible tables: hardware that a Cloud Hosted Router lacks, packages, versions.
+"""What the command trees cannot know, as visible tables: hardware that a Cloud Hosted Router lacks, and packages.
 
 Sources: Manual, CLI reference (`/interface/ethernet`, `/interface/ethernet/poe`, `/system/routerboard`); Manual,
-Packages; Manual, Changelog for the versions between two shipped trees.
+Packages. What versions between and below the trees have is in `boundaries.py`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ADDED", "BOARD_FEATURES", "PACKAGE_MENUS", "TAKEN_AWAY", "Added", "TakenAway"]
+__all__ = ["ADDED", "BOARD_FEATURES", "PACKAGE_MENUS", "WITHIN_ROUTEROS", "Added"]
 
 BOARD_FEATURES = frozenset({"poe", "routerboard"})
 
@@ -20,19 +20,11 @@ class Added:
     menu: str
     command: str
     arguments: tuple[str, ...] = ()
-    since: str = "7.0"
+    since: str = "6.0"
     feature: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class TakenAway:
-    """A command that the oldest shipped tree shows, but that older routers lack."""
-
-    menu: str
-    command: str
-    since: str
-
-
+_CHANGE = ("add", "set")
 _POE = (
     "poe-out",
     "poe-priority",
@@ -71,19 +63,14 @@ ADDED = (
     Added("/system/routerboard/settings", "print", ("as-value", "without-paging"), feature="routerboard"),
     Added("/system/routerboard/settings", "get", ("value-name",), feature="routerboard"),
     Added("/system/routerboard/settings", "set", _ROUTERBOARD, feature="routerboard"),
-    Added("/ip/firewall/filter", "add", ("hw-offload",), since="7.21"),
-    Added("/ip/firewall/filter", "set", ("hw-offload",), since="7.21"),
-    Added("/ip/dhcp-client", "add", ("check-gateway",), since="7.19"),
-    Added("/ip/dhcp-client", "set", ("check-gateway",), since="7.19"),
-    Added("/routing/settings", "set", ("check-gateway-ping-interval",), since="7.21"),
-    Added("/routing/settings", "set", ("check-gateway-ping-timeout",), since="7.21"),
-    Added("/routing/settings", "set", ("check-gateway-ping-count",), since="7.21"),
+    *(Added("/ip/firewall/filter", each, ("hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
+    *(Added("/ip/route", each, ("suppress-hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
 )
+"""At 7.21 the two arguments of hardware offloading left the tree of the Cloud Hosted Router, which has no switch chip;
+that boards keep them is inferred from the manual (L3 Hardware Offloading), which still describes them."""
 
-TAKEN_AWAY = (
-    TakenAway("/file", "read", "7.13"),
-    TakenAway("/system/device-mode", "update", "7.17"),
-)
+WITHIN_ROUTEROS = {"wireless": "7.13"}
+"""Before that version the package was part of RouterOS itself (Manual, Packages)."""
 
 PACKAGE_MENUS = (
     ("calea", "/interface/bridge/calea"),

@@ -97,8 +97,10 @@ def _packages(core: Core, _call: Call) -> Rows:
 
 def _device_mode(core: Core, _call: Call) -> Rows:
     mode = core.spec.device_mode
-    features = {name: _truth(allowed(core.spec, name)) for name in FEATURES}
-    return [{"mode": mode.mode.value, "flagged": _truth(mode.flagged), "flagging-enabled": "true", **features}]
+    known = core.schema.arguments("/system/device-mode", "update")
+    features = {name: _truth(allowed(core.spec, name)) for name in FEATURES if name in known}
+    called = mode.mode.value if core.schema.at_least("7.17") else "enterprise"
+    return [{"mode": called, "flagged": _truth(mode.flagged), "flagging-enabled": "true", **features}]
 
 
 def _history(core: Core, _call: Call) -> Rows:

@@ -74,7 +74,7 @@ def log(core: Core, call: Call) -> Result:
 
 
 def logout(core: Core, call: Call) -> Result:
-    """`/user/active/request-logout`: end another session, as if its client had closed it."""
+    """`/user/active/request-logout`, `remove` from 7.20: end another session, as if its client had closed it."""
     numbers = {f"*{number:X}": number for number in core.sessions}
     named = call.arguments.get(".id") or call.arguments.get("numbers") or ""
     if named not in numbers:

@@ -27,9 +27,13 @@ def test_the_data_is_what_the_readme_says() -> None:
 @pytest.mark.parametrize(
     ("version", "tree"),
     [
+        ("6.49.18", "7.16"),
         ("7.9", "7.16"),
         ("7.16", "7.16"),
-        ("7.18.1", "7.16"),
+        ("7.17.1", "7.16"),
+        ("7.18beta2", "7.16"),
+        ("7.18", "7.18.2"),
+        ("7.18.1", "7.18.2"),
         ("7.18.2", "7.18.2"),
         ("7.20", "7.18.2"),
         ("7.22", "7.21.5"),
@@ -50,10 +54,20 @@ def test_versions_in_order() -> None:
     ("version", "menu", "command", "argument"),
     [
         ("7.16", "/safe-mode", "take", None),
-        ("7.16", "/system/device-mode", "update", None),
+        ("7.17.1", "/safe-mode", "take", None),
+        ("6.49.18", "/safe-mode", "take", None),
+        ("7.16", "/system/device-mode", "update", "routerboard"),
+        ("6.49.18", "/system/device-mode", "update", None),
         ("7.18.2", "/routing/settings", "set", "check-gateway-ping-count"),
         ("7.18.2", "/ip/dhcp-client", "set", "check-gateway"),
         ("7.12", "/file", "read", None),
+        ("7.11", "/routing/settings", "set", None),
+        ("6.49.18", "/routing/table", "add", None),
+        ("6.49.18", "/ip/route", "add", "routing-table"),
+        ("6.49.18", "/interface/ovpn-client", "add", "protocol"),
+        ("7.8", "/", "execute", "as-string"),
+        ("7.19.6", "/user/active", "remove", None),
+        ("7.20.8", "/ip/ssh", "set", "password-authentication"),
     ],
 )
 def test_what_came_later(version: str, menu: str, command: str, argument: str | None) -> None:
@@ -65,11 +79,59 @@ def test_what_came_later(version: str, menu: str, command: str, argument: str | 
         assert argument in new.arguments(menu, command) - old.arguments(menu, command)
 
 
+@pytest.mark.parametrize(
+    ("last", "first", "menu", "command", "argument"),
+    [
+        ("7.16", "7.17", "/ip/ssh", "set", "allow-none-crypto"),
+        ("7.19.6", "7.20", "/user/active", "request-logout", None),
+        ("7.20.8", "7.21", "/ip/ssh", "set", "always-allow-password-login"),
+        ("7.22", "7.23", "/", "ping", None),
+    ],
+)
+def test_what_went(last: str, first: str, menu: str, command: str, argument: str | None) -> None:
+    old, new = Schema(last), Schema(first)
+    assert old.has_command(menu, command)
+    if argument is None:
+        assert not new.has_command(menu, command)
+    else:
+        assert argument in old.arguments(menu, command) - new.arguments(menu, command)
+
+
+@pytest.mark.parametrize(
+    ("before", "version", "menu", "command", "argument"),
+    [
+        ("7.16", "7.17", "/system/device-mode", "update", "install-any-version"),
+        ("7.18.2", "7.19", "/ip/dhcp-client", "add", "check-gateway"),
+        ("7.20", "7.21", "/routing/settings", "set", "check-gateway-ping-count"),
+        ("7.21.5", "7.22", "/ip/dhcp-client", "add", "name"),
+        ("7.22", "7.23", "/", "export", "path"),
+    ],
+)
+def test_between_two_trees(before: str, version: str, menu: str, command: str, argument: str) -> None:
+    assert argument not in Schema(before).arguments(menu, command)
+    assert argument in Schema(version).arguments(menu, command)
+
+
+def test_a_menu_that_a_router_lacks_lacks_all_below() -> None:
+    old = Schema("6.49.18")
+    assert not old.has_menu("/interface/wifi/security")
+    assert "wifi" not in old.submenus("/interface")
+    assert "settings" not in Schema("7.11").submenus("/routing")
+    assert old.arguments("/routing/table", "add") == frozenset()
+    assert old.commands("/routing/table") == frozenset()
+
+
+def test_wireless_was_part_of_routeros() -> None:
+    assert Schema("7.12").has_menu("/interface/wireless")
+    assert not Schema("7.13").has_menu("/interface/wireless")
+
+
 def test_boards_and_packages() -> None:
     plain, board = Schema("7.18.2"), Schema("7.18.2", features=EVERYTHING)
     assert not plain.has_menu("/interface/ethernet/poe")
     assert board.has_menu("/interface/ethernet/poe")
     assert "poe" in board.submenus("/interface/ethernet")
+    assert "hw-offload" in Schema("7.21.5", features=EVERYTHING).arguments("/ip/firewall/filter", "add")
     assert "poe-out" in board.arguments("/interface/ethernet", "set") - plain.arguments("/interface/ethernet", "set")
     assert not plain.has_menu("/interface/wireless")
     assert Schema("7.18.2", ("routeros", "wireless")).has_menu("/interface/wireless")
