@@ -22,9 +22,11 @@ COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.run",
     "validate": "atlantis_netcfg.cli.validate",
     "backup": "atlantis_netcfg.cli.backup",
+    "drift": "atlantis_netcfg.cli.drift",
     "runs": "atlantis_netcfg.cli.runs",
     "resume": "atlantis_netcfg.cli.resume",
     "rollback": "atlantis_netcfg.cli.rollback",
+    "restore": "atlantis_netcfg.cli.restore",
     "version": "atlantis_netcfg.cli.version",
     "help": "atlantis_netcfg.cli.help",
 }

@@ -43,6 +43,10 @@ class Session:
     rehearsal: Rehearsal | None
     state: Path
     via: str | None = None
+    back_to: str | None = None
+    """Rollback: the run before which the devices were as they shall be again."""
+    restore: str | None = None
+    """Restore: the run that has read back what the device shall be."""
 
     @property
     def rehearsed(self) -> bool:
@@ -78,7 +82,6 @@ class Session:
         *,
         plans: Mapping[str, str] | None = None,
         run: str | None = None,
-        back_to: str | None = None,
         via: Mapping[str, str] | None = None,
     ) -> RunReport:
         """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones."""
@@ -91,7 +94,8 @@ class Session:
             via={**({host.name: self.via for host in asked} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
-            back_to=back_to,
+            back_to=self.back_to,
+            restore=self.restore,
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
         with progress(quiet=self.as_json) as notify:
@@ -105,10 +109,10 @@ class Session:
             runs=tuple(outcome.runs.values()),
         )
 
-    def plan(self, back_to: str | None = None) -> RunReport:
+    def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
         before = self._exports()
-        report = self.perform(Mode.PLAN, back_to=back_to)
+        report = self.perform(Mode.PLAN)
         self.show_plan(report)
         if self._exports() != before:
             raise NetcfgError("planning has changed an emulated device: this must never happen")
@@ -116,19 +120,19 @@ class Session:
             print("the emulated device is unchanged, byte for byte")
         return report
 
-    def change(self, *, ask: bool, back_to: str | None = None) -> RunReport:
+    def change(self, *, ask: bool) -> RunReport:
         """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out."""
         if not ask:
-            report = self.perform(Mode.APPLY, back_to=back_to)
+            report = self.perform(Mode.APPLY)
             if self.arguments.flag("verbose"):
                 self.show_plan(report)
             return report
-        planned = self.plan(back_to)
+        planned = self.plan()
         if planned.exit is not ExitCode.CHANGES:
             return planned
         agreed(f"Change {', '.join(name for name, one in planned.devices.items() if one['planned'])} now")
         plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
-        return self.perform(Mode.APPLY, plans=plans, back_to=back_to)
+        return self.perform(Mode.APPLY, plans=plans)
 
     def _exports(self) -> dict[str, str]:
         """What the twins hold, without the comment lines, which tell the time."""
@@ -161,12 +165,25 @@ def _cost(result: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def session(arguments: Arguments, *, rehearse: bool = False, via: str | None = None) -> Iterator[Session]:
-    """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context."""
+def session(
+    arguments: Arguments,
+    *,
+    rehearse: bool = False,
+    via: str | None = None,
+    site: str | None = None,
+    only: Sequence[str] | None = None,
+) -> Iterator[Session]:
+    """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
+
+    `site` and `only` are those of the words, unless the command finds them in another way.
+    """
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")
-    only = arguments.many("only") if arguments.command.word("only") else ()
-    hosts = choose(declaration, arguments.word("site"), only)
+    if only is None:
+        only = arguments.many("only") if arguments.command.word("only") else ()
+    if site is None:
+        site = arguments.word("site")
+    hosts = choose(declaration, site, only)
     _require_handled(hosts)
     with ExitStack() as stack:
         twins = None
@@ -174,7 +191,7 @@ def session(arguments: Arguments, *, rehearse: bool = False, via: str | None = N
             from atlantis_netcfg.operations.rehearsal import rehearsal
 
             twins = stack.enter_context(rehearsal(declaration, hosts, via))
-        yield Session(arguments, declaration, arguments.word("site"), hosts, twins, paths.state_dir(), via)
+        yield Session(arguments, declaration, site, hosts, twins, paths.state_dir(), via)
 
 
 def _require_handled(hosts: tuple[Host, ...]) -> None:

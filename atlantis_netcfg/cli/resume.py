@@ -36,6 +36,8 @@ def run(arguments: Arguments) -> ExitCode:
         broken = _broken(opened, arguments.optional("run"))
         _tell(opened, broken)
         opened.narrow(broken.unsettled)
+        if broken.started is not None:
+            opened.back_to, opened.restore = broken.started.back_to, broken.started.restore
         report = opened.perform(Mode.RESUME, run=broken.id)
     return opened.close(report)
 
@@ -57,5 +59,8 @@ def _tell(opened: Session, broken: Run) -> None:
     for host in broken.unsettled:
         told = f"{len(broken.confirmed(host))} actions were confirmed, {len(broken.acknowledged(host))} acknowledged"
         print(f"  {host:<18} {told}")
-    if broken.started is not None and broken.started.revision != opened.declaration.revision:
+    started = broken.started
+    if started is not None and (started.back_to or started.restore):
+        print(f"  it goes on towards the saved state of run {started.back_to or started.restore}")
+    elif started is not None and started.revision != opened.declaration.revision:
         print("  the inventory has changed since then: the devices are brought to what it declares now")

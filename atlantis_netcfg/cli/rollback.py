@@ -34,5 +34,6 @@ def run(arguments: Arguments) -> ExitCode:
     with session(arguments) as opened:
         saved = opened.store.run(opened.site, arguments.word("to"))
         opened.narrow([host.name for host in opened.hosts if saved.before(host.name) is not None])
-        report = opened.change(ask=not arguments.flag("yes"), back_to=saved.id)
+        opened.back_to = saved.id
+        report = opened.change(ask=not arguments.flag("yes"))
     return opened.close(report)

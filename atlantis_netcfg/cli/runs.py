@@ -72,6 +72,7 @@ def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
                 "status": outcome.status if (outcome := one.outcomes.get(host)) else "not reached",
                 "confirmed": len(one.confirmed(host)),
                 "saved_state": one.before(host) is not None,
+                "confirmed_state": one.confirmed_state(host) is not None,
             }
             for host in hosts
         },
@@ -80,5 +81,11 @@ def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
 
 def _line(row: dict[str, Any]) -> str:
     end = "UNFINISHED, see `provision resume`" if row["unfinished"] else f"exit {row['exit']}"
-    devices = ", ".join(f"{name} {told['status']} ({told['confirmed']})" for name, told in row["devices"].items())
+    devices = ", ".join(_device(name, told) for name, told in row["devices"].items())
     return f"{row['run']}  {row['site']:<10} {end}  {devices}"
+
+
+def _device(name: str, told: dict[str, Any]) -> str:
+    """How it ended, how many actions were confirmed, and whether `provision restore` can take its state."""
+    kept = ", state kept" if told["confirmed_state"] else ""
+    return f"{name} {told['status']} ({told['confirmed']}{kept})"

@@ -9,6 +9,7 @@ from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.restoring import confirmed_state, restored
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob
@@ -54,8 +55,10 @@ def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) 
 
 
 def _desired(declaration: Declaration, host: Host, request: Request, store: Store) -> Desired:
-    """What is declared; for a rollback, in the same menus, what the device was before that run."""
+    """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
     declared = read(router(declaration, host), source=f"the desired text of {host.name}")
+    if request.restore is not None:
+        return restored(confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed), declared)
     if request.back_to is None:
         return declared
     saved = store.run(host.site, request.back_to).before(host.name)

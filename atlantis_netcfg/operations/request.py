@@ -17,6 +17,12 @@ class Mode(StrEnum):
     APPLY = "apply"
     RESUME = "resume"
     BACKUP = "backup"
+    DRIFT = "drift"
+
+    @property
+    def reads_only(self) -> bool:
+        """Whether it changes nothing, so that it needs neither the site's lock nor a journal."""
+        return self in (Mode.PLAN, Mode.DRIFT)
 
 
 class _Data(BaseModel):
@@ -49,6 +55,8 @@ class Request(_Data):
     """Resume: the run to go on with."""
     back_to: str | None = None
     """Not what is declared is wanted, but what the devices were before this run."""
+    restore: str | None = None
+    """Not what is declared is wanted, but what this run has read back; the device may be a replacement."""
     events_fd: int | None = None
     """File descriptor for events, one JSON object a line."""
     command: str = "ansible-playbook"

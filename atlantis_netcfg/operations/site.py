@@ -14,6 +14,7 @@ from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded,
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import fleet
 from atlantis_netcfg.site import load
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.journal import Confirmed, Recorder
     from atlantis_netcfg.routeros.apply import DeviceResult
     from atlantis_netcfg.site import Declaration, Host
 
@@ -74,6 +75,7 @@ def _perform(
     with ExitStack() as stack:
         sites = {site: _Site(declaration, site, hosts, request, stack) for site in sorted({one.site for one in hosts})}
         jobs = [device_job(declaration, host, request, sites[host.site].journal, channel.event) for host in hosts]
+        jobs = [replace(job, confirmed=sites[job.site].confirmed.get(job.name)) for job in jobs]
         results = asyncio.run(fleet.run(jobs, mode=request.mode.value))
         for site in sites.values():
             site.end(results)
@@ -89,12 +91,16 @@ class _Site:
         self.hosts = frozenset(host.name for host in hosts if host.site == site)
         self.journal: Recorder = NoJournal()
         self.run = ""
-        if request.mode is not Mode.PLAN:
+        self.confirmed: Mapping[str, Confirmed] = {}
+        if not request.mode.reads_only:
             store = Store(request.state, rehearsed=request.rehearsed)
             stack.enter_context(store.lock(site, request.command))
             opened = _open(store, declaration, site, sorted(self.hosts), request)
             self.journal = stack.enter_context(opened)
             self.run = opened.run
+        elif not request.rehearsed:
+            # An emulated device is new with every rehearsal: what an earlier one was says nothing about it.
+            self.confirmed = Store(request.state).last_confirmed(site, self.hosts)
 
     def end(self, results: Sequence[DeviceResult]) -> None:
         """Write the last record: nothing of this run is open any more.
@@ -118,6 +124,8 @@ def _open(store: Store, declaration: Declaration, site: str, hosts: Sequence[str
             hosts=tuple(hosts),
             rehearsed=request.rehearsed,
             command=request.command,
+            back_to=request.back_to,
+            restore=request.restore,
         )
     )
 
@@ -130,8 +138,14 @@ def _for_ansible(results: Sequence[DeviceResult]) -> dict[str, Any]:
             result.name: {**result.as_dict(), "ok": result.exit in fine, "message": _words(result)}
             for result in results
         },
-        "diff": [{"prepared": f"{result.name}:\n{result.diff}"} for result in results if result.diff],
+        "diff": [{"prepared": shown} for result in results if (shown := _shown(result))],
     }
+
+
+def _shown(result: DeviceResult) -> str:
+    """What `--diff` prints of a device: the lines that would change, then the same told as drift."""
+    told = "" if result.comparison is None else drift_lines(result.comparison.as_dict())
+    return f"{result.name}:\n{result.diff}{told}" if result.diff or told else ""
 
 
 def _words(result: DeviceResult) -> str:

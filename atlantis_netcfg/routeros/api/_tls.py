@@ -51,7 +51,8 @@ def check_pin(endpoint: Endpoint, seen: str) -> None:
             f"{endpoint}: the certificate is not the one of this device; pinned is {pinned}, it showed {seen}",
             pinned=pinned,
             seen=seen,
-            hint=f"{_COMPARE}; only if they are equal and the certificate was renewed on purpose, pin {seen} instead",
+            hint=f"{_COMPARE}; only if they are equal and the certificate was renewed on purpose, pin {seen} instead;"
+            " a device that stands in for another one is met by `provision adopt`",
         )
 
 

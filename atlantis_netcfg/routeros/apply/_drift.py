@@ -18,14 +18,13 @@ _FORGOTTEN = History()
 
 
 async def drift(work: Work) -> DeviceResult:
-    """End with what differs; the device's history costs one round trip, and only where something does."""
-    history = _FORGOTTEN
-    if _differs(work):
-        reply = await work.channel.command(HISTORY)
-        history = History(() if reply.trap is not None else reply.rows)
-    found = work.comparison = compared(work, history)
+    """End with what differs; the device's history costs one round trip, and only where something has drifted."""
+    found = work.comparison = compared(work)
     if not found.drifted:
         return work.result(Status.UNCHANGED, _as_declared(found))
+    reply = await work.channel.command(HISTORY)
+    if reply.trap is None:
+        found = work.comparison = compared(work, History(reply.rows))
     return work.result(Status.DRIFTED, _summary(found))
 
 
@@ -47,7 +46,8 @@ def _past(work: Work) -> Past | None:
     try:
         return Past.read(confirmed.run, confirmed.at, confirmed.text())
     except NetcfgError as error:
-        work.notes.append(str(error))
+        if str(error) not in work.notes:
+            work.notes.append(str(error))
         return None
 
 

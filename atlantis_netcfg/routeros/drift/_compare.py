@@ -9,7 +9,7 @@ from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.drift._history import History
 from atlantis_netcfg.routeros.drift._model import Comparison, Difference, DriftKind, FieldDifference, Owner, Since
 from atlantis_netcfg.routeros.drift._raw import Raw, content, raw_differences
-from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, canonical, rank
+from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape, canonical, rank
 from atlantis_netcfg.routeros.planner import as_renamed
 from atlantis_netcfg.secret import MASK
 
@@ -69,7 +69,7 @@ def _told(view: _View, raw: Raw) -> Difference:
     values = raw.declared or raw.found or {}
     return Difference(
         menu=menu.title,
-        subject=menu.name_of(values),
+        subject="settings" if menu.shape is Shape.SINGLETON else menu.name_of(values),
         kind=raw.kind,
         owner=_owner(menu, raw),
         mark=values.get("comment", ""),

@@ -1,0 +1,164 @@
+"""Drift as a person reads it, as one JSON object, and as JUnit: all from the engine's results alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+__all__ = ["DriftReport", "difference_lines", "drift_lines"]
+
+_WORST_FIRST = (ExitCode.OUR_FAULT, ExitCode.UNKNOWN, ExitCode.FAILED, ExitCode.USAGE, ExitCode.CHECKS_FAILED)
+_ENDS = {ExitCode.DONE: "PASS", ExitCode.CHECKS_FAILED: "FAIL"}
+
+
+@dataclass(frozen=True, slots=True)
+class DriftReport:
+    """How the devices of a site differ from the declaration."""
+
+    site: str
+    rehearsed: bool
+    devices: Mapping[str, Mapping[str, Any]]
+    """Device name to the engine's result."""
+    not_handled: Mapping[str, str] = field(default_factory=dict)
+    """Device name to its kind, for what no role handles yet."""
+    unfinished: Mapping[str, str] = field(default_factory=dict)
+    """Device name to the run that left its outcome open."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """The worst of any device: one that could not be read is worse than one that differs."""
+        if not self.devices:
+            return ExitCode.NOTHING
+        codes = {ExitCode(result["exit"]) for result in self.devices.values()}
+        return next((code for code in _WORST_FIRST if code in codes), ExitCode.DONE)
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints; docs/drift.md describes it."""
+        return {
+            "site": self.site,
+            "rehearsed": self.rehearsed,
+            "exit": int(self.exit),
+            "devices": {
+                **{name: self._device(name, result) for name, result in self.devices.items()},
+                **{
+                    name: {"verdict": "SKIP", "message": f"not handled yet ({_kind(kind)})"}
+                    for name, kind in self.not_handled.items()
+                },
+            },
+            "errors": [
+                {"device": name, "message": result["message"], "hint": result["hint"]}
+                for name, result in self.devices.items()
+                if verdict(result) == "ERROR"
+            ],
+        }
+
+    def _device(self, name: str, result: Mapping[str, Any]) -> dict[str, Any]:
+        compared = result["comparison"] or {"menus": [], "confirmed": None, "differences": []}
+        kept = ("message", "hint", "notes", "round_trips", "bytes", "seconds", "version", "board")
+        return {
+            "verdict": verdict(result),
+            **compared,
+            **{key: result[key] for key in kept},
+            "unfinished": self.unfinished.get(name),
+        }
+
+    def as_text(self) -> str:
+        """What a person reads."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        for name, result in self.devices.items():
+            yield f"{name}: {'ERROR, ' if verdict(result) == 'ERROR' else ''}{result['message']}"
+            yield from (f"  {line}" for line in self._beside(name, result))
+            if result["comparison"] is not None:
+                yield from drift_lines(result["comparison"]).splitlines()
+            yield ""
+        for name, kind in self.not_handled.items():
+            yield f"{name}: not handled yet ({_kind(kind)})"
+        if self.rehearsed:
+            yield "rehearsed on emulated devices as they are after `provision adopt`: nothing real was read"
+
+    def _beside(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
+        if result["comparison"] is not None:
+            yield _last(result["comparison"])
+        if result["hint"]:
+            yield result["hint"]
+        yield from (f"note: {note}" for note in result["notes"])
+        if name in self.unfinished:
+            yield f"note: run {self.unfinished[name]} left its outcome open; `provision resume` settles it"
+
+
+def _last(comparison: Mapping[str, Any]) -> str:
+    confirmed = comparison["confirmed"]
+    if confirmed is None:
+        return "since when is unknown: no run has confirmed a state of this device"
+    return f"last confirmed by run {confirmed['run']} of {_time(confirmed['at'])}"
+
+
+def verdict(result: Mapping[str, Any]) -> str:
+    """PASS as declared, FAIL drift, ERROR could not tell."""
+    return _ENDS.get(ExitCode(result["exit"]), "ERROR")
+
+
+def drift_lines(comparison: Mapping[str, Any]) -> str:
+    """Return the differences of one device, menu by menu; empty without any."""
+    lines: list[str] = []
+    for menu, differences in groupby(comparison["differences"], key=lambda one: one["menu"]):
+        lines.append(f"  {menu}")
+        for difference in differences:
+            lines += [f"    {line}" for line in difference_lines(difference, comparison["confirmed"])]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def difference_lines(difference: Mapping[str, Any], confirmed: Mapping[str, str] | None) -> Iterable[str]:
+    """Return one difference: what, whose, since when, and who did it as far as the device remembers."""
+    yield f"{difference['kind']:<8} {difference['subject']}"
+    details = [
+        f"{one['name']}: declared {_shown(one['declared'])}, found {_shown(one['found'])}"
+        for one in difference["fields"]
+    ]
+    if difference["row"]:
+        details.append(difference["row"])
+    details.append("; ".join(filter(None, (_owner(difference), _since(difference, confirmed)))))
+    if difference["history"]:
+        done = difference["history"]
+        details.append(f"the device remembers: {done['action']}, by {done['by']}, {done['at']} by its clock")
+    yield from (f"{'':<8} {line}" for line in details)
+
+
+def _owner(difference: Mapping[str, Any]) -> str:
+    mark = f" ({difference['mark']})" if difference["mark"] and not difference["row"] else ""
+    return f"{difference['owner']}{mark}"
+
+
+def _since(difference: Mapping[str, Any], confirmed: Mapping[str, str] | None) -> str:
+    if difference["kind"] == "hidden":
+        return str(difference["why_unknown"])
+    if confirmed is None:
+        return ""  # said once, for the whole device
+    if difference["since"] == "unknown":
+        return f"since when is unknown: {difference['why_unknown']}"
+    if difference["since"] == "after":
+        return f"since after run {confirmed['run']}"
+    if difference["kind"] == "foreign":
+        return f"there already in run {confirmed['run']}, which left it alone"
+    return f"already so in run {confirmed['run']}: the declaration is newer"
+
+
+def _shown(value: str) -> str:
+    return value or "nothing"
+
+
+def _time(at: str) -> str:
+    return f"{datetime.fromisoformat(at):%Y-%m-%d %H:%M} UTC"
+
+
+def _kind(kind: str) -> str:
+    return kind.replace("_", " ")
