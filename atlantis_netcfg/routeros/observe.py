@@ -84,7 +84,8 @@ def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -
 
 def printing(path: str) -> Command:
     """Return the command that reads a menu."""
-    return Command(f"{path}/print", ((".proplist", ",".join(_properties(MENUS[path]))),))
+    own = (("config", ""),) if MENUS[path].configured else ()
+    return Command(f"{path}/print", ((".proplist", ",".join(_properties(MENUS[path]))), *own))
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:

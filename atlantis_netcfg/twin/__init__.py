@@ -5,10 +5,11 @@ Asyncio programs use `Router` or `Site`; others `RunningSite` (a thread) or `spa
 
 from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
 from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
+from atlantis_netcfg.twin.radio import Air, RadioLink, RadioPair
 from atlantis_netcfg.twin.router import Router
 from atlantis_netcfg.twin.running import RunningSite, SpawnedSite, TwinsFailed, spawn
 from atlantis_netcfg.twin.site import Site, SiteSpec, TwinSpec
-from atlantis_netcfg.twin.spec import DeviceMode, Execute, Management, Mode, RouterSpec, User
+from atlantis_netcfg.twin.spec import DeviceMode, Execute, Management, Mode, Radio, RouterSpec, User
 from atlantis_netcfg.twin.wire.faults import Fault, FaultKind
 from atlantis_netcfg.twin.wire.knobs import Knobs
 from atlantis_netcfg.twin.wire.link import Link
@@ -17,6 +18,7 @@ from atlantis_netcfg.twin.wire.tally import Counters, Tally
 __all__ = [
     "COMMANDS",
     "NOT_REHEARSED",
+    "Air",
     "Counters",
     "Device",
     "DeviceMode",
@@ -27,6 +29,9 @@ __all__ = [
     "Link",
     "Management",
     "Mode",
+    "Radio",
+    "RadioLink",
+    "RadioPair",
     "Router",
     "RouterSpec",
     "RunningSite",

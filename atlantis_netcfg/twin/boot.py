@@ -35,6 +35,7 @@ def boot(core: Core) -> None:
         if core.schema.has_menu(path):
             _factory(core, menu)
     _ports(core)
+    _radios(core)
     _people(core)
     if core.spec.factory:
         _seed(core, default_configuration(core.spec) + core.spec.seed)
@@ -69,6 +70,21 @@ def _ports(core: Core) -> None:
         mac = mac_of(core.spec.name, number)
         factory = {"name": port, "mac-address": mac, "orig-mac-address": mac}
         table.items.append(Item(core.store.new_id(menu.path), dict(factory), factory))
+
+
+def _radios(core: Core) -> None:
+    """Radios whose driver is installed: without it they are not there (Manual, Packages)."""
+    newer = any(package.startswith("wifi-") for package in core.spec.packages)
+    path = "/interface/wifi" if newer else "/interface/wireless"
+    if not core.schema.has_menu(path):
+        return
+    table = core.store.table(path)
+    for number, radio in enumerate(core.spec.radios, start=len(core.spec.ports) + 1):
+        mac = mac_of(core.spec.name, number)
+        factory = {"name": radio.name, "mac-address": mac}
+        if not newer:
+            factory |= {"radio-name": mac.replace(":", ""), "ssid": "MikroTik", "band": "5ghz-a/n", "frequency": "5180"}
+        table.items.append(Item(core.store.new_id(path), dict(factory), factory))
 
 
 def _people(core: Core) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.twin.answers import Answer, Caller
     from atlantis_netcfg.twin.commands._call import Call
+    from atlantis_netcfg.twin.radio._state import RadioState
     from atlantis_netcfg.twin.spec import RouterSpec
 
 __all__ = ["GREETINGS", "Core", "File", "Listener", "Record"]
@@ -90,6 +91,10 @@ class Core:
         """What the console has to tell a session without being asked: session, text."""
         self.greetings: tuple[str, ...] = GREETINGS if spec.factory else ()
         """What the console still has to ask whoever logs in first."""
+        self.radios: dict[str, RadioState] = {}
+        """What each radio sees, by factory name; whoever emulates the air says so."""
+        self.linked: frozenset[int] = frozenset()
+        """Radios that are connected to another one."""
         self.boot_clock = spec.clock
         self._topology: Topology | None = None
         self._numbers = 0
@@ -98,7 +103,7 @@ class Core:
     def topology(self) -> Topology:
         """The network that the configuration amounts to now."""
         if self._topology is None or self._topology.revision != self.store.revision:
-            self._topology = Topology(self.store)
+            self._topology = Topology(self.store, self.linked)
         return self._topology
 
     def number(self) -> int:

@@ -16,7 +16,13 @@ if TYPE_CHECKING:
 __all__ = ["dynamic_rows", "properties", "type_of"]
 
 Properties = dict[str, str]
-_TYPES = {"/interface/ethernet": "ether", "/interface/bridge": "bridge", "/interface/ovpn-client": "ovpn-out"}
+_TYPES = {
+    "/interface/ethernet": "ether",
+    "/interface/bridge": "bridge",
+    "/interface/ovpn-client": "ovpn-out",
+    "/interface/wireless": "wlan",
+    "/interface/wifi": "wifi",
+}
 _DUMMY = "special dummy rule to show fasttrack counters"
 _DUMMY_CHAINS = {
     "/ip/firewall/filter": ("forward",),
@@ -41,6 +47,20 @@ def _interface(topology: Topology, item: Item) -> Properties:
 
 def _ethernet(topology: Topology, item: Item) -> Properties:
     return {"default-name": (item.factory or {})["name"], **_interface(topology, item), "loop-protect-status": "off"}
+
+
+def _radio(topology: Topology, item: Item) -> Properties:
+    return {**_default_name(item), "running": _truth(topology.interfaces[item.id].running)}
+
+
+def _wifi(topology: Topology, item: Item) -> Properties:
+    running = topology.interfaces[item.id].running
+    flags = {"bound": "true", "master": _truth(item.factory is not None), "inactive": _truth(not running)}
+    return {**_default_name(item), **flags, "running": _truth(running)}
+
+
+def _default_name(item: Item) -> Properties:
+    return {} if item.factory is None else {"default-name": item.factory["name"]}
 
 
 def _bridge(topology: Topology, item: Item) -> Properties:
@@ -153,6 +173,8 @@ _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
     "/interface/bridge/port": _port,
     "/interface/ethernet": _ethernet,
     "/interface/ovpn-client": _tunnel,
+    "/interface/wifi": _wifi,
+    "/interface/wireless": _radio,
     "/ip/address": _address,
     "/ip/dhcp-server": _dhcp_server,
     "/ip/dhcp-client": _dhcp_client,

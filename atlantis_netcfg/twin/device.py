@@ -33,7 +33,7 @@ __all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
 
 NOT_REHEARSED = (
     "throughput, latency and load of the real board",
-    "radio, antennas and the quality of any link: every enabled port has a link",
+    "every enabled port has a link; of radio only the agreement of two ends and a free-space level are emulated",
     "PoE: nothing is fed, nothing is short-circuited",
     "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
     "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",
@@ -73,6 +73,11 @@ class Device(ConsoleSide):
         boot(self._core)
         self._unroll_at: float | None = None
         self._lost: dict[int, float] = {}
+
+    @property
+    def core(self) -> Core:
+        """The inside, for what stands beside the device in the twin: the air between two radios."""
+        return self._core
 
     @property
     def revision(self) -> int:

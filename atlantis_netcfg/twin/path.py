@@ -53,12 +53,9 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
 
 
 def _port(core: Core, plug: str) -> int | None:
-    """Return the interface of a socket by its factory name, however it is called now."""
-    table = core.store.table("/interface/ethernet")
-    for item in table.items:
-        if (item.factory or {})["name"] == plug:
-            return item.id
-    return None
+    """Return the interface of a socket or radio by its factory name, however it is called now."""
+    found = core.topology.factory(plug)
+    return None if found is None else found.id
 
 
 def _service_port(core: Core, service: str) -> int | None:

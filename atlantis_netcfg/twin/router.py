@@ -20,7 +20,7 @@ from atlantis_netcfg.twin.wire.switchboard import Switchboard
 from atlantis_netcfg.twin.wire.tally import Counters, Tally
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 
@@ -58,6 +58,8 @@ class Router:
         self._side_doors = Doors(self._side_visitor, {})
         self._tallies: list[Tally] = []
         self._consoles: dict[str, Caller] = {}
+        self._radio: Callable[[], None] | None = None
+        self._carried: Callable[[], bool] | None = None
 
     async def start(self) -> None:
         """Boot from the state directory and listen. Raises SeedRefused, or OSError if a port is taken."""
@@ -75,6 +77,7 @@ class Router:
         )
         self.relink(self._link)
         self.turn(self._knobs)
+        self.on_radio(self._radio, self._carried)
         self._consoles.clear()
         try:
             await self._board.start()
@@ -224,6 +227,22 @@ class Router:
         """Replace the certificates, as a reset or an intruder would."""
         self._flash.forget_certificates()
         self._issue(again=True)
+
+    # The air before its radios.
+
+    @property
+    def booting(self) -> bool:
+        """It is down, after a reboot or a power cut."""
+        return self._board.booting
+
+    def on_radio(self, changed: Callable[[], None] | None, carried: Callable[[], bool] | None) -> None:
+        """Who is told when this router changes; and, where it is reached by radio, who says whether packets come."""
+        self._radio, self._carried = changed, carried
+        self._board.radio, self._board.carried = changed, carried
+
+    def regate(self) -> None:
+        """Let what has happened in the air take effect on its connections."""
+        self._board.regate()
 
     # Inside.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from atlantis_netcfg.twin.radio import RadioLink, RadioPair
 from atlantis_netcfg.twin.router import Router
 from atlantis_netcfg.twin.spec import RouterSpec
 from atlantis_netcfg.twin.wire.knobs import Knobs
@@ -37,6 +38,17 @@ class SiteSpec(BaseModel):
 
     name: str
     twins: tuple[TwinSpec, ...]
+    pairs: tuple[RadioPair, ...] = ()
+    """Radio links between them."""
+
+    @model_validator(mode="after")
+    def _ends(self) -> Self:
+        radios = {twin.router.name: [radio.name for radio in twin.router.radios] for twin in self.twins}
+        for pair in self.pairs:
+            for name, radio in ((pair.near, pair.near_radio), (pair.far, pair.far_radio)):
+                if radio not in radios.get(name, ()):
+                    raise ValueError(f"there is no radio {radio} on a twin called {name}")
+        return self
 
     @model_validator(mode="after")
     def _names(self) -> Self:
@@ -62,6 +74,7 @@ class Site:
             )
             for twin in spec.twins
         }
+        self.links = tuple(RadioLink(pair, self.routers[pair.near], self.routers[pair.far]) for pair in spec.pairs)
         self._running: list[Router] = []
 
     async def start(self) -> None:
@@ -70,6 +83,8 @@ class Site:
             for router in self.routers.values():
                 await router.start()
                 self._running.append(router)
+            for link in self.links:
+                link.start()
         except BaseException:
             await self.stop()
             raise
@@ -77,6 +92,8 @@ class Site:
     async def stop(self) -> None:
         """Stop all; what went wrong inside them is raised together."""
         failures: list[Exception] = []
+        for link in self.links if len(self._running) == len(self.routers) else ():
+            link.stop()
         while self._running:
             try:
                 await self._running.pop().stop()

@@ -13,7 +13,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-__all__ = ["DeviceMode", "Execute", "Management", "Mode", "RouterSpec", "User"]
+__all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"]
 
 ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
 
@@ -33,7 +33,10 @@ class User(_Spec):
 
 
 class Management(_Spec):
-    """The path by which the technician reaches the router: `technician` sends packets into `port` to `address`."""
+    """The path by which the technician reaches the router: `technician` sends packets into `port` to `address`.
+
+    The port is a radio where the technician stands at the other end of a radio link.
+    """
 
     address: str = "10.64.101.1/24"
     port: str = "ether8"
@@ -84,6 +87,17 @@ class Execute(StrEnum):
     """`no such command`."""
 
 
+class Radio(_Spec):
+    """A radio on the board; the package that is installed drives it: `wireless`, or one whose name begins with `wifi-`."""
+
+    name: str = "wlan1"
+    """Factory name: `wlan1` with the older driver, `wifi1` with the newer."""
+    power_dbm: float = 25.0
+    """The most that the card sends."""
+    gain_dbi: float = 16.0
+    """Of the antenna built into the box."""
+
+
 class RouterSpec(_Spec):
     """One emulated router in its "adopted" state: the factory's rows without a default configuration, then `seed`."""
 
@@ -94,6 +108,7 @@ class RouterSpec(_Spec):
     serial_number: str = "HGX0A1B2C3D"
     ports: tuple[str, ...] = ETHERNETS
     poe_ports: tuple[str, ...] = ETHERNETS
+    radios: tuple[Radio, ...] = ()
     device_mode: DeviceMode = DeviceMode()
     packages: tuple[str, ...] = ("routeros",)
     users: tuple[User, ...] = (User(name="provision"),)
@@ -129,7 +144,8 @@ class RouterSpec(_Spec):
 
     @model_validator(mode="after")
     def _ports(self) -> Self:
-        unknown = {*(path.port for path in self.paths), *self.poe_ports} - set(self.ports)
+        there = {*self.ports, *(radio.name for radio in self.radios)}
+        unknown = {*(path.port for path in self.paths), *self.poe_ports} - there
         if unknown:
             raise ValueError(f"no such port on {self.name}: {', '.join(sorted(unknown))}")
         return self

@@ -1,8 +1,9 @@
 """What the configuration amounts to on the network: interfaces, who is whose slave, addresses, lists, active routes.
 
-Links are up on every enabled Ethernet port, a bridge runs as soon as it is enabled, a tunnel never comes up, and every
-gateway that is reachable on link answers (`check-gateway` is taken as up): the twin has no neighbours. Sources: Manual,
-Bridging and Switching; Manual, IP Routing ("Nexthop lookup": scope and target-scope); Manual, Interface Lists.
+Links are up on every enabled Ethernet port and on radios that found another one, a bridge runs as soon as it is
+enabled, a tunnel never comes up, and every gateway that is reachable on link answers (`check-gateway` is taken as up):
+the twin has no neighbours. Sources: Manual, Bridging and Switching; Manual, IP Routing ("Nexthop lookup": scope and
+target-scope); Manual, Interface Lists.
 """
 
 from __future__ import annotations
@@ -75,8 +76,10 @@ class Route:
 class Topology:
     """Computed once per revision of the store."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, linked: frozenset[int] = frozenset()) -> None:
+        """`linked`: radios that are connected to another one."""
         self.store = store
+        self._linked = linked
         self.revision = store.revision
         self.interfaces = {interface.id: interface for interface in self._interfaces()}
         self._enslave()
@@ -90,7 +93,11 @@ class Topology:
         for table in self.store.space_tables("interface"):
             for item in table.items:
                 enabled = self.store.text(table, item, "disabled") != "yes"
-                up = enabled and table.menu.path in ("/interface/ethernet", "/interface/bridge")
+                up = enabled and (
+                    table.menu.path in ("/interface/ethernet", "/interface/bridge")
+                    or item.id in self._linked
+                    or self.store.text(table, item, "disable-running-check") == "yes"
+                )
                 name = self.store.text(table, item, "name") or ""
                 yield Interface(item.id, name, table.menu.path, enabled, up)
 
@@ -146,6 +153,20 @@ class Topology:
         """Return an interface's name, `*ID` once it has gone."""
         found = self.interfaces.get(number or 0)
         return found.name if found is not None else f"*{number or 0:X}"
+
+    def factory(self, name: str) -> Interface | None:
+        """Return the port or radio with that factory name, however it is called now."""
+        for table in self.store.space_tables("interface"):
+            for item in table.items:
+                if item.factory is not None and item.factory.get("name") == name:
+                    return self.interfaces[item.id]
+        return None
+
+    def joins(self, one: str, other: str) -> bool:
+        """Tell whether two ports (factory names) are ports of one bridge, and all three work."""
+        ports = (self.factory(one), self.factory(other))
+        masters = {port.master for port in ports if port is not None and self.up(port.id)}
+        return None not in ports and len(masters) == 1 and None not in masters
 
     def up(self, number: int | None) -> bool:
         """Tell whether an interface is there, enabled and running, and its bridge too."""

@@ -5,7 +5,16 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.menus import _address, _firewall, _interface, _routing, _service, _system
+from atlantis_netcfg.routeros.menus import (
+    _address,
+    _firewall,
+    _interface,
+    _routing,
+    _service,
+    _system,
+    _wifi,
+    _wireless,
+)
 from atlantis_netcfg.routeros.menus._model import MARK, Field, Menu, Shape
 from atlantis_netcfg.routeros.menus._values import Kind, canonical
 
@@ -17,6 +26,8 @@ __all__ = ["MARK", "MENUS", "Field", "Kind", "Menu", "Shape", "canonical", "rank
 _ORDER = (
     *_system.MENUS,
     *_interface.MENUS,
+    *_wireless.MENUS,
+    *_wifi.MENUS,
     *_address.MENUS,
     *_firewall.MENUS,
     *_routing.MENUS,

@@ -110,6 +110,8 @@ class Menu:
     exported: bool = True
     """False: `export` leaves the menu out, so that a saved export says nothing about it."""
     since: Version | None = None
+    configured: bool = False
+    """Rows inherit from others: `print config` shows what a row itself says, plain `print` what it amounts to."""
 
     def __repr__(self) -> str:
         return f"<Menu {self.path}>"

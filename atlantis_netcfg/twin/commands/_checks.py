@@ -155,6 +155,12 @@ def _ethernet(core: Core, values: Mapping[str, str], item: Item | None) -> None:
         raise Trap(f"unknown parameter {given[0]}")
 
 
+def _virtual(_core: Core, values: Mapping[str, str], item: Item | None) -> None:
+    """A row beside the radios of the board is a virtual one, on top of one of them."""
+    if item is None and "master-interface" not in values:
+        raise Trap("failure: master interface not specified")
+
+
 def _service(core: Core, values: Mapping[str, str], item: Item | None) -> None:
     for name in ("certificate", "tls-version"):
         if name in values and item is not None and name not in (item.factory or {}):
@@ -181,6 +187,8 @@ def _someone_left(core: Core, changed: Item, values: Mapping[str, str] | None) -
 _MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
     "/interface/bridge/port": _bridge_port,
     "/interface/ethernet": _ethernet,
+    "/interface/wifi": _virtual,
+    "/interface/wireless": _virtual,
     "/ip/address": _address,
     "/ip/dns/static": _static_dns,
     "/ip/firewall/filter": _rule,

@@ -19,6 +19,8 @@ __all__ = ["complete", "mac_of"]
 _NAMES = {
     "/interface/bridge": ("bridge", "interface"),
     "/interface/ovpn-client": ("ovpn-out", "interface"),
+    "/interface/wifi": ("wifi", "interface"),
+    "/interface/wireless": ("wlan", "interface"),
     "/ip/dhcp-server": ("dhcp", ""),
     "/ip/pool": ("pool", ""),
     "/routing/table": ("table", ""),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.commands.radio import registrations
 from atlantis_netcfg.twin.derived import type_of
 from atlantis_netcfg.twin.devicemode import FEATURES, allowed
 from atlantis_netcfg.twin.software import package_file
@@ -198,6 +199,8 @@ COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
     "/file": _files,
     "/interface": _interfaces,
     "/interface/ethernet/poe": _poe,
+    "/interface/wifi/registration-table": registrations,
+    "/interface/wireless/registration-table": registrations,
     "/log": _log,
     "/safe-mode": _safe_mode,
     "/system/device-mode": _device_mode,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
-from atlantis_netcfg.twin.commands import certificate, files, read, safe, system, write
+from atlantis_netcfg.twin.commands import certificate, files, radio, read, safe, system, write
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
 
@@ -30,6 +30,8 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/enable": (system.interface, "write"),
     "/interface/ethernet/poe/set": (system.poe, "write"),
     "/interface/set": (system.interface, "write"),
+    "/interface/wifi/monitor": (radio.monitor, "read"),
+    "/interface/wireless/monitor": (radio.monitor, "read"),
     "/log/debug": (system.log, "write"),
     "/log/error": (system.log, "write"),
     "/log/info": (system.log, "write"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.twin.commands._computed import COMPUTED
+from atlantis_netcfg.twin.commands.radio import amounting
 from atlantis_netcfg.twin.menus import Shape
 from atlantis_netcfg.twin.query import matches
 from atlantis_netcfg.twin.views import rows, without_counters
@@ -30,6 +31,7 @@ _ANY = {
     "value-list",
     "show-ids",
     "as-value",
+    "config",
 }
 
 
@@ -37,7 +39,8 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
     """Return the rows of the call's menu, as this session may see them."""
     if call.menu in COMPUTED:
         return COMPUTED[call.menu](core, call)
-    return rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
+    found = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
+    return found if "config" in call.arguments else amounting(core, call.menu, found)
 
 
 def print_(core: Core, call: Call) -> Result:

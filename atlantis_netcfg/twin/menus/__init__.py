@@ -6,7 +6,7 @@ names are checked by the tree, values hardly. `Menu.modelled` says which case it
 
 from __future__ import annotations
 
-from atlantis_netcfg.twin.menus import _firewall, _interface, _ip, _routing, _services, _system
+from atlantis_netcfg.twin.menus import _firewall, _interface, _ip, _routing, _services, _system, _wifi, _wireless
 from atlantis_netcfg.twin.menus._generic import generic
 from atlantis_netcfg.twin.menus._model import Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.twin.menus._order import EXPORT_ORDER
@@ -15,7 +15,15 @@ from atlantis_netcfg.twin.menus._system import POLICIES
 __all__ = ["EXPORT_ORDER", "INTERFACES", "MODELLED", "POLICIES", "Arg", "Menu", "Select", "Shape", "Unique", "generic"]
 
 MODELLED: dict[str, Menu] = {
-    menu.path: menu for module in (_interface, _ip, _firewall, _routing, _services, _system) for menu in module.MENUS
+    menu.path: menu
+    for module in (_interface, _wireless, _wifi, _ip, _firewall, _routing, _services, _system)
+    for menu in module.MENUS
 }
-INTERFACES = ("/interface/ethernet", "/interface/bridge", "/interface/ovpn-client")
+INTERFACES = (
+    "/interface/ethernet",
+    "/interface/bridge",
+    "/interface/ovpn-client",
+    "/interface/wireless",
+    "/interface/wifi",
+)
 """Modelled menus whose rows are interfaces and also show under `/interface`."""

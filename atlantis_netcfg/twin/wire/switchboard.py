@@ -49,6 +49,10 @@ class Switchboard:
         self.knobs = Knobs()
         self.chance: random.Random | None = None
         self.booting = False
+        self.radio: Callable[[], None] | None = None
+        """Told when the configuration is another one, and when the router goes down or comes back."""
+        self.carried: Callable[[], bool] | None = None
+        """Whether what lies before the router lets packets through; None: a cable, which does."""
         self.failure: BaseException | None = None
         self._device = device
         self._path = path
@@ -119,13 +123,15 @@ class Switchboard:
         for connection in self.connections:
             connection.rebooted(clean=clean)
         self._device.reboot()
-        self._regate()
+        self._touch_radio()
+        self.regate()
         self._timers.append(asyncio.get_running_loop().call_later(self.knobs.boot_s, self._end_boot))
         self._alarm.set()
 
     def _end_boot(self) -> None:
         self.booting = False
-        self._regate()
+        self._touch_radio()
+        self.regate()
         self._alarm.set()
 
     # What the connections ask.
@@ -156,9 +162,8 @@ class Switchboard:
     def reaches(self, service: str, *, established: bool) -> bool:
         """Do packets get through the router's own configuration, both ways."""
         path = self._path
-        return not self.booting and self._device.path_open(
-            path.technician, path.local, service, established=established
-        )
+        here = not self.booting and (self.carried is None or self.carried())
+        return here and self._device.path_open(path.technician, path.local, service, established=established)
 
     def opened(self, pipe: Pipe) -> None:
         """A client has connected."""
@@ -190,7 +195,8 @@ class Switchboard:
                 return
             self._revision = self._device.revision
             await self._changed()
-            self._regate()
+            self._touch_radio()
+            self.regate()
 
     def tell(self) -> None:
         """Let all sessions say what their `/listen` has seen, and look at the clock again."""
@@ -208,7 +214,13 @@ class Switchboard:
             for connection in self.connections:
                 connection.drop()
 
-    def _regate(self) -> None:
+    def _touch_radio(self) -> None:
+        if self.radio is not None:
+            self.radio()
+
+    def regate(self) -> None:
+        """Look again which connections get through, and do what the router's new state makes due."""
+        self._alarm.set()
         for pipe in tuple(self._connections):
             pipe.regate()
 

@@ -144,7 +144,7 @@ def test_boards_and_packages() -> None:
 def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
     known: set[str] = {"name"} if menu.path == "/ip/service" else set()  # type: ignore[attr-defined]
     for version in TREES:
-        schema = Schema(version, features=EVERYTHING)
+        schema = Schema(version, ("routeros", "wireless"), EVERYTHING)
         assert schema.has_menu(menu.path)  # type: ignore[attr-defined]
         known |= schema.arguments(menu.path, "add") | schema.arguments(menu.path, "set")  # type: ignore[attr-defined]
     shared = {"connection-", "layer7", "p2p", "realm", "reject-with", "routing-mark", "tcp-flags", "tls-host"}
@@ -154,7 +154,7 @@ def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
 
 @pytest.mark.parametrize("path", MODELLED)
 def test_shapes_are_those_of_the_tree(path: str) -> None:
-    schema = Schema("7.21.5", features=EVERYTHING)
+    schema = Schema("7.21.5", ("routeros", "wireless"), EVERYTHING)
     if "add" in schema.commands(path):
         expected = Shape.LIST
     else:
