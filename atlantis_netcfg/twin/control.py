@@ -110,6 +110,11 @@ async def _recertify(router: Router) -> str | None:
     return router.pin
 
 
+async def _rekey(router: Router) -> str:
+    router.rekey()
+    return router.host_key
+
+
 COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "info": _info,
     "export": _export,
@@ -127,5 +132,6 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "knobs": _knobs,
     "console": _console,
     "recertify": _recertify,
+    "rekey": _rekey,
 }
 """What `do` may say; the function's parameters are the command's arguments."""

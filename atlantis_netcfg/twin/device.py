@@ -6,6 +6,7 @@ import hashlib
 import hmac
 import secrets
 from dataclasses import dataclass
+from ipaddress import ip_address, ip_network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.twin.access import admit
@@ -22,6 +23,7 @@ from atlantis_netcfg.twin.path import path_open
 from atlantis_netcfg.twin.scheduler import next_run, run_due
 from atlantis_netcfg.twin.sentence import Sentence
 from atlantis_netcfg.twin.software import boot_with
+from atlantis_netcfg.twin.storage import FileSide
 from atlantis_netcfg.twin.store import Store
 
 if TYPE_CHECKING:
@@ -56,9 +58,16 @@ class Service:
     certificate: str | None
     max_sessions: int
     tls_version: str
+    address: str = ""
+    """Networks that it talks to, as `/ip/service` has them; empty is everybody."""
+
+    def admits(self, caller: str) -> bool:
+        """Does it talk to this address; others learn it from a connection that is closed (Manual, Services)."""
+        networks = [ip_network(part) for part in self.address.split(",") if part]
+        return not networks or any(ip_address(caller) in network for network in networks)
 
 
-class Device(ConsoleSide):
+class Device(ConsoleSide, FileSide):
     """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
 
     It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the
@@ -278,6 +287,7 @@ class Device(ConsoleSide):
                 certificate=None if certificate in (None, "none") else certificate,
                 max_sessions=int(store.text(table, item, "max-sessions") or 20),
                 tls_version=store.text(table, item, "tls-version") or "any",
+                address=store.text(table, item, "address") or "",
             )
         return found
 

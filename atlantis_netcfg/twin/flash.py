@@ -49,6 +49,15 @@ class Flash:
             private.write(path, pem.encode())
         return path
 
+    @property
+    def host_key(self) -> Path:
+        """Where the SSH host key lies; it may have to be made first."""
+        return self._folder / "host-key"
+
+    def forget_host_key(self) -> None:
+        """Let the next connection find a new SSH host key, as after a reset of the router."""
+        self.host_key.unlink(missing_ok=True)
+
     def forget_certificates(self) -> None:
         """Let the next connection find new keys, as after a reset of the router."""
         for file in (self._folder / "certificates").glob("*.pem"):

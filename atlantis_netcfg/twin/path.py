@@ -38,7 +38,7 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
         return False
     interface = topology.interfaces[entry].master or entry
     src, dst = IPv4Address(caller), IPv4Address(local)
-    if not established and not _admits(core, service, src):
+    if not established and not _on(core, service):
         return False
     if not _receives(core, entry, interface, dst):
         return False
@@ -66,14 +66,11 @@ def _service_port(core: Core, service: str) -> int | None:
     return None
 
 
-def _admits(core: Core, service: str, src: IPv4Address) -> bool:
-    """Tell whether the service is on and its `address=` lets the caller in."""
+def _on(core: Core, service: str) -> bool:
+    """Tell whether the service is on: whom its `address=` turns away is told so after the packet has arrived."""
     table = core.store.table("/ip/service")
     item = next(item for item in table.items if core.store.text(table, item, "name") == service)
-    allowed = core.store.text(table, item, "address") or ""
-    on = core.store.text(table, item, "disabled") != "yes" and core.store.target(table, item, "vrf") == MAIN
-    networks = [IPv4Network(part) for part in allowed.split(",") if part and ":" not in part]
-    return on and (not allowed or any(src in network for network in networks))
+    return core.store.text(table, item, "disabled") != "yes" and core.store.target(table, item, "vrf") == MAIN
 
 
 def _receives(core: Core, entry: int, interface: int, dst: IPv4Address) -> bool:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Self
 from atlantis_netcfg.twin.certificates import known
 from atlantis_netcfg.twin.device import Device
 from atlantis_netcfg.twin.flash import Flash
+from atlantis_netcfg.twin.shell.hostkey import fingerprint, host_key
+from atlantis_netcfg.twin.shell.ssh import SshConnection
 from atlantis_netcfg.twin.wire.doors import HOST, Doors
 from atlantis_netcfg.twin.wire.knobs import Knobs
 from atlantis_netcfg.twin.wire.link import Link
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.answers import Answer, Caller
     from atlantis_netcfg.twin.spec import RouterSpec
     from atlantis_netcfg.twin.wire.faults import Fault
+    from atlantis_netcfg.twin.wire.host import Host, Member
     from atlantis_netcfg.twin.wire.pipe import Pipe
 
 __all__ = ["Router"]
@@ -70,10 +73,10 @@ class Router:
         self._issue()
         self._board = Switchboard(
             self.device,
-            self.spec.management,
             changed=self._changed,
             certificate=self._certificate,
             tallies=self._tallies,
+            others={"ssh": self._shell},
         )
         self.relink(self._link)
         self.turn(self._knobs)
@@ -118,7 +121,7 @@ class Router:
 
     @property
     def ports(self) -> dict[str, int]:
-        """Loopback port of each API service that is enabled: `api`, `api-ssl`."""
+        """Loopback port of each emulated service that is enabled: `api`, `api-ssl`, `ssh`."""
         return self._doors.ports
 
     @property
@@ -137,6 +140,11 @@ class Router:
         service = self.device.services().get("api-ssl")
         pem = None if service is None or service.certificate is None else self.device.certificate(service.certificate)
         return None if pem is None else known(pem).fingerprint
+
+    @property
+    def host_key(self) -> str:
+        """Fingerprint of the SSH host key, `SHA256:...`."""
+        return fingerprint(self._flash.host_key)
 
     def export(
         self,
@@ -223,6 +231,10 @@ class Router:
         self._board.reboot(clean=clean)
         self._consoles.clear()
 
+    def rekey(self) -> None:
+        """Replace the SSH host key, as a reset or an intruder would."""
+        self._flash.forget_host_key()
+
     def recertify(self) -> None:
         """Replace the certificates, as a reset or an intruder would."""
         self._flash.forget_certificates()
@@ -259,6 +271,9 @@ class Router:
 
     def _side_visitor(self, service: str) -> Pipe:
         return self._board.visitor(service, self.spec.first_contact)
+
+    def _shell(self, host: Host, address: str) -> Member:
+        return SshConnection(host, self.device, address=address, key=lambda: host_key(self._flash.host_key))
 
     async def _changed(self) -> None:
         await self._doors.align(self.device.services())

@@ -122,6 +122,8 @@ def describe(router: Router) -> dict[str, Any]:
         "host": router.host,
         "api": router.ports.get("api"),
         "api_ssl": router.ports.get("api-ssl"),
+        "ssh": router.ports.get("ssh"),
+        "host_key": router.host_key,
         "ports": {str(service): loopback for service, loopback in router.port_map.items()},
         "pin": router.pin,
         "address": router.spec.management.local,

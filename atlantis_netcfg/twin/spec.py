@@ -88,7 +88,7 @@ class Execute(StrEnum):
 
 
 class Radio(_Spec):
-    """A radio on the board; the package that is installed drives it: `wireless`, or one whose name begins with `wifi-`."""
+    """A radio on the board; the package that is installed drives it: `wireless`, or one called `wifi-...`."""
 
     name: str = "wlan1"
     """Factory name: `wlan1` with the older driver, `wifi1` with the newer."""
@@ -127,6 +127,8 @@ class RouterSpec(_Spec):
     neighbours: tuple[str, ...] = ()
     """Addresses that answer `/ping` when a route leads to them."""
     execute: Execute = Execute.OUTPUT
+    disk_bytes: int = Field(default=1041235968, ge=0)
+    """What its files may take together."""
     serial: bool = False
     """It has a serial line: a pty whose path the running twin tells."""
     factory: bool = False

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.answers import Caller
     from atlantis_netcfg.twin.core import Core
 
-__all__ = ["Outcome", "check_syntax", "run_file", "run_script"]
+__all__ = ["Outcome", "check_syntax", "run_file", "run_line", "run_script"]
 
 
 @dataclass(slots=True)
@@ -45,6 +45,19 @@ def run_script(core: Core, caller: Caller, script: str) -> Outcome:
         return outcome
     _run(core, caller, statements, outcome)
     return outcome
+
+
+def run_line(core: Core, caller: Caller, line: str, menu: str) -> tuple[Outcome, str]:
+    """Run what was typed while the prompt stood at `menu`; the second value is where it stands now."""
+    outcome = Outcome()
+    parser = Parser(core, Text(line), menu)
+    try:
+        statements = list(parser.statements())
+    except ConsoleError as error:
+        outcome.error = str(error)
+        return outcome, menu
+    _run(core, caller, statements, outcome)
+    return outcome, parser.menu
 
 
 def run_file(core: Core, caller: Caller, text: str) -> Outcome:

@@ -1,4 +1,4 @@
-"""The listening sockets: one on loopback for each enabled API service, moving when `/ip/service` says so."""
+"""The listening sockets: one on loopback for each emulated service, moving as `/ip/service` says."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["HOST", "SERVICES", "Doors"]
 
 HOST = "127.0.0.1"
-SERVICES = ("api", "api-ssl")
+SERVICES = ("api", "api-ssl", "ssh")
 
 
 class Doors:

@@ -13,9 +13,32 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.wire.knobs import Knobs, Pace
     from atlantis_netcfg.twin.wire.link import Bearer
     from atlantis_netcfg.twin.wire.pipe import Pipe
+    from atlantis_netcfg.twin.wire.tally import Tally
     from atlantis_netcfg.twin.wire.tls import Channel
 
-__all__ = ["Host"]
+__all__ = ["Host", "Member"]
+
+
+class Member(Protocol):
+    """A connection as its router sees it."""
+
+    tally: Tally
+    pipe: Pipe
+
+    def drop(self) -> None:
+        """Reset under both ends at once; what was under way is lost."""
+
+    def vanish(self) -> None:
+        """Silence for good, and neither end is told."""
+
+    def rebooted(self, *, clean: bool) -> None:
+        """The router has lost its memory; `clean` if it closed its sockets first."""
+
+    def check(self) -> None:
+        """Close if somebody has removed this session from `/user/active`."""
+
+    def say_pending(self) -> None:
+        """Say what the router has to say unasked."""
 
 
 class Host(Protocol):
@@ -55,8 +78,8 @@ class Host(Protocol):
     def channel(self, service: str) -> Channel:
         """TLS with the certificate of this moment, or plain."""
 
-    def admits(self, service: str) -> bool:
-        """Does the service, which has seen a packet, talk to this client."""
+    def admits(self, service: str, address: str | None = None) -> bool:
+        """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
 
     def reaches(self, service: str, *, established: bool) -> bool:
         """Do packets get through the router's own configuration, both ways."""

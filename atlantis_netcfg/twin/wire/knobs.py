@@ -34,6 +34,8 @@ class Knobs(BaseModel):
     stall_every: int | None = Field(default=None, ge=1)
     """Every n-th sentence finds the router busy for `stall_s` (the same source saw 7 s and 30 s)."""
     stall_s: float = Field(default=7.0, ge=0)
+    probe_s: float = Field(default=5.0, ge=0)
+    """How long a console waits for a terminal to say what it is; no manual tells."""
     boot_s: float = Field(default=60.0, ge=0)
     """From a reboot or power cut until the API answers again."""
     old_login: bool = False

@@ -15,11 +15,12 @@ from atlantis_netcfg.twin.wire.tls import Channel, Plain, Tls, context
 from atlantis_netcfg.twin.wire.way import Way
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable
+    from collections.abc import Awaitable, Callable, Mapping
     from pathlib import Path
 
     from atlantis_netcfg.twin.device import Device
     from atlantis_netcfg.twin.spec import Management
+    from atlantis_netcfg.twin.wire.host import Host, Member
     from atlantis_netcfg.twin.wire.pipe import Pipe
     from atlantis_netcfg.twin.wire.tally import Tally
 
@@ -29,17 +30,18 @@ __all__ = ["Switchboard"]
 class Switchboard:
     """The host of all connections of one router (see host.py), from its boot until its plug is pulled.
 
-    `changed` is awaited whenever the configuration is another one; `certificate` gives the PEM file by name.
+    `changed` is awaited whenever the configuration is another one; `certificate` gives the PEM file by name;
+    `others` makes the router's end of services that do not speak the API, for a client at an address.
     """
 
     def __init__(
         self,
         device: Device,
-        path: Management,
         *,
         changed: Callable[[], Awaitable[None]],
         certificate: Callable[[str], Path | None],
         tallies: list[Tally],
+        others: Mapping[str, Callable[[Host, str], Member]],
     ) -> None:
         self.bearer = Bearer(Link())
         self.air = asyncio.Event()
@@ -55,11 +57,12 @@ class Switchboard:
         """Whether what lies before the router lets packets through; None: a cable, which does."""
         self.failure: BaseException | None = None
         self._device = device
-        self._path = path
+        self._path = device.spec.management
         self._changed = changed
         self._certificate = certificate
         self._tallies = tallies
-        self._connections: dict[Pipe, Connection] = {}
+        self._others = others
+        self._connections: dict[Pipe, Member] = {}
         self._revision: int | None = None
         self._alarm = asyncio.Event()
         self._settling = asyncio.Lock()
@@ -84,13 +87,15 @@ class Switchboard:
             connection.pipe.stop(reset=False)
 
     @property
-    def connections(self) -> tuple[Connection, ...]:
+    def connections(self) -> tuple[Member, ...]:
         """Those that are there now."""
         return tuple(self._connections.values())
 
     def visitor(self, service: str, way: Management | None = None) -> Pipe:
         """Make what serves a new client of `service`, who comes over the declared path or another `way`."""
-        connection = Connection(self if way is None else Way(self, self._device, way), service)
+        host: Host = self if way is None else Way(self, self._device, way)
+        other = self._others.get(service)
+        connection = Connection(host, service) if other is None else other(host, (way or self._path).technician)
         self._connections[connection.pipe] = connection
         return connection.pipe
 
@@ -153,11 +158,12 @@ class Switchboard:
         pem = None if row.certificate is None else self._certificate(row.certificate)
         return Tls(context(pem, newest="1.2" if row.tls_version == "only-1.2" else self.knobs.tls))
 
-    def admits(self, service: str) -> bool:
-        """Does the service, which has seen a packet, talk to this client."""
+    def admits(self, service: str, address: str | None = None) -> bool:
+        """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
         row = self._device.services().get(service)
         busy = sum(pipe.service == service and pipe.established and not pipe.lost for pipe in self._connections)
-        return row is not None and row.enabled and busy <= row.max_sessions
+        caller = address or self._path.technician
+        return row is not None and row.enabled and row.admits(caller) and busy <= row.max_sessions
 
     def reaches(self, service: str, *, established: bool) -> bool:
         """Do packets get through the router's own configuration, both ways."""

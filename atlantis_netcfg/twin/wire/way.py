@@ -73,9 +73,9 @@ class Way:
         """TLS or plain."""
         return self._host.channel(service)
 
-    def admits(self, service: str) -> bool:
+    def admits(self, service: str, address: str | None = None) -> bool:
         """Does the service talk to this client."""
-        return self._host.admits(service)
+        return self._host.admits(service, address or self._path.technician)
 
     def reaches(self, service: str, *, established: bool) -> bool:
         """Do packets get through on this way."""

@@ -51,7 +51,8 @@ class Bench:
         return int(reply.words[0].removeprefix("=ret="))
 
     def reaches(self, service: str = "api-ssl", *, established: bool = False) -> bool:
-        return self.device.path_open(TECHNICIAN, ROUTER, service, established=established)
+        talks = established or self.device.services()[service].admits(TECHNICIAN)
+        return talks and self.device.path_open(TECHNICIAN, ROUTER, service, established=established)
 
     def text(self) -> str:
         return self.device.export(header=False, show_sensitive=True)

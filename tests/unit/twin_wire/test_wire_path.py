@@ -89,7 +89,7 @@ def test_the_service_moves_with_its_port(tmp_path: Path) -> None:
             before = dict(twin.port_map)
             await client.login()
             await client.talk("/ip/service/set", "=numbers=api-ssl", "=port=8730")
-            assert set(twin.port_map) == {8728, 8730}
+            assert set(twin.port_map) == {22, 8728, 8730}
             assert twin.ports["api-ssl"] == twin.port_map[8730]
             async with Client(twin, "api-ssl") as moved:
                 await moved.login()

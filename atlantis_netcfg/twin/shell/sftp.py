@@ -1,0 +1,160 @@
+"""Files of the router by SFTP and SCP: the same that `/file` shows, without folders."""
+
+from __future__ import annotations
+
+import stat
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import asyncssh
+
+from atlantis_netcfg.twin.answers import Trap
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from atlantis_netcfg.twin.device import Device
+    from atlantis_netcfg.twin.shell.ssh import SshConnection
+    from atlantis_netcfg.twin.wire.faults import Fault
+
+__all__ = ["Sftp"]
+
+
+@dataclass(slots=True)
+class _Handle:
+    name: str
+    data: bytearray
+    faults: list[Fault]
+    writing: bool
+
+
+class Sftp(asyncssh.SFTPServer):
+    """One SFTP or SCP channel."""
+
+    def __init__(self, chan: asyncssh.SSHServerChannel[bytes], connection: SshConnection) -> None:
+        super().__init__(chan)
+        self._connection = connection
+        self._device: Device = connection.device
+        self._caller = self._connection.caller()
+
+    def exit(self) -> None:
+        """The channel is closed."""
+        self._connection.left(self._caller)
+
+    async def open(self, path: bytes, pflags: int, attrs: asyncssh.SFTPAttrs) -> _Handle:
+        """Open for reading, or for writing from the start."""
+        del attrs
+        name = _name(path)
+        files = self._files()
+        writing = bool(pflags & asyncssh.FXF_WRITE)
+        if not writing and name not in files:
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
+        faults = await self._connection.labour.begin(f"sftp {'put' if writing else 'get'} {name}")
+        data = b"" if pflags & asyncssh.FXF_TRUNC else files.get(name, b"")
+        if writing:
+            self._store(name, data)
+        return _Handle(name, bytearray(data), faults, writing)
+
+    def read(self, file_obj: object, offset: int, size: int) -> bytes:
+        """A piece of the file."""
+        return bytes(_handle(file_obj).data[offset : offset + size])
+
+    def write(self, file_obj: object, offset: int, data: bytes) -> int:
+        """Put a piece into its place, if there is room for it."""
+        handle = _handle(file_obj)
+        grown = max(0, offset + len(data) - len(handle.data))
+        if grown and grown > self._device.free_space(besides=handle.name) - len(handle.data):
+            raise asyncssh.SFTPNoSpaceOnFilesystem("disk full")
+        handle.data.extend(bytes(max(0, offset - len(handle.data))))
+        handle.data[offset : offset + len(data)] = data
+        return len(data)
+
+    async def close(self, file_obj: object) -> None:
+        """The file is complete, as far as it came: a name that ends with `.auto.rsc` is run."""
+        handle = _handle(file_obj)
+        if handle.writing:
+            self._store(handle.name, bytes(handle.data))
+            if handle.name.endswith(".auto.rsc") and not self._connection.over:
+                self._device.run_upload(self._caller, handle.name)
+        await self._connection.labour.end(handle.faults)
+
+    def stat(self, path: bytes) -> asyncssh.SFTPAttrs:
+        """Size and time; the root is the only folder."""
+        name = _name(path)
+        if name in ("", "."):
+            return asyncssh.SFTPAttrs(permissions=stat.S_IFDIR | 0o755, size=0)
+        files = self._files()
+        if name not in files:
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
+        return _attributes(files[name])
+
+    lstat = stat
+
+    def fstat(self, file_obj: object) -> asyncssh.SFTPAttrs:
+        """The same for an open file."""
+        return _attributes(bytes(_handle(file_obj).data))
+
+    def setstat(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
+        """Times and modes are not kept."""
+
+    def fsetstat(self, file_obj: object, attrs: asyncssh.SFTPAttrs) -> None:
+        """Times and modes are not kept."""
+
+    async def scandir(self, path: bytes) -> AsyncIterator[asyncssh.SFTPName]:
+        """All files."""
+        del path
+        for name, data in self._files().items():
+            yield asyncssh.SFTPName(name.encode(), attrs=_attributes(data))
+
+    def remove(self, path: bytes) -> None:
+        """Delete a file."""
+        self._files()
+        if not self._device.drop_file(_name(path)):
+            raise asyncssh.SFTPNoSuchFile("no such file")
+
+    def rename(self, oldpath: bytes, newpath: bytes) -> None:
+        """Call a file something else."""
+        files = self._files()
+        if _name(oldpath) not in files:
+            raise asyncssh.SFTPNoSuchFile("no such file")
+        self._store(_name(newpath), files[_name(oldpath)])
+        self._device.drop_file(_name(oldpath))
+
+    posix_rename = rename
+
+    def realpath(self, path: bytes) -> bytes:
+        """Everything lies in the root."""
+        return b"/" + _name(path).encode()
+
+    def mkdir(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
+        """There are no folders."""
+        del path, attrs
+        raise asyncssh.SFTPOpUnsupported("not rehearsed by the twin: folders")
+
+    def _files(self) -> dict[str, bytes]:
+        try:
+            return self._device.file_data(self._caller)
+        except Trap as refused:
+            raise asyncssh.SFTPPermissionDenied(refused.message) from refused
+
+    def _store(self, name: str, data: bytes) -> None:
+        try:
+            self._device.store_file(self._caller, name, data)
+        except Trap as refused:
+            raise asyncssh.SFTPNoSpaceOnFilesystem(refused.message) from refused
+
+
+def _name(path: bytes) -> str:
+    return path.decode(errors="surrogateescape").strip("/")
+
+
+def _handle(file_obj: object) -> _Handle:
+    if not isinstance(file_obj, _Handle):
+        raise asyncssh.SFTPFailure("not a file of ours")
+    return file_obj
+
+
+def _attributes(data: bytes) -> asyncssh.SFTPAttrs:
+    now = int(time.time())
+    return asyncssh.SFTPAttrs(size=len(data), permissions=stat.S_IFREG | 0o644, atime=now, mtime=now)
