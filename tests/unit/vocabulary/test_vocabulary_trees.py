@@ -1,0 +1,99 @@
+"""The data itself, and the holes that are known in it."""
+
+from __future__ import annotations
+
+import hashlib
+
+import pytest
+from holes import HOLES, SINCE_ABSENT, Hole
+from spoken import lines, sentence, tokens
+from trees import ROOT, SHIPPED, TREES, VERSIONS, Tree, offered
+
+from atlantis_netcfg.twin.supplement import ADDED
+
+BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
+
+
+def test_the_shipped_trees_are_those_that_were_handed_to_us() -> None:
+    listed = [line.split() for line in (SHIPPED / "SHA256SUMS").read_text("utf-8").splitlines()]
+    sums = {name: digest for digest, name in listed}
+    beside = {path.name: path.read_bytes() for path in BESIDE.glob("*.json.gz")}
+    for name, digest in sums.items():
+        assert hashlib.sha256(beside.get(name, (SHIPPED / name).read_bytes())).hexdigest() == digest
+    assert set(sums) == {*(f"{version}.json.gz" for version in VERSIONS), "7.21.5.values.json.gz"}
+
+
+@pytest.mark.parametrize(("version", "menus"), [("7.16", 522), ("7.18.2", 532), ("7.21.5", 548)])
+def test_the_reader_sees_every_menu(version: str, menus: int) -> None:
+    assert len(list(Tree(version).menus())) == menus
+
+
+def test_the_values_belong_to_commands_of_the_newest_tree() -> None:
+    newest = TREES[-1]
+    strays = []
+    for key in offered():
+        path, _, argument = key.rpartition(" ")
+        menu, _, command = path.rpartition("/")
+        if argument not in newest.arguments(menu or "/", command):
+            strays.append(key)
+    assert len(offered()) > 5000
+    assert len(strays) < len(offered()) // 100
+
+
+@pytest.mark.parametrize("hole", HOLES, ids=lambda hole: f"{hole.menu} {hole.command} {hole.argument}".strip())
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_a_hole_is_a_hole(hole: Hole, tree: Tree) -> None:
+    if hole.argument:
+        assert tree.has_command(hole.menu, hole.command)
+        assert hole.argument not in tree.arguments(hole.menu, hole.command)
+    elif hole.command:
+        assert not tree.has_command(hole.menu, hole.command)
+    else:
+        assert not tree.has_menu(hole.menu)
+    assert hole.why
+
+
+@pytest.mark.parametrize(("menu", "argument"), SINCE_ABSENT)
+def test_what_left_the_tree_of_the_cloud_hosted_router(menu: str, argument: str) -> None:
+    assert [argument in tree.settable(menu) for tree in TREES] == [True, True, False]
+
+
+def test_what_the_twin_adds_to_a_tree_is_a_known_hole() -> None:
+    """Its own table of hardware may not name anything that we have not looked at."""
+    for row in ADDED:
+        absent = [tree for tree in TREES if not tree.has_command(row.menu, row.command)]
+        if absent:
+            assert any(row.menu == hole.menu or row.menu.startswith(hole.menu + "/") for hole in HOLES), row
+            continue
+        for name in row.arguments:
+            known = any((hole.menu, hole.argument) == (row.menu, name) for hole in HOLES)
+            assert known or (row.menu, name) in SINCE_ABSENT, (row.menu, name)
+
+
+def test_words_are_cut_as_the_console_cuts_them() -> None:
+    assert tokens('add comment="a \\" b" [ find x="] y" ] c={ d e }') == [
+        "add",
+        'comment="a \\" b"',
+        '[ find x="] y" ]',
+        "c={ d e }",
+    ]
+    said = list(lines('/ip address\nadd address=1.2.3.4/8 \\\n    comment="x=y"\n:put "a=b"\n', TREES[0]))
+    assert [(one.menu, one.command, one.names) for one in said] == [
+        ("/ip/address", "add", frozenset({"address", "comment"})),
+        ("/", "put", frozenset()),
+    ]
+    assert sentence(["/ip/address/set", "=.id=*1", "=disabled=yes"]).names == {"numbers", "disabled"}
+
+
+@pytest.mark.parametrize(
+    ("text", "unknown"),
+    [
+        ("/ip addres\nadd address=1.2.3.4/8", 2),
+        ("/ip address\nad address=1.2.3.4/8", 1),
+        ("/ip address\nadd adress=1.2.3.4/8", 1),
+        ("/ip/route/set [ find commend=x ] gateway=1", 0),
+        ("/ip route\nadd blackhole dst-address=1.2.3.4/32", 0),
+    ],
+)
+def test_what_is_misspelt_is_seen(text: str, unknown: int) -> None:
+    assert sum(bool(said.unknown(TREES[0])) for said in lines(text, TREES[0])) == unknown

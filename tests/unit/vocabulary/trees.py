@@ -1,0 +1,99 @@
+"""RouterOS' command trees, read raw: nothing of the twin's reader is used, so that a fault there cannot hide."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+ROOT = Path(__file__).parents[3]
+SHIPPED = ROOT / "atlantis_netcfg" / "twin" / "data"
+VERSIONS = ("7.16", "7.18.2", "7.21.5")
+
+Node = dict[str, Any]
+
+
+@cache
+def _loaded(name: str) -> Node:
+    data: Node = json.loads(gzip.decompress((SHIPPED / name).read_bytes()))
+    return data
+
+
+@cache
+def offered() -> dict[str, list[str]]:
+    """What the console of 7.21.5 offers, by `/menu/command argument`."""
+    return _loaded("7.21.5.values.json.gz")
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """The vocabulary of one version. Paths are in the form of the API: `/ip/address`; the root is `/`."""
+
+    version: str
+
+    @property
+    def root(self) -> Node:
+        return _loaded(f"{self.version}.json.gz")
+
+    def node(self, words: Sequence[str]) -> Node | None:
+        found: Any = self.root
+        for word in words:
+            found = found.get(word) if isinstance(found, dict) else None
+        return found if isinstance(found, dict) else None
+
+    def kind(self, words: Sequence[str]) -> str | None:
+        """`menu`, `cmd`, `arg`, or None where there is nothing."""
+        if not words:
+            return "menu"
+        node = self.node(words)
+        if node is None:
+            return None
+        return "menu" if node["_type"] in ("dir", "path") else str(node["_type"])
+
+    def has_menu(self, menu: str) -> bool:
+        return self.kind(parts(menu)) == "menu"
+
+    def has_command(self, menu: str, command: str) -> bool:
+        return self.kind([*parts(menu), command]) == "cmd"
+
+    def commands(self, menu: str) -> frozenset[str]:
+        return self._names(parts(menu), "cmd")
+
+    def arguments(self, menu: str, command: str) -> frozenset[str]:
+        return self._names([*parts(menu), command], "arg")
+
+    def settable(self, menu: str) -> frozenset[str]:
+        """Arguments of `add` and `set` that are values of a row, not ways to name one."""
+        return (self.arguments(menu, "add") | self.arguments(menu, "set")) - {"numbers", "copy-from", "place-before"}
+
+    def shape(self, menu: str) -> str:
+        """How a menu holds rows, as its commands tell: `list`, `fixed` or `settings`."""
+        if "add" in self.commands(menu):
+            return "list"
+        return "fixed" if "numbers" in self.arguments(menu, "set") else "settings"
+
+    def menus(self) -> Iterator[str]:
+        yield from self._below((), self.root)
+
+    def _below(self, words: tuple[str, ...], node: Node) -> Iterator[str]:
+        for name, child in node.items():
+            if isinstance(child, dict) and child["_type"] in ("dir", "path"):
+                yield "/" + "/".join((*words, name))
+                yield from self._below((*words, name), child)
+
+    def _names(self, words: Sequence[str], kind: str) -> frozenset[str]:
+        node = self.node(words) or {}
+        return frozenset(name for name, child in node.items() if isinstance(child, dict) and child["_type"] == kind)
+
+
+def parts(menu: str) -> list[str]:
+    return [word for word in menu.split("/") if word]
+
+
+TREES = tuple(Tree(version) for version in VERSIONS)
