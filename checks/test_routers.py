@@ -1,4 +1,4 @@
-"""The routers of the site are what the declaration says: an empty plan, made from what each of them holds now."""
+"""The routers of the site are what the declaration says; what differs is told in the words of `provision drift`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.report.drift import drift_lines
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site import Host
@@ -17,9 +18,9 @@ PROVISION = str(Path(sys.executable).with_name("provision"))
 
 
 def test_a_router_holds_what_is_declared(router: Host, inventory: Path) -> None:
-    asked = [f"site={router.site}", f"only={router.name}", f"inventory={inventory}", "--plan", "--json"]
+    asked = ["drift", f"site={router.site}", f"only={router.name}", f"inventory={inventory}", "--json"]
     done = subprocess.run([PROVISION, *asked], capture_output=True, text=True, check=False)
     told = json.loads(done.stdout)
     assert not told["errors"], told["errors"]
-    differs = told["devices"][router.name]["diff"]
-    assert done.returncode == ExitCode.DONE, f"{router.name} differs from the declaration:\n{differs}"
+    found = told["devices"][router.name]
+    assert done.returncode == ExitCode.DONE, f"{router.name}: {found['message']}\n{drift_lines(found)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NetcfgError
@@ -20,12 +21,14 @@ _FORGOTTEN = History()
 async def drift(work: Work) -> DeviceResult:
     """End with what differs; the device's history costs one round trip, and only where something has drifted."""
     found = work.comparison = compared(work)
-    if not found.drifted:
-        return work.result(Status.UNCHANGED, _as_declared(found))
-    reply = await work.channel.command(HISTORY)
-    if reply.trap is None:
-        found = work.comparison = compared(work, History(reply.rows))
-    return work.result(Status.DRIFTED, _summary(found))
+    if found.drifted:
+        reply = await work.channel.command(HISTORY)
+        if reply.trap is None:
+            found = work.comparison = compared(work, History(reply.rows))
+        result = work.result(Status.DRIFTED, _summary(found))
+    else:
+        result = work.result(Status.UNCHANGED, _as_declared(found))
+    return replace(result, notes=tuple(work.notes))  # those of the plan are for whoever carries it out
 
 
 def compared(work: Work, history: History = _FORGOTTEN) -> Comparison:

@@ -24,9 +24,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ansible.parsing.vault import VaultLib, VaultSecret
 
+from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import SpawnedSite, spawn
+from atlantis_netcfg.twin import SiteSpec, SpawnedSite, User, spawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,11 +46,33 @@ _NEW_NETWORK = 0x40000000
 class Quay:
     inventory: Path
     state: Path
+    spec: SiteSpec
     twins: SpawnedSite
+    door: Door
+    stack: ExitStack
+    twin: str = ROUTER
+    """The emulated router that stands at the address now."""
+
+    def do(self, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
+        """Command the twin that stands at the address."""
+        return self.twins.do(self.twin, command, **arguments)
 
     def export(self) -> str:
-        lines = str(self.twins.do(ROUTER, "export")).splitlines(keepends=True)
+        lines = str(self.do("export")).splitlines(keepends=True)
         return "".join(line for line in lines if not line.startswith("#"))
+
+    def replace(self, name: str, **box: Any) -> None:  # noqa: ANN401 (fields of RouterSpec)
+        """Put another box in the router's place: fresh from `provision adopt`, with a certificate of its own."""
+        (twin,) = self.spec.twins
+        router = twin.router.model_copy(update={"name": name, "serial_number": name.upper(), **box})
+        spec = SiteSpec(name=self.spec.name, twins=(twin.model_copy(update={"router": router}),))
+        self.twins = self.stack.enter_context(spawn(spec, self.inventory.parent / name))
+        self.twin = name
+        self.door.port = self.twins.ready[name]["api_ssl"]
+
+    def adopt(self) -> None:
+        """Pin what `provision adopt` would pin."""
+        Store(self.state).pins.change(ROUTER, self.twins.ready[self.twin]["pin"])
 
     def environment(self) -> dict[str, str]:
         return {
@@ -106,20 +129,32 @@ class Quay:
         return listed
 
 
+@dataclass(slots=True)
+class Door:
+    """Where the router's declared address leads to."""
+
+    port: int
+
+
 @contextmanager
-def quay(folder: Path) -> Iterator[Quay]:
-    """One adopted twin of the coastal router, in a network namespace where it stands at its declared address."""
+def quay(folder: Path, *others: User) -> Iterator[Quay]:
+    """One adopted twin of the coastal router, in a network namespace where it stands at its declared address.
+
+    `others` have accounts on it besides us.
+    """
     root = _inventory(folder)
     declaration = load(root, decrypt=lambda text: str(_VAULT.decrypt(text.encode()).decode()))
     spec = site_spec(declaration, [declaration.hosts[ROUTER]])
     (twin,) = spec.twins
-    router = twin.router.model_copy(update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0})
+    users = (*twin.router.users, *others)
+    router = twin.router.model_copy(update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0, "users": users})
     spec = spec.model_copy(update={"twins": (twin.model_copy(update={"router": router}),)})
     with ExitStack() as stack:
         stack.enter_context(_namespace())
         twins = stack.enter_context(spawn(spec, folder / "twins"))
-        stack.enter_context(_forwarded(twins.ready[ROUTER]["api_ssl"]))
-        yield Quay(root, folder / "state", twins)
+        door = Door(twins.ready[ROUTER]["api_ssl"])
+        stack.enter_context(_forwarded(door))
+        yield Quay(root, folder / "state", spec, twins, door, stack)
 
 
 def _inventory(folder: Path) -> Path:
@@ -165,12 +200,14 @@ def _namespace() -> Iterator[None]:
 
 
 @contextmanager
-def _forwarded(port: int) -> Iterator[None]:
-    """Stand at the router's declared address and pass every byte to the twin."""
+def _forwarded(door: Door) -> Iterator[None]:
+    """Stand at the router's declared address and pass every byte to the twin; drop who comes when there is none."""
 
-    class Door(socketserver.BaseRequestHandler):
+    class Visit(socketserver.BaseRequestHandler):
         def handle(self) -> None:
-            with socket.create_connection(("127.0.0.1", port)) as twin:
+            if not door.port:
+                return
+            with socket.create_connection(("127.0.0.1", door.port)) as twin:
                 back = threading.Thread(target=_pump, args=(twin, self.request), daemon=True)
                 back.start()
                 _pump(self.request, twin)
@@ -181,7 +218,7 @@ def _forwarded(port: int) -> Iterator[None]:
         daemon_threads = True
         block_on_close = False
 
-    with Doors(ADDRESS, Door) as server:
+    with Doors(ADDRESS, Visit) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
         thread.start()
         try:
