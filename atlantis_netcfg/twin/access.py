@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["admit"]
 
 _REFUSED = "invalid user name or password (6)"
-_POLICIES = {"api": "api", "api-ssl": "api", "ssh": "ssh", "telnet": "telnet", "winbox": "winbox", "ftp": "ftp"}
+_POLICIES = {"api-ssl": "api", "console": "local"}
 
 
 def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
@@ -30,13 +30,19 @@ def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address
         caller = Caller(core.number(), user, group, via, address, core.now())
         if _POLICIES.get(via, via) not in core.policies(caller):
             break
-        core.note("system,info,account", f"user {user} logged in from {address} via {via}")
+        core.note("system,info,account", f"user {user} logged in{_place(address)} via {via}")
         return caller
-    core.note("system,error,critical", f"login failure for user {user} from {address} via {via}")
+    core.note("system,error,critical", f"login failure for user {user}{_place(address)} via {via}")
     raise Trap(_REFUSED)
+
+
+def _place(address: str) -> str:
+    return f" from {address}" if address else ""
 
 
 def _from(values: dict[str, str], address: str) -> bool:
     allowed = values.get("address", "")
+    if not address:
+        return True  # a local console
     caller = ip_address(address)
     return not allowed or any(caller in ip_network(part) for part in allowed.split(","))

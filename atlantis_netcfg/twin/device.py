@@ -320,7 +320,8 @@ class Device(ConsoleSide, FileSide):
         files = {name: [file.number, file.contents, file.modified] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
         keys = {str(number): pem for number, pem in core.keys.items()}
-        return {"configuration": store.dump(), "files": files, "software": software, "keys": keys}
+        flash = {"configuration": store.dump(), "files": files, "software": software, "keys": keys}
+        return flash | {"greetings": list(core.greetings)}
 
     def restore(self, flash: Mapping[str, Any]) -> None:
         """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
@@ -336,6 +337,7 @@ class Device(ConsoleSide, FileSide):
         self._core.store.revision = revision + 1
         self._core.files = dict(found.files)
         self._core.keys = {int(number): pem for number, pem in flash.get("keys", {}).items()}
+        self._core.greetings = tuple(flash.get("greetings", self._core.greetings))
         self.spec = found.spec
         for topics, message in found.log:
             self._core.note(topics, message)

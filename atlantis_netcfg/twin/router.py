@@ -14,6 +14,7 @@ from atlantis_netcfg.twin.certificates import known
 from atlantis_netcfg.twin.device import Device
 from atlantis_netcfg.twin.flash import Flash
 from atlantis_netcfg.twin.shell.hostkey import fingerprint, host_key
+from atlantis_netcfg.twin.shell.serial import SerialLine
 from atlantis_netcfg.twin.shell.ssh import SshConnection
 from atlantis_netcfg.twin.wire.doors import HOST, Doors
 from atlantis_netcfg.twin.wire.knobs import Knobs
@@ -61,6 +62,7 @@ class Router:
         self._side_doors = Doors(self._side_visitor, {})
         self._tallies: list[Tally] = []
         self._consoles: dict[str, Caller] = {}
+        self._serial: SerialLine | None = None
         self._radio: Callable[[], None] | None = None
         self._carried: Callable[[], bool] | None = None
 
@@ -82,6 +84,9 @@ class Router:
         self.turn(self._knobs)
         self.on_radio(self._radio, self._carried)
         self._consoles.clear()
+        if self.spec.serial:
+            self._serial = self._board.line = SerialLine(self._board, self.device)
+            self._serial.start()
         try:
             await self._board.start()
         except OSError:
@@ -93,6 +98,9 @@ class Router:
         self._doors.close()
         self._side_doors.close()
         self._flash.save(self.device.snapshot())
+        if self._serial is not None:
+            self._serial.close()
+            self._serial = None
         self._board.stop()
         await asyncio.sleep(0)
         if self._board.failure is not None:
@@ -140,6 +148,11 @@ class Router:
         service = self.device.services().get("api-ssl")
         pem = None if service is None or service.certificate is None else self.device.certificate(service.certificate)
         return None if pem is None else known(pem).fingerprint
+
+    @property
+    def serial(self) -> str | None:
+        """Path of the pty that stands for its serial line; None if it has none. Another one after every start."""
+        return None if self._serial is None else self._serial.path
 
     @property
     def host_key(self) -> str:

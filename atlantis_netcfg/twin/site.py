@@ -124,6 +124,7 @@ def describe(router: Router) -> dict[str, Any]:
         "api_ssl": router.ports.get("api-ssl"),
         "ssh": router.ports.get("ssh"),
         "host_key": router.host_key,
+        "serial": router.serial,
         "ports": {str(service): loopback for service, loopback in router.port_map.items()},
         "pin": router.pin,
         "address": router.spec.management.local,

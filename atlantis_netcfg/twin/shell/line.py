@@ -31,6 +31,7 @@ class Line:
     def begin(self, prompt: str, *, secret: bool = False) -> str:
         """Start an empty line."""
         self.prompt, self.text, self.at, self.secret = prompt, "", 0, secret
+        self._shown = 0
         return self.paint()
 
     def paint(self) -> str:

@@ -16,7 +16,23 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.wire.tally import Tally
     from atlantis_netcfg.twin.wire.tls import Channel
 
-__all__ = ["Host", "Member"]
+__all__ = ["Host", "Line", "Member"]
+
+
+class Line(Protocol):
+    """A way to the router that is no connection: its serial line."""
+
+    def down(self, *, clean: bool) -> None:
+        """The router goes down."""
+
+    def up(self) -> None:
+        """The router is back."""
+
+    def check(self) -> None:
+        """Log out if somebody has removed this session from `/user/active`."""
+
+    def say_pending(self) -> None:
+        """Say what the router has to say unasked."""
 
 
 class Member(Protocol):

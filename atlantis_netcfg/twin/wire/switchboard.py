@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.twin.device import Device
     from atlantis_netcfg.twin.spec import Management
-    from atlantis_netcfg.twin.wire.host import Host, Member
+    from atlantis_netcfg.twin.wire.host import Host, Line, Member
     from atlantis_netcfg.twin.wire.pipe import Pipe
     from atlantis_netcfg.twin.wire.tally import Tally
 
@@ -67,6 +67,8 @@ class Switchboard:
         self._alarm = asyncio.Event()
         self._settling = asyncio.Lock()
         self._timers: list[asyncio.TimerHandle] = []
+        self.line: Line | None = None
+        """The serial line, beside the network."""
         self._gap_until = 0.0
         self._clock: asyncio.Task[None] | None = None
 
@@ -127,6 +129,8 @@ class Switchboard:
         self.booting = True
         for connection in self.connections:
             connection.rebooted(clean=clean)
+        if self.line is not None:
+            self.line.down(clean=clean)
         self._device.reboot()
         self._touch_radio()
         self.regate()
@@ -135,6 +139,8 @@ class Switchboard:
 
     def _end_boot(self) -> None:
         self.booting = False
+        if self.line is not None:
+            self.line.up()
         self._touch_radio()
         self.regate()
         self._alarm.set()
@@ -197,6 +203,8 @@ class Switchboard:
                 self.reboot(clean=True)
             for connection in self.connections:
                 connection.check()
+            if self.line is not None:
+                self.line.check()
             if self._revision == self._device.revision:
                 return
             self._revision = self._device.revision
@@ -208,6 +216,8 @@ class Switchboard:
         """Let all sessions say what their `/listen` has seen, and look at the clock again."""
         for connection in self.connections:
             connection.say_pending()
+        if self.line is not None:
+            self.line.say_pending()
         self._alarm.set()
 
     def watch(self, task: asyncio.Task[None]) -> None:
