@@ -68,12 +68,8 @@ _DHCP_CLIENT = Menu(
         text("use-peer-dns", "yes"),
         boolean("use-peer-ntp", "yes"),
         text("script"),
-        *since(
-            "7.19",
-            boolean("allow-reconfigure"),
-            text("check-gateway", "none"),
-            *kept(number("dscp"), text("use-broadcast"), number("vlan-priority")),
-        ),
+        *since("7.19", boolean("allow-reconfigure"), text("check-gateway", "none")),
+        *since("7.20", *kept(number("dscp"), text("use-broadcast"), number("vlan-priority"))),
     ),
 )
 
@@ -113,7 +109,7 @@ _DHCP_SERVER = Menu(
             boolean("use-framed-as-classless"),
         ),
         *since("7.19", boolean("use-reconfigure")),
-        *since("7.19", *kept(text("dynamic-lease-identifiers"), boolean("support-broadband-tr101"))),
+        *since("7.21", *kept(text("dynamic-lease-identifiers"), boolean("support-broadband-tr101"))),
     ),
 )
 
@@ -131,7 +127,7 @@ _DHCP_NETWORK = Menu(
         sequence("dns-server"),
         boolean("dns-none"),
         sequence("ntp-server"),
-        *since("7.19", boolean("ntp-none")),
+        *since("7.20", boolean("ntp-none")),
         text("domain"),
         sequence("wins-server"),
         sequence("caps-manager"),
@@ -174,7 +170,7 @@ _LEASE = Menu(
             text("routes"),
             boolean("use-src-mac"),
         ),
-        *since("7.19", *kept(text("agent-circuit-id"), text("agent-remote-id"))),
+        *since("7.21", *kept(text("agent-circuit-id"), text("agent-remote-id"))),
     ),
 )
 

@@ -8,7 +8,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     DISABLED,
     boolean,
     cosmetic,
-    gone,
     interface,
     kept,
     mac,
@@ -66,7 +65,7 @@ _COMMON = (
     *texts("ingress-priority ipsec-policy layer7-protocol limit nth out-bridge-port-list out-interface-list"),
     *texts("packet-mark packet-size per-connection-classifier priority protocol psd random realm routing-mark"),
     *texts("tcp-mss time ttl"),
-    *since("7.19", *texts("tos")),
+    *since("7.21", *texts("tos")),
 )
 
 _STATEFUL = (
@@ -88,7 +87,8 @@ _FILTER = Menu(
         *_COMMON,
         *_STATEFUL,
         text("reject-with", "icmp-network-unreachable"),
-        *gone("7.21", *kept(boolean("hw-offload"))),
+        # At 7.21 it left the tree of the Cloud Hosted Router; boards with a switch chip kept it (inferred).
+        *kept(boolean("hw-offload")),
     ),
 )
 
@@ -104,9 +104,9 @@ _NAT = Menu(
         *_COMMON,
         sequence("to-addresses", None),
         text("to-ports", None),
-        boolean("randomise-ports"),
+        *since("7.10", boolean("randomise-ports")),
         boolean("same-not-by-dst"),
-        *since("7.19", *texts("socks5-port socks5-server socksify-service")),
+        *since("7.20", *texts("socks5-port socks5-server socksify-service")),
     ),
 )
 

@@ -9,7 +9,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     boolean,
     flag,
     gateway,
-    gone,
     interface,
     kept,
     network,
@@ -20,6 +19,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     time,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
+from atlantis_netcfg.versions import Version
 
 __all__ = ["MENUS"]
 
@@ -32,6 +32,7 @@ _TABLE = Menu(
     flags=("dynamic", "invalid"),
     stock=(("main",),),
     inert=True,
+    since=Version(7, 0),
     fields=(text("name", None), COMMENT, DISABLED, flag("fib")),
 )
 
@@ -39,6 +40,7 @@ _SETTINGS = Menu(
     "/routing/settings",
     Shape.SINGLETON,
     Layer.FOUNDATION,
+    since=Version(7, 12),
     fields=(
         *kept(boolean("single-process")),
         *since("7.19", *kept(text("connected-in-chain"), text("dynamic-in-chain"))),
@@ -62,17 +64,18 @@ _ROUTE = Menu(
     fields=(
         network("dst-address", "0.0.0.0/0"),
         gateway("gateway"),
-        text("routing-table", "main"),
+        *since("7.0", text("routing-table", "main")),
         COMMENT,
         DISABLED,
         number("distance", "1"),
-        flag("blackhole"),
+        *since("7.0", flag("blackhole")),
         text("check-gateway", "none"),
         number("scope", "30"),
         number("target-scope", "10"),
         prefix("pref-src", ""),
         *kept(interface("vrf-interface")),
-        *gone("7.21", *kept(boolean("suppress-hw-offload"))),
+        # At 7.21 it left the tree of the Cloud Hosted Router; boards with a switch chip kept it (inferred).
+        *since("7.0", *kept(boolean("suppress-hw-offload"))),
     ),
 )
 
@@ -83,6 +86,7 @@ _RULE = Menu(
     ordered=True,
     subject="{action} {table} {src-address} {dst-address} {comment}",
     flags=("dynamic", "inactive"),
+    since=Version(7, 0),
     fields=(
         COMMENT,
         DISABLED,

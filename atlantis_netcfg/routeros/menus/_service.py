@@ -34,7 +34,7 @@ _DNS = Menu(
         boolean("allow-remote-requests"),
         size("cache-size", "2048KiB"),
         time("cache-max-ttl", "1w"),
-        time("address-list-extra-time", "0s"),
+        *since("7.10", time("address-list-extra-time", "0s")),
         text("use-doh-server"),
         boolean("verify-doh-cert"),
         number("doh-max-concurrent-queries", "50"),
@@ -43,10 +43,10 @@ _DNS = Menu(
         number("max-concurrent-queries", "100"),
         number("max-concurrent-tcp-sessions", "20"),
         number("max-udp-packet-size", "4096"),
-        words("mdns-repeat-ifaces"),
+        *since("7.16", words("mdns-repeat-ifaces")),
         time("query-server-timeout", "2s"),
         time("query-total-timeout", "10s"),
-        text("vrf", "main"),
+        *since("7.15", text("vrf", "main")),
     ),
 )
 
@@ -97,8 +97,8 @@ _SERVICE = Menu(
         prefixes("address"),
         text("certificate", "none"),
         text("tls-version", "any"),
-        text("vrf", "main"),
-        *usual(number("max-sessions", "20")),
+        *since("7.0", text("vrf", "main")),
+        *since("7.16", *usual(number("max-sessions", "20"))),
     ),
 )
 
@@ -124,11 +124,10 @@ _DISCOVERY = Menu(
     Layer.CLEANUP,
     fields=(
         *usual(text("discover-interface-list", "static"), boolean("lldp-poe-power", "yes")),
-        time("discover-interval", "30s"),
-        boolean("lldp-mac-phy-config"),
-        boolean("lldp-max-frame-size"),
+        *since("7.16", time("discover-interval", "30s")),
+        *since("7.15", boolean("lldp-mac-phy-config"), boolean("lldp-max-frame-size")),
         text("lldp-med-net-policy-vlan", "disabled"),
-        boolean("lldp-vlan-info"),
+        *since("7.16", boolean("lldp-vlan-info")),
         text("mode", "tx-and-rx"),
         words("protocol", "cdp,lldp,mndp"),
     ),
@@ -176,7 +175,7 @@ _SOCKS = Menu(
         time("connection-idle-timeout", "2m"),
         number("max-connections", "200"),
         number("version", "4"),
-        text("vrf", "main"),
+        *since("7.0", text("vrf", "main")),
     ),
 )
 
@@ -196,12 +195,12 @@ _IPV6 = Menu(
         boolean("forward", "yes"),
         text("accept-redirects", "yes-if-forwarding-disabled"),
         text("accept-router-advertisements", "yes-if-forwarding-disabled"),
-        text("multipath-hash-policy", "l3"),
+        *since("7.16", text("multipath-hash-policy", "l3")),
         *kept(number("max-neighbor-entries")),
         *since("7.17", *kept(number("min-neighbor-entries"), number("soft-max-neighbor-entries"))),
         *since("7.17", *usual(text("stale-neighbor-detect-interval", "30"), text("stale-neighbor-timeout", "60"))),
         *since("7.18", boolean("allow-fast-path", "yes"), boolean("disable-link-local-address")),
-        *since("7.19", *usual(text("accept-router-advertisements-on", "all"))),
+        *since("7.21", *usual(text("accept-router-advertisements-on", "all"))),
     ),
 )
 

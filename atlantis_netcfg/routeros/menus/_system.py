@@ -24,6 +24,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     words,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
+from atlantis_netcfg.versions import Version
 
 __all__ = ["MENUS"]
 
@@ -43,7 +44,11 @@ _NOTE = Menu(
     "/system/note",
     Shape.SINGLETON,
     Layer.FOUNDATION,
-    fields=(text("note"), boolean("show-at-cli-login"), *usual(boolean("show-at-login", "yes"))),
+    fields=(
+        text("note"),
+        *since("7.14", boolean("show-at-cli-login")),
+        *usual(boolean("show-at-login", "yes")),
+    ),
 )
 
 _LOGGING_ACTION = Menu(
@@ -76,7 +81,7 @@ _LOGGING_ACTION = Menu(
         *gone("7.18", boolean("bsd-syslog")),
         *since("7.18", text("remote-log-format", "default"), text("remote-protocol", "udp")),
         *since("7.18", *kept(text("cef-event-delimiter"))),
-        *since("7.19", text("vrf", "main")),
+        *since("7.19.6", text("vrf", "main")),
     ),
 )
 
@@ -103,13 +108,17 @@ _NTP_CLIENT = Menu(
     Shape.SINGLETON,
     Layer.ATTACHMENT,
     # `servers` shows the rows of the menu below.
-    fields=(boolean("enabled"), text("mode", "unicast"), *kept(sequence("servers")), text("vrf", "main")),
+    fields=(
+        boolean("enabled"),
+        *since("7.0", text("mode", "unicast"), *kept(sequence("servers")), text("vrf", "main")),
+    ),
 )
 
 _NTP_SERVERS = Menu(
     "/system/ntp/client/servers",
     Shape.LIST,
     Layer.ATTACHMENT,
+    since=Version(7, 0),
     keys=("address",),
     subject="{address}",
     flags=("dynamic",),
@@ -147,7 +156,7 @@ _USER = Menu(
         COMMENT,
         DISABLED,
         prefixes("address"),
-        *kept(text("inactivity-policy"), time("inactivity-timeout")),
+        *since("7.16", *kept(text("inactivity-policy"), time("inactivity-timeout"))),
     ),
 )
 

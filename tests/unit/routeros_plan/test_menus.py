@@ -50,6 +50,9 @@ HOLES = {
     "/ip/service": {"name"},
 }
 
+# A CHR has no switch chip either; its tree knew these up to 7.20.
+LEFT = {"/ip/firewall/filter": {"hw-offload"}, "/ip/route": {"suppress-hw-offload"}}
+
 
 @cache
 def tree(version: str) -> dict[str, Any]:
@@ -74,7 +77,7 @@ def test_arguments_are_those_of_the_command_tree(path: str, version: str) -> Non
     menu = MENUS[path]
     known = arguments(version, path, "add" if menu.shape is Shape.LIST else "set")
     ours = {field.name for field in menu.fields if field.exists(Version.parse(version))}
-    assert ours - known == HOLES.get(path, set())
+    assert ours - known == HOLES.get(path, set()) | (LEFT.get(path, set()) if version == "7.21.5" else set())
 
 
 @pytest.mark.parametrize("path", MENUS)

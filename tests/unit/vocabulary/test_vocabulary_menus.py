@@ -1,0 +1,166 @@
+"""The engine's table of menus and the twin's agree with the trees: names, shapes, first versions, words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from holes import SINCE_ABSENT, known
+from trees import TREES, VERSIONS, Tree, offered
+
+from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape
+from atlantis_netcfg.twin import values
+from atlantis_netcfg.twin.menus import MODELLED
+from atlantis_netcfg.versions import Version
+
+_SHAPES = {Shape.LIST: "list", Shape.FIXED: "fixed", Shape.SINGLETON: "settings"}
+FIRST_VERSIONS = tuple((Version.parse(tree.version), tree) for tree in TREES)
+CELLS = [(menu.path, field.name) for menu in MENUS.values() for field in menu.fields]
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Between which versions a name must have come, and gone, going by the trees alone."""
+
+    came: tuple[Version | None, Version | None]
+    """Later than the first, not later than the second; (None, None): it was there before the oldest tree."""
+    went: tuple[Version | None, Version | None]
+
+
+def span(seen: list[bool]) -> Span | None:
+    """Read one name's history off the trees; None if none shows it."""
+    if not any(seen):
+        return None
+    versions = [version for version, _ in FIRST_VERSIONS]
+    first = seen.index(True)
+    last = len(seen) - 1 - seen[::-1].index(True)
+    came = (None, None) if first == 0 else (versions[first - 1], versions[first])
+    went = (None, None) if last == len(seen) - 1 else (versions[last], versions[last + 1])
+    return Span(came, went)
+
+
+def history(path: str, name: str) -> Span | None:
+    return span([name in tree.settable(path) for _, tree in FIRST_VERSIONS])
+
+
+@pytest.mark.parametrize(("path", "name"), CELLS)
+def test_a_field_comes_and_goes_when_the_trees_say(path: str, name: str) -> None:
+    field, found = MENUS[path].by_name[name], history(path, name)
+    if found is None:
+        assert known(path, "set", name)
+        return
+    after, until = found.came
+    if until is None:
+        # The oldest tree shows it: what came before 7.16 is not decided by these trees.
+        assert field.since is None or field.since <= Version(7, 16)
+    else:
+        assert field.since is not None
+        assert after is not None
+        assert after < field.since <= until
+    after, until = found.went
+    if until is None or (path, name) in SINCE_ABSENT:
+        assert field.gone is None or field.gone > Version(7, 21, 5)
+    else:
+        assert field.gone is not None
+        assert after is not None
+        assert after < field.gone <= until
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_a_menu_comes_when_the_trees_say(path: str) -> None:
+    menu, there = MENUS[path], [tree.has_menu(path) for tree in TREES]
+    assert all(there) or menu.since is not None
+    for version, tree in FIRST_VERSIONS:
+        assert tree.has_menu(path) == (menu.since is None or version >= menu.since)
+
+
+RADIOS = ("/interface/wifi", "/interface/wireless")
+"""The trees call these lists, because they also take virtual access points; to us they are the radios of the board."""
+
+
+@pytest.mark.parametrize("path", MENUS)
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_shapes_are_those_of_the_trees(path: str, tree: Tree) -> None:
+    menu = MENUS[path]
+    if menu.readonly:
+        return
+    assert _SHAPES[menu.shape] == ("fixed" if path in RADIOS else tree.shape(path))
+    assert not menu.ordered or "move" in tree.commands(path)
+    needed = {"list": {"add", "set", "remove", "print"}, "fixed": {"set", "print"}, "settings": {"set", "print"}}
+    assert needed[tree.shape(path)] <= tree.commands(path)
+    assert MODELLED[path].shape.value == tree.shape(path)
+
+
+REVIEWED_UNORDERED = {
+    "/interface/bridge/port": "which port comes first changes nothing that we declare",
+    "/ip/dns/static": "only regular expressions are looked up in order, and we declare names",
+}
+"""Menus that have `move`, and whose order we leave alone."""
+
+
+def test_menus_with_move_are_ordered_or_reviewed() -> None:
+    movable = {path for path in MENUS if "move" in TREES[1].commands(path)}
+    ordered = {path for path, menu in MENUS.items() if menu.ordered}
+    assert movable - ordered == {path for path in movable if path in REVIEWED_UNORDERED}
+    assert ordered <= movable
+
+
+WIDER = {
+    ("/ip/cloud", "ddns-enabled"): {"no"},
+    ("/ip/firewall/mangle", "connection-nat-state"): {"ein-snat", "ein-dnat"},
+}
+"""Words that the twin takes although the console of 7.21.5 does not offer them: `no` is how versions before 7.17 spell
+off, and of the states of endpoint-independent NAT the manual's page Mangle tells as the page Filter does."""
+FREE = ("country", "protocol")
+"""Last parts of arguments that also take numbers, or names that the console offers in quotes."""
+
+
+def closed(kind: values.Kind) -> set[str] | None:
+    """Return the words of an enumeration, None for any other kind."""
+    while isinstance(kind, values.Not):
+        kind = kind.kind
+    return set(kind.words) if isinstance(kind, values.Choice | values.Choices) else None
+
+
+def test_words_of_the_twin_are_those_of_the_console() -> None:
+    """Where the console offers a closed set, the twin takes all of it and nothing else."""
+    checked, differing = 0, {}
+    for path, menu in MODELLED.items():
+        for arg in menu.args:
+            ours, theirs = closed(arg.kind), words(path, arg.name)
+            if ours is None or not theirs or arg.name.rpartition(".")[2] in FREE:
+                continue
+            checked += 1
+            if ours != theirs | WIDER.get((path, arg.name), set()):
+                differing[path, arg.name] = ours ^ theirs
+    assert differing == {}
+    assert checked > 100
+
+
+def words(path: str, name: str) -> set[str]:
+    found = offered().get(f"{path}/add {name}") or offered().get(f"{path}/set {name}") or []
+    return {word.strip('"') for word in found if word not in ("!", ",", "!,")}
+
+
+def test_countries_and_protocols_that_the_console_offers_are_taken() -> None:
+    for path, menu in MODELLED.items():
+        for arg in menu.args:
+            if arg.name.rpartition(".")[2] in FREE and (ours := closed(arg.kind)) is not None:
+                assert words(path, arg.name) <= ours, (path, arg.name)
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_defaults_of_enumerations_are_words_of_the_console(path: str) -> None:
+    twin = MODELLED[path].by_name if path in MODELLED else {}
+    for field in MENUS[path].fields:
+        if field.default and field.name in twin and closed(twin[field.name].kind) and words(path, field.name):
+            assert set(field.default.split(",")) <= words(path, field.name), field.name
+
+
+@pytest.mark.parametrize("path", MENUS)
+def test_booleans_are_what_the_console_offers_yes_and_no_for(path: str) -> None:
+    for field in MENUS[path].fields:
+        if words(path, field.name) == {"yes", "no"}:
+            assert field.kind in (Kind.BOOLEAN, Kind.FLAG, Kind.TEXT), field.name
+        elif field.kind is Kind.BOOLEAN and words(path, field.name):
+            raise AssertionError(f"{field.name} is more than yes or no: {sorted(words(path, field.name))}")
