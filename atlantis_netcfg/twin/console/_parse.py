@@ -1,4 +1,4 @@
-"""Statements of the subset: `:put`, and commands of menus with their arguments.
+"""Statements of the subset: `:put`, `:do { ... } on-error={ ... }`, and commands of menus with their arguments.
 
 Names are looked up while parsing, as RouterOS does: a script with a misspelt menu, command or argument does not start.
 """
@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.console._text import Text
     from atlantis_netcfg.twin.core import Core
 
-__all__ = ["Command", "Find", "Parser", "Put", "Statement"]
+__all__ = ["Attempt", "Command", "Find", "Parser", "Put", "Statement"]
 
 _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
 _NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
 _UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
+_DO = re.compile(r":do(?=\s|\{)")
+_ON_ERROR = re.compile(r"on-error=")
 _POSITIONAL = {
     "set": ("numbers",),
     "remove": ("numbers",),
@@ -65,7 +67,15 @@ class Put:
     what: str | Command | Find
 
 
-Statement = Command | Put
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """`:do { ... } on-error={ ... }`: the second block runs where a command of the first one fails."""
+
+    tried: tuple[Statement, ...]
+    rescue: tuple[Statement, ...]
+
+
+Statement = Command | Put | Attempt
 
 
 @dataclass(slots=True)
@@ -99,6 +109,8 @@ class Parser:
         if self.text.match(_PUT) is not None:
             self.text.space()
             return Put(self._bracket() if self.text.peek() == "[" else self._put_text())
+        if self.text.match(_DO) is not None:
+            return self._attempt()
         if self.text.peek() in tuple(":{}()[]$\\\"'"):
             raise self.text.error("syntax error")
         command = self._command()
@@ -108,6 +120,32 @@ class Parser:
             return command
         self.menu = command.menu
         return None
+
+    def _attempt(self) -> Attempt:
+        menu = self.menu
+        tried = self._block()
+        self.text.space()
+        if self.text.match(_ON_ERROR) is None:
+            raise self.text.error("syntax error")
+        attempt = Attempt(tried, self._block())
+        self.menu = menu
+        return attempt
+
+    def _block(self) -> tuple[Statement, ...]:
+        self.text.space()
+        if not self.text.take("{"):
+            raise self.text.error("syntax error")
+        inside: list[Statement] = []
+        while self._next() and self.text.peek() != "}":
+            statement = self._statement()
+            if statement is not None:
+                inside.append(statement)
+            self.text.space()
+            if self.text.peek() not in ("\n", ";", "}"):
+                raise self.text.error("expected end of command")
+        if not self.text.take("}"):
+            raise self.text.error("syntax error")
+        return tuple(inside)
 
     def _put_text(self) -> str:
         if self.text.peek() != '"':
@@ -177,7 +215,7 @@ class Parser:
 
     def _more(self) -> bool:
         self.text.space()
-        return self.text.peek() not in ("\n", ";", "]", "")
+        return self.text.peek() not in ("\n", ";", "]", "}", "")
 
     def _check(self, name: str, known: frozenset[str], start: int) -> None:
         if name not in known:

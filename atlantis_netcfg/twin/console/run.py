@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.commands._call import Call, MissingArgument
 from atlantis_netcfg.twin.commands.read import all_rows, select
-from atlantis_netcfg.twin.console._parse import Command, Find, Parser, Put, Statement
+from atlantis_netcfg.twin.console._parse import Attempt, Command, Find, Parser, Put, Statement
 from atlantis_netcfg.twin.console._text import ConsoleError, Text
 
 if TYPE_CHECKING:
@@ -103,10 +103,23 @@ class _Runner:
     source: Text | None
 
     def run(self, statement: Statement) -> list[str]:
+        if isinstance(statement, Attempt):
+            return self._attempt(statement)
         if isinstance(statement, Put):
             what = statement.what
             return [what if isinstance(what, str) else self._returned(what)]
         return self._command(statement)[1]
+
+    def _attempt(self, attempt: Attempt) -> list[str]:
+        """Run a block until a command fails, then the other one; what was done before the failure stays."""
+        lines: list[str] = []
+        try:
+            for statement in attempt.tried:
+                lines += self.run(statement)
+        except Trap:
+            for statement in attempt.rescue:
+                lines += self.run(statement)
+        return lines
 
     def _returned(self, what: Command | Find) -> str:
         """Return what stands for `[...]`: ids of rows, a property, a count."""
