@@ -21,12 +21,14 @@ DEFAULT = "run"
 COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.run",
     "validate": "atlantis_netcfg.cli.validate",
+    "adopt": "atlantis_netcfg.cli.adopt",
     "backup": "atlantis_netcfg.cli.backup",
     "drift": "atlantis_netcfg.cli.drift",
     "runs": "atlantis_netcfg.cli.runs",
     "resume": "atlantis_netcfg.cli.resume",
     "rollback": "atlantis_netcfg.cli.rollback",
     "restore": "atlantis_netcfg.cli.restore",
+    "upgrade": "atlantis_netcfg.cli.upgrade",
     "version": "atlantis_netcfg.cli.version",
     "help": "atlantis_netcfg.cli.help",
 }

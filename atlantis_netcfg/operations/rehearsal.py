@@ -13,6 +13,7 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.handled import handled
 from atlantis_netcfg.operations.request import Target
@@ -33,10 +34,11 @@ from atlantis_netcfg.twin import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["Rehearsal", "rehearsal", "site_spec"]
+__all__ = ["Rehearsal", "factory_spec", "rehearsal", "rehearse_adoption", "site_spec"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,39 @@ def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None =
     """Describe the twins of these routers."""
     name = ",".join(sorted({host.site for host in hosts}))
     return SiteSpec(name=name, twins=tuple(_twin(declaration, host, via) for host in hosts))
+
+
+@contextmanager
+def rehearse_adoption(adoption: Adoption) -> Iterator[SpawnedSite]:
+    """Let an adoption meet a twin that comes out of its box; it ends with the context."""
+    name = adoption.host.name
+    spec = factory_spec(adoption.declaration, adoption.host, serial=adoption.via != "ssh")
+    with (
+        tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
+        spawn(SiteSpec(name=adoption.host.site, twins=(spec,)), Path(folder)) as twins,
+    ):
+        if spec.router.serial:
+            adoption.via = f"serial:{twins.ready[name]['serial']}"
+
+        def locate(address: str, port: int) -> tuple[str, int]:
+            """The declared address, or any other, which stands for the factory's."""
+            ready = dict(twins.do(name, "info"))
+            doors = ready if address == adoption.wish.host else ready["first_contact"]
+            return ready["host"], int(doors["ports"].get(str(port), 0))
+
+        adoption.locate = locate
+        yield twins
+
+
+def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) -> TwinSpec:
+    """Describe a router's twin as it comes out of its box, with the laptop on a port of the factory's network."""
+    adopted = _twin(declaration, host, None)
+    management = adopted.router.management
+    port = next(port for port in adopted.router.ports[1:] if port != management.port)
+    laptop = Management(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
+    changed = {"factory": True, "users": (User(name=FACTORY_USER),), "first_contact": laptop, "certificates": ()}
+    router = adopted.router.model_copy(update={**changed, "serial": serial})
+    return adopted.model_copy(update={"router": router, "link": Link()})
 
 
 def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:

@@ -1,0 +1,194 @@
+"""`provision adopt`: first contact with a router that comes out of its box."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from contextlib import AbstractContextManager
+    from typing import Any
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.firstcontact import Adopted
+    from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
+    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "adopt",
+    "bring a router from its factory state to where `provision site=…` can talk to it",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("device", "the router of it", required=True, example="coastal-router"),
+        Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
+        Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
+        Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
+        Word("wait", "seconds to wait for the laptop on the management port; 600 if left out", example="600"),
+        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+    ),
+    flags=(
+        Flag("plan", "look at the device, show the steps, change nothing", harmless=True),
+        Flag("rehearse", "the same against an emulated router that comes out of its box", harmless=True),
+        Flag("take-over", "also a router that somebody has configured; its export is saved first"),
+        Flag("replaced", "it is another box than before, or was reset: forget the certificate and host key of before"),
+        Flag("yes", "do not ask before changing the router"),
+        JSON,
+    ),
+    details="It may be repeated after a break at any moment: it goes on where it stopped.",
+    changes=True,
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Look, show the steps, ask, adopt."""
+    from contextlib import ExitStack
+
+    from atlantis_netcfg.cli._progress import progress
+
+    declaration, host = _declared(arguments)
+    with ExitStack() as stack:
+        notify = stack.enter_context(progress(quiet=arguments.flag("json")))
+        adoption = _adoption(arguments, declaration, host, notify, stack.enter_context)
+        if arguments.flag("plan"):
+            return _close(arguments, adoption.plan())
+        return _close(arguments, adoption.carry_out(_agree(arguments)))
+
+
+def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
+    from pathlib import Path
+
+    from atlantis_netcfg import paths
+    from atlantis_netcfg.operations.vault import decrypter
+    from atlantis_netcfg.site import choose, load
+
+    named = arguments.optional("inventory")
+    root = Path(named) if named else paths.checkout() / "inventory"
+    declaration = load(root, decrypt=decrypter())
+    (host,) = choose(declaration, arguments.word("site"), [arguments.word("device")])
+    return declaration, host
+
+
+def _adoption(
+    arguments: Arguments,
+    declaration: Declaration,
+    host: Host,
+    notify: Subscriber,
+    enter: Callable[[AbstractContextManager[Any]], Any],
+) -> Adoption:
+    import shlex
+    import sys
+
+    from atlantis_netcfg import paths
+    from atlantis_netcfg.firstcontact import FACTORY_ADDRESS
+    from atlantis_netcfg.operations.adoption import SSH, Adoption
+
+    adoption = Adoption(
+        declaration,
+        host,
+        paths.state_dir(),
+        shlex.join(["provision", *sys.argv[1:]]),
+        notify,
+        lambda: _passwords(arguments, host.name),
+        via=_via(arguments.optional("via") or SSH),
+        address=arguments.optional("address") or FACTORY_ADDRESS,
+        rehearsed=arguments.flag("rehearse"),
+        take_over=arguments.flag("take-over"),
+        replaced=arguments.flag("replaced"),
+        wait_s=_seconds(arguments.optional("wait")),
+    )
+    if adoption.rehearsed:
+        from atlantis_netcfg.operations.rehearsal import rehearse_adoption
+
+        enter(rehearse_adoption(adoption))
+    return adoption
+
+
+def _via(via: str) -> str:
+    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.operations.adoption import SERIAL, SSH
+
+    if via != SSH and not (via.startswith(SERIAL) and via != SERIAL):
+        raise UsageError(f"`via={via}` is no way to a router", hint="type `via=ssh` or `via=serial:/dev/ttyUSB0`")
+    return via
+
+
+def _seconds(text: str | None) -> float:
+    from atlantis_netcfg.errors import UsageError
+
+    if text is None:
+        return 600.0
+    if not text.isdecimal():
+        raise UsageError(f"`wait={text}` is no number of seconds", hint="type `wait=600`")
+    return float(text)
+
+
+def _passwords(arguments: Arguments, name: str) -> Iterator[Secret]:
+    """The factory user's: out of the file; or empty, and if that is wrong what a person types."""
+    import sys
+    from getpass import getpass
+    from pathlib import Path
+
+    from atlantis_netcfg.secret import Secret
+
+    file = arguments.optional("password-file")
+    if file is not None:
+        yield _from(Path(file))
+        return
+    yield Secret("")
+    if sys.stdin.isatty() and not arguments.flag("json"):
+        yield Secret(getpass(f"Password of the factory's user on {name} (see its sticker): "))
+
+
+def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the command only
+    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.secret import Secret
+
+    try:
+        mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"the password file cannot be read: {path}", hint=getattr(error, "strerror", None)) from error
+    if mode & 0o077:
+        raise UsageError(f"others may read the password file {path}", hint=f"type `chmod 600 {path}`")
+    return Secret(text.rstrip("\r\n"))
+
+
+def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
+    def agree(found: Adopted) -> None:
+        from atlantis_netcfg.cli._consent import agreed
+
+        if not arguments.flag("json"):
+            _show(found.standing.value, found.steps)
+        if not (arguments.flag("yes") or arguments.flag("rehearse")):
+            agreed("Adopt the router now")
+
+    return agree
+
+
+def _show(standing: str, steps: tuple[str, ...]) -> None:
+    print(f"the router is {standing}; the steps:")
+    for number, step in enumerate(steps, start=1):
+        print(f"  {number}. {step}")
+
+
+def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
+    import json
+
+    if arguments.flag("json"):
+        told: Mapping[str, Any] = {**result.as_json(), "errors": []}
+        print(json.dumps(told, ensure_ascii=False))
+        return result.exit
+    if arguments.flag("plan") and result.steps:
+        _show(result.standing, result.steps)
+    print(f"  {result.device:<18} {result.message}")
+    for note in result.notes:
+        print(f"  {'':<18} note: {note}")
+    if result.run:
+        print(f"  recorded as {result.run}")
+    return result.exit

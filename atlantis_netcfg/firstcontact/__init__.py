@@ -1,0 +1,53 @@
+"""First contact: from a box that comes out of its carton to a router that the engine can talk to.
+
+What the device says on its own console is read, compared with the adopted state, and only what is missing is typed:
+first everything that stands beside the way in use (user, certificate, api-ssl, management address), then, over the
+management port and under safe mode, the default configuration goes, and last the factory's user. Because every run
+reads before it types, a run that was cut anywhere is simply repeated. Trust begins at the console: the SSH host key is
+pinned before a password is sent, the certificate by the fingerprint that the console prints, never by what TLS shows.
+"""
+
+from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, TooMany
+from atlantis_netcfg.firstcontact._preflight import Objection, features_of, objections
+from atlantis_netcfg.firstcontact._read import look
+from atlantis_netcfg.firstcontact._recognise import foreign, recognise
+from atlantis_netcfg.firstcontact._run import Adopted, Doorway, FirstContact, Status, Way
+from atlantis_netcfg.firstcontact._steps import Line, Step, clear, close_door, prepare
+from atlantis_netcfg.firstcontact._wish import (
+    CERTIFICATE,
+    FACTORY_ADDRESS,
+    FACTORY_USER,
+    Facts,
+    Standing,
+    Wish,
+)
+
+__all__ = [
+    "CERTIFICATE",
+    "FACTORY_ADDRESS",
+    "FACTORY_USER",
+    "Adopted",
+    "CutOff",
+    "Doorway",
+    "Facts",
+    "FirstContact",
+    "Line",
+    "NotFactoryFresh",
+    "Objection",
+    "PreflightRefused",
+    "Standing",
+    "Status",
+    "Step",
+    "StillToMove",
+    "TooMany",
+    "Way",
+    "Wish",
+    "clear",
+    "close_door",
+    "features_of",
+    "foreign",
+    "look",
+    "objections",
+    "prepare",
+    "recognise",
+]
