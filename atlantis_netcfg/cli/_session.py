@@ -19,6 +19,7 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.vault import decrypter
 from atlantis_netcfg.report.run import RunReport
 from atlantis_netcfg.site import choose, load
 
@@ -178,7 +179,10 @@ def session(
     `site` and `only` are those of the words, unless the command finds them in another way.
     """
     named = arguments.optional("inventory")
-    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    # Emulated devices get the passwords of the real ones; real ones are opened by the play, which decrypts for itself.
+    declaration = load(
+        Path(named) if named else paths.checkout() / "inventory", decrypt=decrypter() if rehearse else None
+    )
     if only is None:
         only = arguments.many("only") if arguments.command.word("only") else ()
     if site is None:

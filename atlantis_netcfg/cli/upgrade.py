@@ -1,0 +1,135 @@
+"""`provision upgrade`: another RouterOS on one device, from files that a person gives."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations.upgrade import Prepared, Ssh, Upgraded
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "upgrade",
+    "put given RouterOS packages on one device, reboot it, and read back what runs",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("device", "the device of it", required=True, example="coastal-router"),
+        Word(
+            "packages",
+            "the `.npk` files, all of one version",
+            required=True,
+            many=True,
+            example="routeros-7.21.5-arm64.npk",
+        ),
+        Word("drop", "installed packages to lose, for which there is no file", many=True, example="container"),
+        Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
+        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+    ),
+    flags=(
+        Flag("plan", "show what would happen and what it costs, change nothing", harmless=True),
+        Flag("rehearse", "the same against the emulated device", harmless=True),
+        Flag("yes", "do not ask before sending and rebooting"),
+        JSON,
+    ),
+    details="Nothing is downloaded. The device reboots; what it feeds and carries is down meanwhile.",
+    changes=True,
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Read the files, look at the device, show, ask, send, reboot, read back."""
+    import shlex
+    import sys
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations.upgrade import Prepared
+
+    with (
+        session(
+            arguments,
+            rehearse=arguments.flag("rehearse"),
+            via=arguments.optional("via"),
+            only=[arguments.word("device")],
+        ) as opened,
+        progress(quiet=opened.as_json) as notify,
+    ):
+        (host,) = opened.hosts
+        request = Request(
+            state=opened.state,
+            rehearsed=opened.rehearsed,
+            targets=opened.rehearsal.targets if opened.rehearsal else {},
+            via={host.name: opened.via} if opened.via else {},
+            command=shlex.join(["provision", *sys.argv[1:]]),
+        )
+        files = [Path(name) for name in arguments.many("packages")]
+        prepared = Prepared.of(
+            opened.declaration,
+            host,
+            files,
+            request,
+            notify,
+            give_up=arguments.many("drop"),
+            ssh=_twin(opened, host.name),
+        )
+        if not prepared.upgrade.send:
+            return _close(opened, prepared.unchanged())
+        _show(opened, prepared)
+        if arguments.flag("plan"):
+            return _close(opened, prepared.planned())
+        _ask(opened, prepared)
+        return _close(opened, prepared.carry_out(opened.declaration, request))
+
+
+def _twin(opened: Session, name: str) -> Ssh | None:
+    """Where the emulated device takes files."""
+    from atlantis_netcfg.operations.upgrade import Ssh
+
+    if opened.rehearsal is None:
+        return None
+    ready = opened.rehearsal.twins.ready[name]
+    return Ssh(ready["host"], ready["ssh"], ready["host_key"])
+
+
+def _show(opened: Session, prepared: Prepared) -> None:
+    """Print what would be sent, what it costs, and what it brings with it."""
+    if opened.as_json:
+        return
+    seen, upgrade = prepared.seen.installed, prepared.upgrade
+    print(f"{prepared.job.name}: {seen.board}, RouterOS {seen.version} -> {upgrade.version}")
+    for package in upgrade.send:
+        print(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
+    dear = ", which is paid by the byte" if prepared.bearer.metered else ""
+    cost = f"{upgrade.size / 1e6:.1f} MB over {prepared.bearer.name}{dear}: about {prepared.seconds:.0f} s"
+    print(f"  {cost}; then a reboot")
+    for note in upgrade.notes:
+        print(f"  note: {note}")
+
+
+def _ask(opened: Session, prepared: Prepared) -> None:
+    from atlantis_netcfg.cli._consent import agreed
+
+    if not opened.arguments.flag("yes") and opened.rehearsal is None:
+        agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now")
+
+
+def _close(opened: Session, upgraded: Upgraded) -> ExitCode:
+    import json
+
+    if opened.as_json:
+        print(json.dumps(upgraded.as_json(), ensure_ascii=False))
+        return upgraded.exit
+    print(f"  {upgraded.device:<18} {upgraded.message}")
+    for line in filter(None, (upgraded.hint, *(f"note: {note}" for note in upgraded.notes))):
+        print(f"  {'':<18} {line}")
+    if upgraded.run:
+        print(f"  recorded as {upgraded.run}")
+    return upgraded.exit

@@ -1,0 +1,188 @@
+"""From the declaration and a person's files to one upgrade: prepared, shown, carried out under the site's lock."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.journal import Journal, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.upgrade._device import Ssh, Upgrading, Waiting
+from atlantis_netcfg.packages import read_npk
+from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.site.model import Router
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.upgrade._look import Seen
+    from atlantis_netcfg.packages import Upgrade
+    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
+    from atlantis_netcfg.routeros.estimate import Bearer
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["SSH_PORT", "Prepared", "Upgraded"]
+
+SSH_PORT = 22
+"""Of service `ssh`, which the site's template leaves at RouterOS' default."""
+_OVERHEAD = 1.1
+"""Bytes on the wire for one byte of a file: SSH, TCP and IP (inferred)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upgraded:
+    """How it ended; what is told as done was read back."""
+
+    device: str
+    status: Status
+    exit: ExitCode
+    message: str
+    hint: str | None = None
+    before: str = ""
+    after: str = ""
+    packages: tuple[str, ...] = ()
+    run: str = ""
+    notes: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "device": self.device,
+            "status": self.status.value,
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": self.hint,
+            "before": self.before,
+            "after": self.after,
+            "packages": list(self.packages),
+            "run": self.run,
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """An upgrade that has been judged and not begun."""
+
+    upgrading: Upgrading
+    seen: Seen
+    upgrade: Upgrade
+    bearer: Bearer
+    job: DeviceJob = field(repr=False)
+
+    @classmethod
+    def of(  # noqa: PLR0913 - all that a command line says
+        cls,
+        declaration: Declaration,
+        host: Host,
+        files: Sequence[Path],
+        request: Request,
+        notify: Subscriber,
+        *,
+        give_up: Sequence[str] = (),
+        ssh: Ssh | None = None,
+        waiting: Waiting = Waiting(),  # noqa: B008 - frozen
+    ) -> Self:
+        """Read files and device. Raises NotAPackage before anything is contacted, then UpgradeRefused and DeviceFailed.
+
+        `ssh`: where a twin takes files; None for the device's own address and its pinned host key.
+        """
+        if not isinstance(host.device, Router):
+            raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
+        given = tuple(read_npk(path) for path in files)
+        store = Store(request.state, rehearsed=request.rehearsed)
+        job = device_job(declaration, host, request, NoJournal(), notify)
+        where = ssh or Ssh(str(host.device.access.address), SSH_PORT, store.pins.host_key(host.name))
+        upgrading = Upgrading(host.name, job.endpoint, where, given, tuple(give_up), notify, waiting)
+        seen, upgrade = asyncio.run(upgrading.look())
+        return cls(upgrading, seen, upgrade, bearer_of(declaration, host, request.via.get(host.name)), job)
+
+    @property
+    def seconds(self) -> float:
+        """How long sending takes at the bearer's declared rate; the reboot comes on top."""
+        return self.upgrade.size * _OVERHEAD * 8 / self.bearer.rate_up_bps
+
+    def carry_out(self, declaration: Declaration, request: Request) -> Upgraded:
+        """Do it under the site's lock, with a journal. Raises SiteBusy and JournalFailed before anything is changed."""
+        store = Store(request.state, rehearsed=request.rehearsed)
+        with store.lock(self.job.site, request.command), store.start(self._started(declaration, request)) as journal:
+            result = self._journalled(journal)
+            journal.write(
+                Outcome(device=result.device, status=result.status.value, exit=int(result.exit), message=result.message)
+            )
+            journal.write(RunEnded(exit=int(result.exit)))
+            return result
+
+    def planned(self) -> Upgraded:
+        """The words for a plan: nothing was sent."""
+        before, after = str(self.seen.installed.version), str(self.upgrade.version)
+        message = f"planned: RouterOS {before} -> {after}, {len(self.upgrade.send)} files, {self.upgrade.size} bytes"
+        names = tuple(package.name for package in self.upgrade.send)
+        return Upgraded(self.job.name, Status.PLANNED, ExitCode.CHANGES, message, None, before, after, names)
+
+    def unchanged(self) -> Upgraded:
+        """The words for a device that has all of it."""
+        version = str(self.seen.installed.version)
+        return Upgraded(
+            self.job.name,
+            Status.UNCHANGED,
+            ExitCode.DONE,
+            f"already so: RouterOS {version}",
+            before=version,
+            after=version,
+            packages=self.upgrade.expected,
+        )
+
+    def _started(self, declaration: Declaration, request: Request) -> RunStarted:
+        return RunStarted(
+            site=self.job.site,
+            revision=declaration.revision,
+            tool=__version__,
+            hosts=(self.job.name,),
+            rehearsed=request.rehearsed,
+            command=request.command,
+        )
+
+    def _journalled(self, journal: Journal) -> Upgraded:
+        before = str(self.seen.installed.version)
+        try:
+            back, differs = asyncio.run(self._run(journal))
+        except NetcfgError as failure:
+            status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
+            return Upgraded(self.job.name, status, failure.exit, str(failure), failure.hint, before, run=journal.run)
+        after = str(back.installed.version)
+        return Upgraded(
+            self.job.name,
+            Status.CHANGED,
+            ExitCode.DONE,
+            f"RouterOS {before} -> {after}, read back: {', '.join(self.upgrade.expected)}",
+            None,
+            before,
+            after,
+            self.upgrade.expected,
+            journal.run,
+            (_configuration(differs),),
+        )
+
+    async def _run(self, journal: Journal) -> tuple[Seen, DeviceResult]:
+        saved = await converge(replace(self.job, journal=journal), mode=Mode.BACKUP)
+        if saved.exit is not ExitCode.DONE:
+            raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
+        back = await self.upgrading.carry_out(self.seen, self.upgrade, journal)
+        return back, await converge(self.job, mode=Mode.PLAN)
+
+
+def _configuration(planned: DeviceResult) -> str:
+    """Say what the new version made of the configuration."""
+    if planned.exit is ExitCode.DONE:
+        return "the configuration is as declared"
+    if planned.exit is ExitCode.CHANGES:
+        return f"{planned.planned} changes to the declared configuration: look at them with `provision site=… --plan`"
+    return f"the configuration could not be compared: {planned.message}"

@@ -1,0 +1,204 @@
+"""Upgrades of a twin over real SSH, whole and broken off."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from npk_files import write
+
+from atlantis_netcfg.console import HostKeyChanged, UnknownHostKey
+from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
+from atlantis_netcfg.operations.upgrade import Ssh, Upgrading, Waiting
+from atlantis_netcfg.packages import UpgradeRefused, read_npk
+from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.twin import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from atlantis_netcfg.operations.upgrade._look import Seen
+
+PASSWORD = "example-password"
+
+
+class Records(NoJournal):
+    """A journal that a test can read; `at` is called before each record is kept."""
+
+    def __init__(self, at: Callable[[Record], None] = lambda _record: None) -> None:
+        self.kept: list[Record] = []
+        self._at = at
+
+    def write(self, record: Record) -> None:
+        self._at(record)
+        self.kept.append(record)
+
+    @property
+    def kinds(self) -> list[type]:
+        return [type(record) for record in self.kept]
+
+
+@contextmanager
+def router(tmp_path: Path, *, boot_s: float = 0.3, **spec: Any) -> Iterator[tuple[RunningSite, Upgrading]]:  # noqa: ANN401
+    """A twin of RouterOS 7.18.2 on real sockets, and the upgrade of it to 7.21.5."""
+    described = RouterSpec(name="router", users=(User(name="provision", password=PASSWORD),), **spec)
+    site = SiteSpec(name="quay", twins=(TwinSpec(router=described, knobs=Knobs(boot_s=boot_s)),))
+    (tmp_path / "twins").mkdir()
+    with RunningSite(site, tmp_path / "twins") as running:
+        ready = running.ready["router"]
+        yield (
+            running,
+            Upgrading(
+                "router",
+                Endpoint(ready["host"], ready["api_ssl"], "provision", Secret(PASSWORD), ready["pin"]),
+                Ssh(ready["host"], ready["ssh"], ready["host_key"]),
+                (read_npk(write(tmp_path, "routeros", "7.21.5", "arm64", payload=300_000)),),
+                waiting=Waiting(until_s=20, poll_s=0.1, connect_s=3),
+            ),
+        )
+
+
+def run(upgrading: Upgrading, journal: NoJournal | None = None) -> Seen:
+    async def both() -> Seen:
+        seen, upgrade = await upgrading.look()
+        assert upgrade.send, "there is something to do"
+        return await upgrading.carry_out(seen, upgrade, journal or NoJournal())
+
+    return asyncio.run(both())
+
+
+def state(running: RunningSite) -> str:
+    """The configuration without the comment lines, which hold time and version."""
+    lines = str(running.do("router", "export")).splitlines()
+    return "\n".join(line for line in lines if not line.startswith("#"))
+
+
+def test_a_device_is_upgraded_once(tmp_path: Path) -> None:
+    with router(tmp_path) as (running, upgrading):
+        before, journal = state(running), Records()
+        back = run(upgrading, journal)
+        assert str(back.installed.version) == "7.21.5"
+        assert [package.name for package in back.installed.packages] == ["routeros"]
+        assert journal.kinds == [PackageSent, Rebooting, PackagesConfirmed]
+        assert state(running) == before
+        seen, again = asyncio.run(upgrading.look())
+        assert again.send == ()
+        assert not seen.files, "the device has taken its packages away"
+
+
+def test_a_package_keeps_its_companions(tmp_path: Path) -> None:
+    with router(tmp_path, packages=("routeros", "gps")) as (running, upgrading):
+        before = running.do("router", "counters")
+        with pytest.raises(UpgradeRefused, match="gps is installed"):
+            asyncio.run(upgrading.look())
+        assert running.do("router", "counters")["sentences"] > before["sentences"]
+        both = (*upgrading.given, read_npk(write(tmp_path, "gps", "7.21.5", "arm64")))
+        back = run(replace(upgrading, given=both))
+        assert {package.name for package in back.installed.packages} == {"routeros", "gps"}
+
+
+def test_a_device_that_was_never_met_is_sent_nothing(tmp_path: Path) -> None:
+    with router(tmp_path) as (running, upgrading):
+        for key, refusal in ((None, UnknownHostKey), ("SHA256:" + "A" * 43, HostKeyChanged)):
+            with pytest.raises(refusal):
+                run(replace(upgrading, ssh=replace(upgrading.ssh, host_key=key)))
+        seen, _ = asyncio.run(upgrading.look())
+        assert not seen.files
+        assert str(seen.installed.version) == "7.18.2"
+        assert running.do("router", "info")["host_key"] == upgrading.ssh.host_key
+
+
+@pytest.mark.parametrize("fault", ["drop", "gap"])
+def test_a_link_that_dies_while_sending_leaves_nothing_behind(tmp_path: Path, fault: str) -> None:
+    with router(tmp_path) as (running, upgrading):
+        before = state(running)
+        running.do("router", "link", delay_s=0.0, rate_up_bps=800_000.0)
+        struck: list[int] = []
+
+        def notify(event: Any) -> None:  # noqa: ANN401
+            if "now routeros" in event.message and event.done > 100 and not struck:
+                struck.append(event.done)
+                running.do("router", fault, **({"seconds": 1.5} if fault == "gap" else {}))
+
+        if fault == "gap":
+            back = run(replace(upgrading, notify=notify))
+            assert str(back.installed.version) == "7.21.5", "a gap that the session outlives is only a wait"
+        else:
+            with pytest.raises(DeviceFailed, match="not copied whole"):
+                run(replace(upgrading, notify=notify))
+            seen, upgrade = asyncio.run(upgrading.look())
+            assert not seen.files, "what had arrived was taken away"
+            assert upgrade.send
+            assert str(run(upgrading).installed.version) == "7.21.5", "the same command again succeeds"
+        assert struck
+        assert state(running) == before
+
+
+class Killed(BaseException):
+    """The end of our process, at a moment of the test's choice."""
+
+
+@pytest.mark.parametrize("moment", [PackageSent, Rebooting, PackagesConfirmed])
+def test_a_run_that_is_killed_is_repeated(tmp_path: Path, moment: type) -> None:
+    def die(record: Record) -> None:
+        if isinstance(record, moment):
+            raise Killed
+
+    with router(tmp_path) as (running, upgrading):
+        before = state(running)
+        with pytest.raises(Killed):
+            run(upgrading, Records(die))
+        _, upgrade = asyncio.run(upgrading.look())
+        if moment is PackagesConfirmed:
+            assert upgrade.send == (), "it was done, and only not written down"
+        else:
+            running.do("router", "reset")
+            assert str(run(upgrading).installed.version) == "7.21.5"
+            received = running.do("router", "counters")["wire_in"]
+            assert received < upgrade.size, "the file that lay there whole was not sent again"
+        assert state(running) == before
+
+
+def test_a_device_that_does_not_come_back_is_unknown(tmp_path: Path) -> None:
+    with router(tmp_path, boot_s=3.0) as (running, upgrading):
+        hurried = replace(upgrading, waiting=Waiting(until_s=1.0, poll_s=0.2, connect_s=0.5))
+        with pytest.raises(OutcomeUnknown, match="is not back after 1 s") as unknown:
+            run(hurried)
+        assert "run the same command again" in (unknown.value.hint or "")
+        running.do("router", "knobs", boot_s=0.0)
+
+        async def until_back() -> Any:  # noqa: ANN401
+            return await upgrading._back()
+
+        assert str(asyncio.run(until_back()).installed.version) == "7.21.5"
+
+
+def test_a_package_that_the_device_does_not_take_is_told_in_its_words(tmp_path: Path) -> None:
+    with router(tmp_path) as (_running, upgrading):
+        (right,) = upgrading.given
+
+        async def forced() -> None:
+            seen, upgrade = await upgrading.look()
+            wrong = read_npk(write(tmp_path, "gps", "7.16", "arm64"))
+            await upgrading.carry_out(seen, replace(upgrade, send=(wrong,)), NoJournal())
+
+        with pytest.raises(DeviceFailed, match=r"runs RouterOS 7\.18\.2.*can not install gps-7\.16"):
+            asyncio.run(forced())
+        assert right.name == "routeros"
+
+
+def test_packages_of_somebody_else_stop_the_run(tmp_path: Path) -> None:
+    with router(tmp_path) as (_running, upgrading):
+        stranger = read_npk(write(tmp_path, "container", "7.18.2", "arm64"))
+        upgrading._upload(stranger, 0, stranger.size)
+        with pytest.raises(DeviceFailed, match=r"container-7\.18\.2-arm64\.npk") as refused:
+            asyncio.run(upgrading.look())
+        assert "next reboot would install" in str(refused.value)
+        assert json.dumps(refused.value.hint)

@@ -1,0 +1,68 @@
+"""`provision upgrade` as a person types it, against the emulated router."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from npk_files import write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def provision(tmp_path: Path) -> Any:  # noqa: ANN401
+    def call(*words: str) -> subprocess.CompletedProcess[str]:
+        line = [sys.executable, "-m", "atlantis_netcfg", "upgrade", "site=coastal", "device=coastal-router", *words]
+        environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+        return subprocess.run(line, capture_output=True, text=True, check=False, env=environment)
+
+    return call
+
+
+def test_a_plan_shows_files_and_cost_and_changes_nothing(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
+    path = write(tmp_path, "routeros", "7.21.5", "arm64", payload=2_000_000)
+    told = provision(f"packages={path}", "via=satellite", "--plan", "--rehearse")
+    assert told.returncode == 2, told.stderr
+    assert "RouterOS 7.18.2 -> 7.21.5" in told.stdout
+    assert "2.0 MB over satellite, which is paid by the byte: about" in told.stdout
+
+
+def test_a_rehearsal_ends_with_what_was_read_back(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
+    path = write(tmp_path, "routeros", "7.21.5", "arm64")
+    done = provision(f"packages={path}", "--rehearse", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert (result["status"], result["before"], result["after"]) == ("changed", "7.18.2", "7.21.5")
+    assert result["packages"] == ["routeros"]
+
+
+def test_the_version_that_runs_is_left_alone(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
+    path = write(tmp_path, "routeros", "7.18.2", "arm64")
+    done = provision(f"packages={path}", "--rehearse")
+    assert (done.returncode, done.stdout.split()[1:]) == (0, ["already", "so:", "RouterOS", "7.18.2"])
+
+
+REFUSED = {
+    "not a package": (3, "not a RouterOS package"),
+    "another board": (4, "is for arm, the device is arm64"),
+    "back": (4, "does not go back to 7.16"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_refusal_says_what_and_why(tmp_path: Path, provision: Any, case: str) -> None:  # noqa: ANN401
+    exit_, words = REFUSED[case]
+    architecture = "arm" if case == "another board" else "arm64"
+    path = write(tmp_path, "routeros", "7.16" if case == "back" else "7.21.5", architecture)
+    if case == "not a package":
+        path.write_bytes(b"<html>404</html>")
+    done = provision(f"packages={path}", "--rehearse", "--yes")
+    assert done.returncode == exit_, done.stdout + done.stderr
+    assert words in done.stderr
+    assert path.name in done.stderr or case == "back"
