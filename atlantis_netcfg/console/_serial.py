@@ -24,6 +24,7 @@ __all__ = ["open_serial"]
 BAUD = 115200
 """RouterOS' own default on the console port (Manual, Serial Console)."""
 _NUDGE_S = 2.0
+_QUIET_S = 0.2
 _LOGIN = re.compile(r"login:\s*\Z", re.IGNORECASE)
 _PASSWORD = re.compile(r"^\s*password:\s*\Z", re.IGNORECASE)
 _FAILED = re.compile(r"login failed|incorrect username or password", re.IGNORECASE)
@@ -80,8 +81,9 @@ def open_serial(
         ) from error
     wire = SerialWire(port)
     try:
-        _Login(wire, device_path, time.monotonic() + timeout_s).log_in(user, password)
-        terminal = Terminal(wire, user=user, name=device_path)
+        login = _Login(wire, device_path, time.monotonic() + timeout_s)
+        login.log_in(user, password)
+        terminal = Terminal(wire, user=user, name=device_path, screen=login.screen)
         terminal.settle(timeout_s)
     except WireLost as error:
         wire.close()
@@ -99,7 +101,7 @@ class _Login:
         self._wire = wire
         self._name = name
         self._deadline = deadline
-        self._screen = Screen()
+        self.screen = Screen()
 
     def log_in(self, user: str, password: Secret) -> None:
         """Name and password; the rest is the terminal's."""
@@ -109,47 +111,59 @@ class _Login:
         self._type(password.reveal().encode() + ENTER)
         while True:
             tail = self._tail()
-            if _FAILED.search("\n".join(self._screen.text())) or _LOGIN.search(tail):
+            if _FAILED.search("\n".join(self.screen.text())) or _LOGIN.search(tail):
                 raise LoginFailed(
                     f"{self._name}: the device did not accept the user name and password",
                     hint="the factory's password is on the sticker of newer devices, and empty on older ones",
                 )
-            if _LOGGED_IN.search(tail) or _QUESTION.search("\n".join(self._screen.text())):
+            if _LOGGED_IN.search(tail) or _QUESTION.search("\n".join(self.screen.text())):
                 return
             self._read()
 
     def _reach_login(self) -> None:
-        self._wire.write(CTRL_C)
-        self._type(ENTER)
-        while not _LOGIN.search(self._tail()):
+        """End what was left there: a half line by Ctrl+C, a session by `/quit`, one in safe mode by Ctrl+D."""
+        self._nudge()
+        while True:
+            self._settle()
             tail = self._tail()
+            if _LOGIN.search(tail):
+                return
             if safe := _LOGGED_IN.search(tail):
                 self._type(CTRL_D if safe[1] else b"/quit" + ENTER)
             elif _PASSWORD.search(tail):
                 self._type(ENTER)
             elif _QUESTION.search(tail):
                 self._type(CTRL_C if "password" in tail else b"n")
-            if not self._read():
-                self._wire.write(CTRL_C)
-                self._type(ENTER)
+            else:
+                self._nudge()
+
+    def _nudge(self) -> None:
+        self._wire.write(CTRL_C)
+        self._type(ENTER)
+
+    def _settle(self) -> None:
+        """Read until nothing more comes for a moment: the answer to one key may come in pieces."""
+        self._read(_NUDGE_S)
+        while self._read(_QUIET_S):
+            pass
 
     def _type(self, keys: bytes) -> None:
-        self._screen.clear()
+        self.screen.clear()
         self._wire.write(keys)
 
     def _wait(self, wanted: re.Pattern[str]) -> None:
         while not wanted.search(self._tail()):
             self._read()
 
-    def _read(self) -> bytes:
+    def _read(self, timeout_s: float = _NUDGE_S) -> bytes:
         if time.monotonic() > self._deadline:
             raise ConsoleUnreachable(
                 f"{self._name}: nothing that looks like a RouterOS console answers on this line",
                 hint="is the cable in the console port, the device switched on, and the speed right (115200)?",
             )
-        data = self._wire.read(_NUDGE_S)
-        self._screen.feed(data)
+        data = self._wire.read(timeout_s)
+        self.screen.feed(data)
         return data
 
     def _tail(self) -> str:
-        return next((line for line in reversed(self._screen.text()) if line.strip()), "")
+        return next((line for line in reversed(self.screen.text()) if line.strip()), "")

@@ -7,7 +7,7 @@ channel is taken over as soon as it is open.
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import paramiko
 from netmiko import NetmikoAuthenticationException, NetmikoTimeoutException
@@ -21,12 +21,15 @@ from atlantis_netcfg.console._wire import WireLost
 from atlantis_netcfg.errors import NetcfgError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.console._types import Console
     from atlantis_netcfg.secret import Secret
 
 __all__ = ["connected", "open_ssh"]
 
 _CHUNK = 65536
+_GONE = (OSError, EOFError, paramiko.SSHException)
 
 
 class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # netmiko's types differ by version
@@ -35,8 +38,8 @@ class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # ne
     def special_login_handler(self, delay_factor: float = 1.0) -> None:
         """Leave the questions of the first login to the dialogue."""
 
-    def session_preparation(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - netmiko's signature
-        """Leave the prompt to the dialogue."""
+    def _try_session_preparation(self, force_data: bool = True) -> None:  # noqa: FBT001, FBT002 - netmiko's signature
+        """Type nothing: an Enter would answer the first of those questions."""
 
 
 class SshWire:
@@ -55,7 +58,7 @@ class SshWire:
             data = self._channel.recv(_CHUNK)
         except TimeoutError:
             return b""
-        except OSError as error:
+        except _GONE as error:
             raise WireLost from error
         if not data:
             raise WireLost
@@ -66,12 +69,12 @@ class SshWire:
         self._channel.settimeout(CONNECT_S)
         try:
             self._channel.sendall(data)
-        except OSError as error:
+        except _GONE as error:
             raise WireLost from error
 
     def close(self) -> None:
         """Drop the connection."""
-        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+        with contextlib.suppress(*_GONE):
             self._connection.paramiko_cleanup()
 
     def hang_up(self) -> None:
@@ -80,7 +83,7 @@ class SshWire:
 
 
 @contextlib.contextmanager
-def connected(address: str, port: int) -> Any:  # noqa: ANN401 - a context manager without a value
+def connected(address: str, port: int) -> Iterator[None]:
     """Say in our words why no session came about."""
     where = f"{address} port {port}"
     try:

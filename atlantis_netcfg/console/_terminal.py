@@ -53,9 +53,12 @@ class _Line(Wire, Protocol):
 class Terminal:
     """See `Console`, which this is."""
 
-    def __init__(self, wire: _Line, *, user: str, name: str, host_key: str | None = None) -> None:
+    def __init__(
+        self, wire: _Line, *, user: str, name: str, host_key: str | None = None, screen: Screen | None = None
+    ) -> None:
+        """`screen`: what stands there already."""
         self._wire = wire
-        self._screen = Screen()
+        self._screen = screen or Screen()
         self._user = user
         self._name = name
         self._host_key = host_key

@@ -1,0 +1,76 @@
+"""Logging in over a serial line, whatever the last session has left there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from desk import Desk, DeskLine
+
+from atlantis_netcfg.console import ConsoleUnreachable, LoginFailed, open_serial
+from atlantis_netcfg.secret import Secret
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WORD = "sticker"
+
+
+def test_a_login_and_a_command() -> None:
+    desk = Desk({"/x": "fine"}, password=WORD, logged_in=False)
+    desk.begin()
+    with DeskLine(desk) as path:
+        console = open_serial(path, "admin", Secret(WORD), timeout_s=10)
+        assert console.run("/x", timeout_s=5) == "fine"
+        assert console.host_key is None
+        console.close()
+        assert not desk.logged_in
+
+
+def test_a_wrong_password() -> None:
+    desk = Desk(password=WORD, logged_in=False)
+    desk.begin()
+    with DeskLine(desk) as path, pytest.raises(LoginFailed, match="did not accept the user name and password"):
+        open_serial(path, "admin", Secret("guess"), timeout_s=10)
+
+
+def test_the_session_of_a_killed_run_is_ended_first() -> None:
+    desk = Desk({"/x": "fine"}, password=WORD)
+    desk.feed("/half a li")
+    with DeskLine(desk) as path:
+        console = open_serial(path, "admin", Secret(WORD), timeout_s=10)
+        assert "/quit" in desk.typed
+        assert console.run("/x", timeout_s=5) == "fine"
+        console.close()
+
+
+def test_safe_mode_of_a_killed_run_is_undone() -> None:
+    desk = Desk({"/x": "fine"}, password=WORD, safe=True)
+    with DeskLine(desk) as path:
+        console = open_serial(path, "admin", Secret(WORD), timeout_s=10)
+        assert desk.undone
+        assert console.run("/x", timeout_s=5) == "fine"
+        console.close()
+
+
+def test_a_session_with_safe_mode_is_undone_at_the_end() -> None:
+    desk = Desk(password=WORD, logged_in=False)
+    desk.begin()
+    with DeskLine(desk) as path:
+        console = open_serial(path, "admin", Secret(WORD), timeout_s=10)
+        console.take_safe_mode()
+        console.close()
+        again = open_serial(path, "admin", Secret(WORD), timeout_s=10)
+        assert desk.undone
+        again.close()
+
+
+def test_no_such_line(tmp_path: Path) -> None:
+    with pytest.raises(ConsoleUnreachable, match="the serial line cannot be opened"):
+        open_serial(str(tmp_path / "ttyUSB7"), "admin", Secret(WORD), timeout_s=1)
+
+
+def test_a_silent_line() -> None:
+    desk = Desk(password=WORD, mute=True)
+    with DeskLine(desk) as path, pytest.raises(ConsoleUnreachable, match="nothing that looks like a RouterOS console"):
+        open_serial(path, "admin", Secret(WORD), timeout_s=0.1)

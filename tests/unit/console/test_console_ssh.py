@@ -1,0 +1,120 @@
+"""The console over SSH against a router twin: trust before the password, and files."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.console import (
+    ConsoleLost,
+    ConsoleUnreachable,
+    HostKeyChanged,
+    LoginFailed,
+    UnknownHostKey,
+    open_ssh,
+    upload,
+)
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.twin import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+WORD = Secret("pa$$ \"w\\ord'")
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[RunningSite]:
+    spec = RouterSpec(name="box", users=(User(name="provision", password=WORD.reveal()),), unroll_delay_s=0.05)
+    with RunningSite(SiteSpec(name="quay", twins=(TwinSpec(router=spec),)), tmp_path) as running:
+        yield running
+
+
+def where(site: RunningSite) -> tuple[str, int, str]:
+    ready: dict[str, Any] = site.ready["box"]
+    return ready["host"], ready["ssh"], ready["host_key"]
+
+
+def logins(site: RunningSite) -> int:
+    return int(site.do("box", "counters")["logins"])
+
+
+def test_no_password_for_a_stranger(site: RunningSite) -> None:
+    host, port, key = where(site)
+    with pytest.raises(UnknownHostKey) as unknown:
+        open_ssh(host, port, "provision", WORD, pin=None, timeout_s=10)
+    assert unknown.value.fingerprint == key
+    with pytest.raises(HostKeyChanged) as changed:
+        open_ssh(host, port, "provision", WORD, pin="SHA256:another", timeout_s=10)
+    assert (changed.value.pinned, changed.value.seen) == ("SHA256:another", key)
+    assert logins(site) == 0
+
+
+def test_a_session_of_commands(site: RunningSite, caplog: pytest.LogCaptureFixture) -> None:
+    host, port, key = where(site)
+    with caplog.at_level(logging.DEBUG):
+        console = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
+        assert console.host_key == key
+        console.run(
+            '/user add name=other group=full password="secret \\$1"', timeout_s=10, secrets=[Secret("secret $1")]
+        )
+        console.close()
+    assert "secret" not in caplog.text
+    assert WORD.reveal() not in caplog.text
+    again = open_ssh(host, port, "other", Secret("secret $1"), pin=key, timeout_s=10)
+    assert again.rows("/ip/address")[0]["address"] == "10.64.101.1/24"
+    again.close()
+
+
+def test_a_closed_session_undoes_safe_mode(site: RunningSite) -> None:
+    host, port, key = where(site)
+    before = site.do("box", "export", header=False)
+    console = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
+    console.take_safe_mode()
+    console.run("/ip address add address=10.0.0.1/24 interface=ether1", timeout_s=10)
+    assert site.do("box", "export", header=False) != before
+    console.close()
+    again = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
+    while "10.0.0.1" in again.run("/export", timeout_s=10):
+        pass
+    again.close()
+    assert site.do("box", "export", header=False) == before
+
+
+def test_a_wrong_password(site: RunningSite) -> None:
+    host, port, key = where(site)
+    with pytest.raises(LoginFailed) as failed:
+        open_ssh(host, port, "provision", Secret("guess"), pin=key, timeout_s=10)
+    assert "guess" not in str(failed.value)
+
+
+def test_a_dropped_connection(site: RunningSite) -> None:
+    host, port, key = where(site)
+    console = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
+    site.do("box", "drop")
+    with pytest.raises(ConsoleLost):
+        console.run(":put 1", timeout_s=10)
+    console.close()
+
+
+def test_nobody_there() -> None:
+    with pytest.raises(ConsoleUnreachable, match="no SSH session came about"):
+        open_ssh("127.0.0.1", 1, "provision", WORD, pin="SHA256:x", timeout_s=1)
+
+
+def test_a_file_is_copied(site: RunningSite, tmp_path: Path) -> None:
+    host, port, key = where(site)
+    source = tmp_path / "notes.txt"
+    source.write_text("a line\n" * 10_000)
+    seen: list[int] = []
+    target = {"pin": key, "source": source, "name": "notes.txt"}
+    upload(host, port, "provision", WORD, progress=lambda sent, _total: seen.append(sent), **target)  # type: ignore[arg-type]
+    assert seen[-1] == 70_000
+    console = open_ssh(host, port, "provision", WORD, pin=key, timeout_s=10)
+    assert console.run(":put [/file get [find name=notes.txt] size]", timeout_s=10) == "70000"
+    console.close()
+    with pytest.raises(UnknownHostKey):
+        upload(host, port, "provision", WORD, pin=None, source=source, name="notes.txt")
