@@ -18,6 +18,7 @@ rehearse: ## run a site against its emulated devices (SITE=coastal)
 
 test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 	@tools/develop system
+	@tools/strangers
 	python -P -m pytest -n auto -m "not campaign" $(ARGS)
 
 lint: ## check code, types, playbooks and roles; no warning is accepted
@@ -31,8 +32,9 @@ lint: ## check code, types, playbooks and roles; no warning is accepted
 
 campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
+	@tools/strangers
 	python -P -m pytest -n auto -m campaign --timeout 0 $(ARGS)
 
 clean: ## remove .venv and everything that tools left behind
-	rm -rf .venv .venv-setup .ansible .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist *.egg-info
+	rm -rf .venv .venv-setup .venv-strangers .ansible .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
