@@ -140,8 +140,9 @@ def _words(schema: Schema) -> _Words:
         if not _there(schema, boundary):
             lacking.update(_cells(boundary))
             continue
-        for command in boundary.commands:
-            _add(added, boundary.menu, command, boundary.arguments)
+        if boundary.since is not None and version_key(boundary.since) > version_key(schema.tree):
+            for command in boundary.commands:
+                _add(added, boundary.menu, command, boundary.arguments)
     return _Words(added, frozenset(lacking))
 
 

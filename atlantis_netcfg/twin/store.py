@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atlantis_netcfg.twin.menus import INTERFACES, MODELLED, Menu, Shape, generic
+from atlantis_netcfg.twin.menus import INTERFACES, MODELLED, Menu, Shape, generic, unmodelled
 from atlantis_netcfg.twin.values import reference, references, spell
 
 if TYPE_CHECKING:
@@ -79,7 +79,9 @@ class Store:
             menu = MODELLED.get(path) or generic(self.schema, path)
             names = self.schema.arguments(path, "add") | self.schema.arguments(path, "set")
             fixed = {menu.called} if menu.shape is Shape.FIXED else set()
-            self.tables[path] = Table(menu, {arg.name: arg for arg in menu.args if arg.name in names | fixed})
+            known = [arg for arg in menu.args if arg.name in names | fixed]
+            rest = unmodelled(path, names - set(menu.by_name))
+            self.tables[path] = Table(menu, {arg.name: arg for arg in (*known, *rest)})
         return self.tables[path]
 
     # --- names -----------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands import certificate, files, radio, read, safe, system, write
+from atlantis_netcfg.twin.commands._call import unknown
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
 
@@ -78,19 +79,30 @@ def dispatch(core: Core, call: Call) -> Result:
     feature = COMMANDS.get(call.path)
     if feature is not None and not allowed(core.spec, feature):
         raise Trap(NOT_ALLOWED)
-    handler, policy = _handler(call)
+    handler, policy = _handler(core, call)
     _permit(core, call, policy)
     return handler(core, call)
 
 
-def _handler(call: Call) -> tuple[Handler, str]:
+def _handler(core: Core, call: Call) -> tuple[Handler, str]:
     special = _SPECIAL.get(call.path)
-    if special is not None:
-        return special
-    row = _ROWS.get(call.command)
-    if row is None or (call.menu in COMPUTED and call.command not in _READ_ONLY):
+    # At the root `find` and `set` are words of the scripting language.
+    row = _ROWS.get(call.command) if call.menu != "/" else None
+    if special is None and row is not None and (call.menu not in COMPUTED or call.command in _READ_ONLY):
+        return row
+    _check_names(core, call)
+    if special is None:
         raise Trap(f"not rehearsed by the twin: {call.path}")
-    return row
+    return special
+
+
+def _check_names(core: Core, call: Call) -> None:
+    """Refuse arguments that the command does not take, before anything else is said of it."""
+    known = core.schema.arguments(call.menu, call.command)
+    api = {".id", ".proplist"} if {"number", "numbers"} & known else {".proplist"}
+    for name in call.arguments:
+        if name not in known | api:
+            raise unknown(name)
 
 
 def _permit(core: Core, call: Call, policy: str) -> None:

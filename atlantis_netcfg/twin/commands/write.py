@@ -217,7 +217,7 @@ def _given(core: Core, table: Table, call: Call, known: Iterable[str]) -> dict[s
     names = set(known)
     values: dict[str, str] = {}
     for name, text in call.arguments.items():
-        if name in _SELECTORS and call.command != "add":
+        if call.command != "add" and _selects(table, name):
             continue
         if name not in names or _fixed_name(table, name):
             raise unknown(name)
@@ -230,6 +230,11 @@ def _given(core: Core, table: Table, call: Call, known: Iterable[str]) -> dict[s
             raise unknown(name)
         _check_unset(table, name)
     return values
+
+
+def _selects(table: Table, name: str) -> bool:
+    """Settings are one row, which nobody has to name; `.id` is let through as for any row."""
+    return name == ".id" or (name in _SELECTORS and table.menu.shape is not Shape.SETTINGS)
 
 
 def _fixed_name(table: Table, name: str) -> bool:

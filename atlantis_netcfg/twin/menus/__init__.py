@@ -7,12 +7,24 @@ names are checked by the tree, values hardly. `Menu.modelled` says which case it
 from __future__ import annotations
 
 from atlantis_netcfg.twin.menus import _firewall, _interface, _ip, _routing, _services, _system, _wifi, _wireless
-from atlantis_netcfg.twin.menus._generic import generic
+from atlantis_netcfg.twin.menus._generic import generic, unmodelled
 from atlantis_netcfg.twin.menus._model import Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.twin.menus._order import EXPORT_ORDER
 from atlantis_netcfg.twin.menus._system import POLICIES
 
-__all__ = ["EXPORT_ORDER", "INTERFACES", "MODELLED", "POLICIES", "Arg", "Menu", "Select", "Shape", "Unique", "generic"]
+__all__ = [
+    "EXPORT_ORDER",
+    "INTERFACES",
+    "MODELLED",
+    "POLICIES",
+    "Arg",
+    "Menu",
+    "Select",
+    "Shape",
+    "Unique",
+    "generic",
+    "unmodelled",
+]
 
 MODELLED: dict[str, Menu] = {
     menu.path: menu

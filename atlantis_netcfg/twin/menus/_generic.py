@@ -11,7 +11,7 @@ from atlantis_netcfg.twin.values import Bool, Kind, Text
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.schema import Schema
 
-__all__ = ["generic"]
+__all__ = ["generic", "unmodelled"]
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before", "comment", "disabled"}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")
@@ -21,7 +21,7 @@ _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
 def generic(schema: Schema, path: str) -> Menu:
     """Make the menu of a path that the command tree has."""
     names = schema.arguments(path, "add") | schema.arguments(path, "set")
-    args = [Arg(name, _kind(path, name), secret=name.endswith(_SECRETS)) for name in sorted(names - _NOT_PROPERTIES)]
+    args = list(unmodelled(path, names))
     if "comment" in names:
         args.append(COMMENT)
     if "disabled" in names:
@@ -36,6 +36,13 @@ def generic(schema: Schema, path: str) -> Menu:
         space="interface" if interface else "",
         unique=unique,
         modelled=False,
+    )
+
+
+def unmodelled(path: str, names: frozenset[str]) -> tuple[Arg, ...]:
+    """Make the arguments of these names: their values are taken as they come."""
+    return tuple(
+        Arg(name, _kind(path, name), secret=name.endswith(_SECRETS)) for name in sorted(names - _NOT_PROPERTIES)
     )
 
 

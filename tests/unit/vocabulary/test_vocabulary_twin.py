@@ -1,0 +1,151 @@
+"""The twin has every word of its version's tree and refuses all others in the router's words: whole, not samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from trees import TREES, VERSIONS, Tree
+
+from atlantis_netcfg.twin import Device, RouterSpec
+from atlantis_netcfg.twin.supplement import PACKAGE_MENUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.twin.answers import Caller
+
+PACKAGES = ("routeros", *dict.fromkeys(package for package, _ in PACKAGE_MENUS))
+STRANGE = "zz-nonsense"
+FORBIDDEN = "failure: not allowed by device-mode"
+"""What the twin may say of a command that it has, before it comes to the argument that is none."""
+SESSION = ("/quit",)
+"""Ends the session, whatever is said with it (manual, API)."""
+
+
+class Bare:
+    """A twin of a version with every package and without hardware of its own: what the trees were taken from."""
+
+    def __init__(self, version: str) -> None:
+        spec = RouterSpec(name="chr", version=version, packages=PACKAGES, board="CHR", poe_ports=())
+        self.device = Device(spec, lambda: 0.0)
+        self.caller: Caller = self.device.login("provision", "", via="api-ssl", address=str(spec.management.technician))
+
+    def says(self, *words: str) -> str:
+        """Return the message of the refusal, empty if there was none."""
+        answers = self.device.run(self.caller, words)
+        messages = [
+            word.removeprefix("=message=") for answer in answers for word in answer.words if "=message=" in word
+        ]
+        return messages[0] if messages else ""
+
+
+BARE = {version: Bare(version) for version in VERSIONS}
+
+
+def commands(tree: Tree) -> Iterator[tuple[str, str, str]]:
+    """Yield menu, command and path of everything."""
+    for menu in ("/", *tree.menus()):
+        for command in sorted(tree.commands(menu)):
+            yield menu, command, f"{menu.rstrip('/')}/{command}"
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_every_command_is_known_and_refuses_an_argument_that_is_none(tree: Tree) -> None:
+    bare, odd, count = BARE[tree.version], {}, 0
+    for _, _, path in commands(tree):
+        if path in SESSION:
+            continue
+        count += 1
+        said = bare.says(path, f"={STRANGE}=1")
+        if said != f"unknown parameter {STRANGE}" and not said.startswith(FORBIDDEN):
+            odd[path] = said
+    assert odd == {}
+    assert count > 4500
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_every_argument_is_known(tree: Tree) -> None:
+    bare, odd, count = BARE[tree.version], {}, 0
+    for menu, command, path in commands(tree):
+        if path in SESSION:
+            continue
+        for name in sorted(tree.arguments(menu, command)):
+            count += 1
+            said = bare.says(path, f"={name}=", f"={STRANGE}=1")
+            if said in ("", "no such command", "no such command prefix", f"unknown parameter {name}"):
+                odd[f"{path} {name}"] = said
+    assert odd == {}
+    assert count > 29_000
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_what_only_other_versions_have_is_refused(tree: Tree) -> None:
+    """The nearest thing to a misspelling: a name that is right, but not in this version."""
+    bare, taken, count = BARE[tree.version], [], 0
+    for other in TREES:
+        for menu, command, path in commands(other):
+            if not tree.has_menu(menu):
+                expected = "no such command prefix"
+            elif not tree.has_command(menu, command):
+                expected = "no such command"
+            else:
+                for name in other.arguments(menu, command) - tree.arguments(menu, command):
+                    count += 1
+                    said = bare.says(path, f"={name}=")
+                    if said != f"unknown parameter {name}":
+                        taken.append((path, name, said))
+                continue
+            count += 1
+            said = bare.says(path)
+            if said != expected:
+                taken.append((path, "", said))
+    assert taken == []
+    assert count > 300
+
+
+WORDS = sorted({word for _, command, path in commands(TREES[1]) for word in (command, *path.split("/")[1:])})
+"""Every word of a middle tree: in the wrong place each is as good as a misspelling."""
+_LETTERS = "abcdefghijklmnopqrstuvwxyz-"
+
+
+@st.composite
+def misspelt(draw: st.DrawFn) -> str:
+    """Draw a word with one letter more, less or other."""
+    word: str = draw(st.sampled_from(WORDS))
+    place = draw(st.integers(0, len(word)))
+    letter: str = draw(st.sampled_from(["", *_LETTERS]))
+    return word[:place] + letter + word[place + draw(st.integers(0, 1)) :]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    version=st.sampled_from(VERSIONS),
+    path=st.lists(st.one_of(st.sampled_from(WORDS), misspelt()), min_size=1, max_size=3),
+    command=st.one_of(st.sampled_from(WORDS), misspelt()),
+)
+def test_paths_that_lead_nowhere_are_refused(version: str, path: list[str], command: str) -> None:
+    tree, menu = Tree(version), "/" + "/".join(word for word in path if word)
+    if not all(path) or not command or f"{menu}/{command}" in SESSION:
+        return
+    said = BARE[version].says(f"{menu}/{command}", f"={STRANGE}=1")
+    if not tree.has_menu(menu):
+        assert said == "no such command prefix"
+    elif not tree.has_command(menu, command) and command not in ("getall", "listen"):
+        assert said == "no such command"
+    else:
+        assert said not in ("no such command", "no such command prefix")
+
+
+@settings(max_examples=300, deadline=None)
+@given(data=st.data(), version=st.sampled_from(VERSIONS))
+def test_arguments_of_elsewhere_are_refused(data: st.DataObject, version: str) -> None:
+    tree = Tree(version)
+    menu = data.draw(st.sampled_from([menu for menu in tree.menus() if tree.settable(menu)]))
+    command = "add" if "add" in tree.commands(menu) else "set"
+    name = data.draw(st.one_of(misspelt(), st.sampled_from(WORDS)))
+    if not name or name in tree.arguments(menu, command):
+        return
+    assert BARE[version].says(f"{menu}/{command}", f"={name}=1") == f"unknown parameter {name}"
