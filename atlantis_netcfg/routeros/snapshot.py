@@ -16,7 +16,7 @@ from atlantis_netcfg.rsc import Export, Statement, parse, print_export
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._items import Desired, Item
     from atlantis_netcfg.routeros._types import Observed, Row
     from atlantis_netcfg.routeros.menus import Field, Menu
 
@@ -38,14 +38,13 @@ def write(device: str, desired: Desired, observed: Observed) -> str:
     facts = observed.facts
     menus = [MENUS[path] for path in sorted(desired.menus, key=rank) if not MENUS[path].readonly]
     menus = [menu for menu in menus if menu.exported]
-    named = {menu.path: {name for item in desired.items[menu.path] for name in item.values} for menu in menus}
     used = frozenset(_used(observed.rows))
     statements = [
         statement
         for menu in menus
         for row in observed.rows[menu.path]
         if menu.is_touchable(row)
-        for statement in _statement(menu, row, named[menu.path], used)
+        for statement in _statement(menu, row, _named(menu, desired.items[menu.path], row), used)
     ]
     header = (
         f"confirmed state of {device}: the declared menus as they were read back, without secrets",
@@ -61,6 +60,18 @@ def read(text: str, source: str) -> Desired:
     return from_export(text, menus, source)
 
 
+def _named(menu: Menu, items: tuple[Item, ...], row: Row) -> frozenset[str]:
+    """Return the properties that the declaration names for this row: they are said even where they are at defaults.
+
+    The routing menus of RouterOS 7 export what was given and nothing else, so that the state is the same to the letter.
+    """
+    if menu.keys or menu.shape is Shape.SINGLETON:
+        alike = [item for item in items if item.identity == menu.identity(row)]
+    else:
+        alike = [item for item in items if item.is_marked and item.values["comment"] == row.get("comment")]
+    return frozenset(name for item in alike for name in item.given)
+
+
 def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
     """Yield every name by which a row names an interface."""
     for path, found in rows.items():
@@ -72,7 +83,7 @@ def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
                 )
 
 
-def _statement(menu: Menu, row: Row, named: set[str], used: frozenset[str]) -> Iterator[Statement]:
+def _statement(menu: Menu, row: Row, named: frozenset[str], used: frozenset[str]) -> Iterator[Statement]:
     """Yield the statement that sets the row; none for settings and given rows that are at their defaults."""
     values = dict(_values(menu, row, named))
     if menu.shape is Shape.LIST and not menu.is_stock(row):
@@ -87,24 +98,23 @@ def _statement(menu: Menu, row: Row, named: set[str], used: frozenset[str]) -> I
         yield Statement(menu.path, "set", changed, find=tuple(keys.items()) or None)
 
 
-def _values(menu: Menu, row: Row, named: set[str]) -> Iterator[tuple[str, str | None]]:
+def _values(menu: Menu, row: Row, named: frozenset[str]) -> Iterator[tuple[str, str | None]]:
     for each in sorted(menu.fields, key=lambda one: one.name):
         value = row.get(each.name)
-        if value is None or each.secret or each.unread or _is_left_to_the_box(menu, each, named):
+        if value is None or each.secret or each.unread:
             continue
-        if each.name in (*menu.keys, "action") or menu.form(each.name, row) != _default(menu, each, row):
+        needed = each.name == "action" or (each.name in menu.keys and each.default is None)
+        if needed or each.name in named or _is_somebodys_choice(menu, each, row):
             yield each.name, _printed(each, value)
 
 
-def _is_left_to_the_box(menu: Menu, each: Field, named: set[str]) -> bool:
-    """Tell of a property that the device computes, unless it is declared or may well be somebody's own choice."""
-    if not each.keep or each.default is not None or each.name in named:
-        return False
-    return menu.shape is not Shape.LIST or (menu.path, each.name) in _OF_THE_BOX
-
-
-def _default(menu: Menu, each: Field, row: Row) -> str:
-    return each.form(menu.default_of(each.name, row))
+def _is_somebodys_choice(menu: Menu, each: Field, row: Row) -> bool:
+    """Tell of a property that is not at its default; where the device computes that, `no` and `none` count as it."""
+    if each.keep and each.default is None:
+        computed = menu.shape is not Shape.LIST or (menu.path, each.name) in _OF_THE_BOX
+        return not computed and canonical(Kind.BOOLEAN, row[each.name]) not in ("", "no", "none")
+    default = each.form(menu.default_of(each.name, row))
+    return menu.form(each.name, row) != default
 
 
 def _printed(each: Field, value: str) -> str | None:

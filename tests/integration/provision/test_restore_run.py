@@ -1,0 +1,165 @@
+"""`provision restore`: the router has drowned, and another box from the shelf takes its place."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import PROVISION, ROUTER, Quay, quay
+from test_real_run import await_record, kill_workers
+
+from atlantis_netcfg.twin import Management
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+SMALL = {
+    "ports": tuple(f"ether{number}" for number in range(1, 6)),
+    "poe_ports": (),
+    "board": "RB750Gr3",
+    "management": Management(port="ether5"),
+}
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+def provisioned(at: Quay) -> str:
+    """A run, and a row of a technician that the next run has seen and left alone; what the router is then."""
+    at.provision("site=coastal", "--yes", code=0)
+    at.do("console", words=["/ip/dns/static/add", "=name=printer", "=address=10.64.1.77", "=ttl=5m"])
+    at.provision("site=coastal", "--yes", code=0)
+    return of_any_box(at.export())
+
+
+def of_any_box(export: str) -> str:
+    """The address that the device made up for its tunnel belongs to the box."""
+    return re.sub(r"(?<=mac-address=)\\\n +48:A9:8A:[0-9A-F:]+", "OWN", export)
+
+
+def test_a_replacement_becomes_what_the_lost_router_was(at: Quay) -> None:
+    lost = provisioned(at)
+    assert "printer" in lost
+    at.replace("spare")
+    fresh = at.export()
+    # The new box shows a certificate that is not the pinned one: nobody talks to it before it was adopted.
+    refused = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
+    assert "provision adopt" in refused["devices"][ROUTER]["hint"]
+    at.adopt()
+    planned = at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=2).stdout
+    assert "+ set name=coastal-router" in planned
+    assert "password=********" in planned
+    assert at.export() == fresh
+
+    told = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)
+    assert told["devices"][ROUTER]["status"] == "changed"
+    assert of_any_box(at.export()) == lost
+    assert "a-real-vpn-coastal" in str(at.do("export", show_sensitive=True))
+    assert at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]["planned"] == 0
+    assert of_any_box(at.export()) == lost
+    assert "as declared; 1 foreign row left alone" in at.provision("drift", "site=coastal", code=0).stdout
+    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+
+
+def test_an_older_state_can_be_chosen_and_runs_say_which_there_are(at: Quay) -> None:
+    lost = provisioned(at)
+    first, second = at.runs()
+    assert [run["devices"][ROUTER]["confirmed_state"] for run in (first, second)] == [True, True]
+    listed = subprocess.run(
+        [PROVISION, "runs"], env=at.environment(), capture_output=True, text=True, check=True
+    ).stdout
+    assert "coastal-router changed (147, state kept)" in listed
+    at.replace("spare")
+    at.adopt()
+    at.provision("restore", f"device={ROUTER}", f"to={first['run']}", "--yes", code=0)
+    assert of_any_box(at.export()) == re.sub(r"(?m)^add .*name=printer.*\n", "", lost)
+
+
+def test_a_box_without_the_ports_is_refused_with_all_of_them(at: Quay) -> None:
+    provisioned(at)
+    at.replace("small", **SMALL)
+    at.adopt()
+    before = at.export()
+    done = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
+    message = done["devices"][ROUTER]["message"]
+    for port in ("ether6", "ether7", "ether8"):
+        assert f"there is no {port} in /interface ethernet" in message
+    assert at.export() == before
+    assert at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=4)
+    assert at.export() == before
+
+
+def test_an_older_routeros_is_refused_with_what_it_lacks(at: Quay) -> None:
+    provisioned(at)
+    at.do("console", words=["/ip/firewall/nat/add", "=chain=srcnat", "=action=masquerade"])
+    at.replace("old", version="7.16")
+    at.adopt()
+    before = at.export()
+    done = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
+    assert "7.18" in done["devices"][ROUTER]["message"]
+    assert at.export() == before
+
+
+def test_names_that_are_nearly_right_are_told(at: Quay) -> None:
+    provisioned(at)
+    first, second = at.runs()
+    assert (
+        "did you mean `coastal-router`?" in at.provision("restore", "device=coastal-ruter", "to=latest", code=7).stderr
+    )
+    near = at.provision("restore", f"device={ROUTER}", f"to={first['run'][:-2]}", code=7).stderr
+    assert f"run {first['run'][:-2]} has confirmed no state of coastal-router" in near
+    assert f"these have: {first['run']}, {second['run']}; or type `to=latest`" in near
+    assert "did you mean `to=latest`?" in at.provision("restore", f"device={ROUTER}", "to=lastest", code=7).stderr
+    never = at.provision("restore", "device=scc-router", "to=latest", code=7).stderr
+    assert "no run has confirmed a state of scc-router" in never
+    assert "no role handles" in at.provision("restore", "device=coastal-cpe", "to=latest", code=7).stderr
+
+
+def test_a_rehearsal_puts_the_real_state_on_an_emulated_box(at: Quay) -> None:
+    provisioned(at)
+    before = at.export()
+    told = at.json("restore", f"device={ROUTER}", "to=latest", "--rehearse", code=0)
+    assert told["devices"][ROUTER]["second_pass"] == 0
+    assert told["rehearsed"] is True
+    assert at.export() == before
+
+
+def test_a_damaged_state_is_not_put_on_a_device(at: Quay) -> None:
+    provisioned(at)
+    for path in (at.state / "real/coastal/confirmed").iterdir():
+        path.write_text(path.read_text(encoding="utf-8") + "\n# touched\n", encoding="utf-8")
+    assert "it was changed since" in at.provision("restore", f"device={ROUTER}", "to=latest", "--yes", code=4).stderr
+
+
+def test_a_killed_restore_is_resumed_towards_the_same_state(at: Quay) -> None:
+    lost = provisioned(at)
+    at.replace("spare")
+    at.adopt()
+    at.do("link", delay_s=0.15)
+    asked = ["restore", f"device={ROUTER}", "to=latest", "--yes", f"inventory={at.inventory}"]
+    with subprocess.Popen(
+        [PROVISION, *asked],
+        env=at.environment(),
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as running:
+        await_record(at.state, '"kind":"layer-sent"', run=2)
+        os.killpg(running.pid, signal.SIGKILL)
+        kill_workers(at.state)
+    at.do("link", delay_s=0.0)
+    assert at.runs()[-1]["unfinished"] is True
+    said = at.provision("resume", "site=coastal", code=0).stdout
+    assert "it goes on towards the saved state of run" in said
+    assert of_any_box(at.export()) == lost
+    assert at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]["planned"] == 0
