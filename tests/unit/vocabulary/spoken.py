@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 _FOLDED = re.compile(r"\\\r?\n *")
 _NAME = re.compile(r"!?([a-z][a-z0-9.-]*)(=|$)")
-_OF_THE_API = {".id": "numbers", ".proplist": "proplist"}
+_OF_THE_API = {".proplist", ".tag"}
+"""Words that the protocol adds to a command (manual, API)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ def sentence(words: Sequence[str]) -> Said:
     names = {word[1:].partition("=")[0] for word in words[1:] if word.startswith("=")}
     if path[-1] in ("getall", "listen"):
         path[-1] = "print"
-    own = frozenset(_OF_THE_API.get(name, name).removeprefix("!") for name in names)
+    own = frozenset("numbers" if name == ".id" else name.removeprefix("!") for name in names - _OF_THE_API)
     return Said("/" + "/".join(path[:-1]), path[-1], own, words[0])
 
 

@@ -1,0 +1,92 @@
+"""Every text in the engine and its neighbours that looks like a command is one, in each version that may hear it."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from holes import known
+from literals import Literal, literals, sentences
+from spoken import Said, lines, sentence
+from trees import TREES, VERSIONS, Tree, parts
+
+SINCE = {"/safe-mode": ("7.18.2", "asked for on every version, because that is how we learn whether it is there")}
+"""Menus that not all of our versions have."""
+NO_COMMANDS = {
+    "/add": "a suffix that is taken off",
+    "/quit": "a word of the console's own, which the trees show at the root only as a script's word",
+}
+_MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
+_OPEN_END = re.compile(r"/X$")
+
+
+def words_of(literal: Literal) -> str:
+    """Return the text with something in place of what is only known at run time."""
+    text = re.sub(r"(?<=[a-z])X\b", "", literal.text)
+    return text.replace("[X ", "[/ip/address ")
+
+
+def unknown(literal: Literal, tree: Tree) -> set[str]:
+    """Return what the version does not have of a text."""
+    text = words_of(literal)
+    if literal.text in NO_COMMANDS or known(text) or known("/", text.removeprefix("/")):
+        return set()
+    if any(text.startswith(menu) and tree.version < first for menu, (first, _) in SINCE.items()):
+        return set()
+    for pattern in (_MENU_TO_A_PERSON, _OPEN_END):
+        if match := pattern.search(text):
+            menu = match[1] if pattern is _MENU_TO_A_PERSON else text[: match.start()]
+            return set() if tree.has_menu(menu.replace(" ", "/")) else {menu}
+    return {name for said in lines(text, tree) for name in said.unknown(tree)}
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_every_text_is_a_command_or_a_menu(tree: Tree) -> None:
+    odd = {}
+    for literal in literals():
+        if not literal.text.startswith("X/") and (found := unknown(literal, tree)):
+            odd[f"{literal.file}:{literal.line}"] = found
+    assert odd == {}
+    assert len(literals()) > 150
+
+
+def test_every_word_behind_a_menu_is_a_command_or_a_menu_somewhere() -> None:
+    """`X/print`: which menu it is, is known at run time; the word has to be in some menu of every version."""
+    ends = {literal.text.removeprefix("X/") for literal in literals() if literal.text.startswith("X/")}
+    for tree in TREES:
+        there = {word for menu in tree.menus() for word in (*tree.commands(menu), *parts(menu))}
+        assert ends <= there
+    assert ends
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_sentences_that_are_written_out_have_known_arguments(tree: Tree) -> None:
+    odd, count = {}, 0
+    for place, names in sentences():
+        menu, _, command = place.text.rpartition("/")
+        if "X" in place.text or known(menu or "/", command) or (menu in SINCE and tree.version < SINCE[menu][0]):
+            continue
+        count += 1
+        said = sentence([place.text, *(f"={name}=" for name in names if not name.startswith("?"))])
+        if found := said.unknown(tree):
+            odd[f"{place.file}:{place.line}"] = found
+    assert odd == {}
+    assert count >= 8
+
+
+def test_a_misspelt_command_in_the_source_would_be_seen() -> None:
+    for text in (
+        "/system/resourse/print",
+        ":putt x",
+        "/ip adress: it would go",
+        "/ip/routes",
+        ":put [/ip/address prnt]",
+    ):
+        assert unknown(Literal(text, "x.py", 1), TREES[1])
+    assert Said("/ip/address", "print", frozenset({"prop"}), "x").unknown(TREES[1]) == {"prop"}
+
+
+def test_what_is_listed_as_newer_is_newer() -> None:
+    for menu, (first, why) in SINCE.items():
+        assert [tree.has_menu(menu) for tree in TREES] == [tree.version >= first for tree in TREES]
+        assert why
