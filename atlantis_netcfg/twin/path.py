@@ -70,7 +70,7 @@ def _on(core: Core, service: str) -> bool:
     """Tell whether the service is on: whom its `address=` turns away is told so after the packet has arrived."""
     table = core.store.table("/ip/service")
     item = next(item for item in table.items if core.store.text(table, item, "name") == service)
-    return core.store.text(table, item, "disabled") != "yes" and core.store.target(table, item, "vrf") == MAIN
+    return core.store.text(table, item, "disabled") != "yes" and core.store.target(table, item, "vrf") in (None, MAIN)
 
 
 def _receives(core: Core, entry: int, interface: int, dst: IPv4Address) -> bool:

@@ -276,7 +276,9 @@ class Topology:
     def _has_table(self, number: int) -> bool:
         tables = self.store.table("/routing/table")
         item = tables.find(number)
-        return item is not None and self.store.text(tables, item, "disabled") != "yes"
+        if item is None:
+            return number == MAIN  # version 6 has no menu of tables, and the main one all the same
+        return self.store.text(tables, item, "disabled") != "yes"
 
     def lookup(
         self,

@@ -8,6 +8,7 @@ from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.commands.radio import amounting
+from atlantis_netcfg.twin.console.where import Where, fits
 from atlantis_netcfg.twin.menus import Shape
 from atlantis_netcfg.twin.query import matches
 from atlantis_netcfg.twin.views import rows, without_counters
@@ -45,7 +46,7 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
 
 def print_(core: Core, call: Call) -> Result:
     """Show the rows that the queries let through."""
-    known = core.schema.arguments(call.menu, "print") | set(_PROPLIST)
+    known = core.schema.arguments(call.menu, "print") | {".proplist"}
     for name in (*call.arguments, *call.unset):
         if name not in known and not (name in ("stats", "detail") and call.menu in COMPUTED):
             raise unknown(name)
@@ -69,22 +70,17 @@ def _proplist(call: Call) -> list[str] | None:
     return None
 
 
-def select(core: Core, call: Call, where: dict[str, str]) -> list[str]:
-    """Return the ids of the rows whose properties equal those of `[find name=value ...]`, in the console's spelling."""
-    return [row[".id"] for row in all_rows(core, call) if ".id" in row and _like(row, where)]
-
-
-def _like(row: dict[str, str], where: dict[str, str]) -> bool:
-    return all(row.get(name, "") in (value, _CONSOLE_BOOLS.get(value)) for name, value in where.items())
-
-
-_CONSOLE_BOOLS = {"yes": "true", "no": "false"}
+def select(core: Core, call: Call, where: Where) -> list[str]:
+    """Return the ids of the rows that `[find ...]` means."""
+    return [row[".id"] for row in all_rows(core, call) if ".id" in row and fits(row, where)]
 
 
 def find(core: Core, call: Call) -> Result:
     """Return all ids of the menu, joined by `;`."""
     for name in call.arguments:
-        raise unknown(name)
+        if name not in core.schema.arguments(call.menu, "find"):
+            raise unknown(name)
+        raise Trap(f"not rehearsed by the twin: {call.path} {name}")
     return Result(ret=";".join(row[".id"] for row in all_rows(core, call) if ".id" in row))
 
 

@@ -9,6 +9,8 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.console.where import Condition, Where
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -22,6 +24,9 @@ _NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
 _UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
+_PROPERTY = re.compile(r"\.?[A-Za-z0-9][A-Za-z0-9.-]*")
+_SIGN = re.compile(r"!=|[=~<>]")
+_JOINT = re.compile(r"(?:and|or)(?=\s)|&&|\|\|")
 _ON_ERROR = re.compile(r"on-error=")
 _POSITIONAL = {
     "set": ("numbers",),
@@ -40,11 +45,10 @@ _POSITIONAL = {
 
 @dataclass(frozen=True, slots=True)
 class Find:
-    """`[find name=value ...]`; a bare value with `/` or `:` has another type than the property: it matches nothing."""
+    """`[find name=value ...]`."""
 
     menu: str
-    where: dict[str, str]
-    possible: bool
+    where: Where
     place: int
 
 
@@ -56,7 +60,7 @@ class Command:
     name: str
     arguments: dict[str, str | Find | Command] = field(default_factory=dict)
     unset: list[str] = field(default_factory=list)
-    where: dict[str, str] | None = None
+    where: Where = ()
     place: int = 0
 
 
@@ -114,8 +118,6 @@ class Parser:
         if self.text.peek() in tuple(":{}()[]$\\\"'"):
             raise self.text.error("syntax error")
         command = self._command()
-        if command.name == "print":
-            raise self.text.error("syntax error", command.place)
         if command.name:
             return command
         self.menu = command.menu
@@ -176,7 +178,12 @@ class Parser:
                 raise self.text.error(f"bad command name {word}", start)
 
     def _step(self) -> None:
-        """Go on to the next word of a path: `ip/address` and `ip address` are the same."""
+        """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.
+
+        Version 7 made them so (Manual, Changelog); the words with which version 6 refuses are inferred.
+        """
+        if self.text.peek() == "/" and not self.core.schema.at_least("7.0"):
+            raise self.text.error("expected command name")
         if not self.text.take("/"):
             self.text.space()
 
@@ -257,8 +264,7 @@ class Parser:
         return command
 
     def _find(self, command: Command, place: int) -> Find:
-        where = command.where or {}
-        return Find(command.menu, where, possible="\0" not in "".join(where.values()), place=place)
+        return Find(command.menu, command.where, place)
 
     def _where(self, command: Command) -> bool:
         """Read `where name=value ...`; `find` does not need the word."""
@@ -270,13 +276,24 @@ class Parser:
         return True
 
     def _conditions(self, command: Command) -> None:
-        command.where = command.where or {}
+        alternatives: list[list[Condition]] = [[]]
         while self._more():
-            start = self.text.at
-            name = self.text.match(_NAME)
-            if name is None:
-                raise self.text.error("syntax error", start)
-            self.text.at += 1
-            quoted = self.text.peek() == '"'
-            value = self.text.value()
-            command.where[name] = value if quoted or not re.search("[/:]", value) else "\0"
+            word = self.text.match(_JOINT)
+            if word is None:
+                alternatives[-1].append(self._condition())
+            elif word in ("or", "||"):
+                alternatives.append([])
+        command.where = tuple(tuple(one) for one in alternatives if one)
+
+    def _condition(self) -> Condition:
+        start = self.text.at
+        negated = self.text.take("!")
+        name = self.text.match(_PROPERTY)
+        if name is None:
+            raise self.text.error("syntax error", start)
+        sign = self.text.match(_SIGN)
+        if sign is None:
+            return Condition(name, negated=negated)
+        quoted = self.text.peek() == '"'
+        value = self.text.value()
+        return Condition(name, sign, value, negated, possible=quoted or re.search("[/:]", value) is None)

@@ -14,6 +14,9 @@ from atlantis_netcfg.twin.commands._call import Call, MissingArgument
 from atlantis_netcfg.twin.commands.read import all_rows, select
 from atlantis_netcfg.twin.console._parse import Attempt, Command, Find, Parser, Put, Statement
 from atlantis_netcfg.twin.console._text import ConsoleError, Text
+from atlantis_netcfg.twin.console.people import View, reported, shown, summed
+from atlantis_netcfg.twin.console.where import Where, fits
+from atlantis_netcfg.twin.views import without_counters
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.answers import Caller
@@ -28,6 +31,8 @@ class Outcome:
 
     lines: list[str] = field(default_factory=list)
     error: str | None = None
+    paged: bool = False
+    """A screen would hold it back page by page."""
 
     @property
     def output(self) -> str:
@@ -47,8 +52,11 @@ def run_script(core: Core, caller: Caller, script: str) -> Outcome:
     return outcome
 
 
-def run_line(core: Core, caller: Caller, line: str, menu: str) -> tuple[Outcome, str]:
-    """Run what was typed while the prompt stood at `menu`; the second value is where it stands now."""
+def run_line(core: Core, caller: Caller, line: str, menu: str, *, width: int | None = None) -> tuple[Outcome, str]:
+    """Run what was typed while the prompt stood at `menu`; the second value is where it stands now.
+
+    `width` is the screen's, in columns; None has no end.
+    """
     outcome = Outcome()
     parser = Parser(core, Text(line), menu)
     try:
@@ -56,7 +64,7 @@ def run_line(core: Core, caller: Caller, line: str, menu: str) -> tuple[Outcome,
     except ConsoleError as error:
         outcome.error = str(error)
         return outcome, menu
-    _run(core, caller, statements, outcome)
+    _run(core, caller, statements, outcome, width)
     return outcome, parser.menu
 
 
@@ -66,7 +74,7 @@ def run_file(core: Core, caller: Caller, text: str) -> Outcome:
     source = Text(text)
     try:
         for statement in Parser(core, source).statements():
-            _run(core, caller, [statement], outcome, source)
+            _run(core, caller, [statement], outcome)
             if outcome.error is not None:
                 break
     except ConsoleError as error:
@@ -83,8 +91,8 @@ def check_syntax(core: Core, text: str) -> str | None:
     return None
 
 
-def _run(core: Core, caller: Caller, statements: list[Statement], outcome: Outcome, source: Text | None = None) -> None:
-    runner = _Runner(core, caller, source)
+def _run(core: Core, caller: Caller, statements: list[Statement], outcome: Outcome, width: int | None = None) -> None:
+    runner = _Runner(core, caller, width)
     for statement in statements:
         try:
             outcome.lines.extend(runner.run(statement))
@@ -92,6 +100,7 @@ def _run(core: Core, caller: Caller, statements: list[Statement], outcome: Outco
             outcome.error = error.console
         except Trap as error:
             outcome.error = error.message
+        outcome.paged = runner.paged
         if outcome.error is not None:
             return
 
@@ -100,7 +109,9 @@ def _run(core: Core, caller: Caller, statements: list[Statement], outcome: Outco
 class _Runner:
     core: Core
     caller: Caller
-    source: Text | None
+    width: int | None
+    paged: bool = False
+    """Somebody may want to read it page by page."""
 
     def run(self, statement: Statement) -> list[str]:
         if isinstance(statement, Attempt):
@@ -128,8 +139,6 @@ class _Runner:
         return self._command(what)[0]
 
     def _found(self, find: Find) -> list[str]:
-        if not find.possible:
-            return []
         call = Call(self.caller, find.menu, "find", console=True)
         return select(self.core, call, find.where)
 
@@ -139,9 +148,11 @@ class _Runner:
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
         call = Call(self.caller, command.menu, command.name, arguments, tuple(command.unset), console=True)
         if command.name == "print":
-            return self._print(call, command.where or {}), []
+            return self._print(call, command.where)
         result = dispatch(self.core, call)
-        return result.ret or "", result.text.splitlines()
+        if "as-value" in arguments:
+            return _as_value(result.rows), []
+        return result.ret or "", [*result.text.splitlines(), *reported(call.command, result.rows)]
 
     def _argument(self, value: str | Find | Command) -> str:
         if isinstance(value, str):
@@ -153,9 +164,25 @@ class _Runner:
             raise Trap("expected item id")
         return ",".join(found)
 
-    def _print(self, call: Call, where: dict[str, str]) -> str:
-        """`print as-value` and `print count-only`; a table for people to read is not of the subset."""
-        found = [row for row in all_rows(self.core, call) if all(row.get(name, "") == where[name] for name in where)]
-        if "count-only" in call.arguments:
-            return str(len(found))
-        return ";".join(f"{name}={value}" for row in found for name, value in row.items())
+    def _print(self, call: Call, where: Where) -> tuple[str, list[str]]:
+        """What it returns within brackets, and what people see of it.
+
+        `as-value` shows nothing to people, and without `detail` it returns what a table shows (tik4net,
+        Docs/findings-cli.md).
+        """
+        found = [row for row in all_rows(self.core, call) if fits(row, where)]
+        words = frozenset(call.arguments)
+        if "count-only" in words:
+            return str(len(found)), [str(len(found))]
+        if "stats" not in words:
+            found = [without_counters(row) for row in found]
+        wanted = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
+        view = View(call.menu, words, wanted if wanted != ("",) else (), self.width)
+        if "as-value" in words:
+            return _as_value(summed(self.core, view, found)), []
+        self.paged = self.paged or "without-paging" not in words
+        return "", shown(self.core, view, found)
+
+
+def _as_value(rows: list[dict[str, str]]) -> str:
+    return ";".join(f"{name}={value}" for row in rows for name, value in row.items())

@@ -52,8 +52,8 @@ def typed(core: Core, caller: Caller, line: str, *, width: int | None = None, co
     if stripped == "..":
         core.menus[caller.number] = menu.rpartition("/")[0] or "/"
         return Printed()
-    outcome, core.menus[caller.number] = run_line(core, caller, line, menu)
-    return Printed(outcome.output, failed=outcome.error is not None)
+    outcome, core.menus[caller.number] = run_line(core, caller, line, menu, width=width)
+    return Printed(outcome.output, failed=outcome.error is not None, paged=outcome.paged)
 
 
 def prompt(core: Core, caller: Caller) -> str:

@@ -65,7 +65,6 @@ REFUSED = [
     (":local x 5", "syntax error (line 1 column 1)"),
     (":if (true) do={ }", "syntax error (line 1 column 1)"),
     ("{ }", "syntax error (line 1 column 1)"),
-    ("/ip address print", "syntax error (line 1 column 1)"),
     (":put [/ip/address/print]", "syntax error (line 1 column 6)"),
     ("/ip pool add name= ranges=10.0.0.1", "syntax error (line 1 column 19)"),
     ("/ip pool add name=a$b ranges=10.0.0.1", "syntax error (line 1 column 20)"),
