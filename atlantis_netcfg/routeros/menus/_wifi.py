@@ -115,7 +115,7 @@ def _profile(name: str, fields: tuple[Field, ...]) -> Menu:
         keys=("name",),
         subject="{name}",
         since=_SINCE,
-        configured=True,
+        configured=name == "configuration",
         fields=(text("name", None), COMMENT, DISABLED, *fields),
     )
 

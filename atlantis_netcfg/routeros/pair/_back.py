@@ -1,0 +1,213 @@
+"""After a failure: the near end is taken back at once, the far one returns by itself, and we wait and read.
+
+What counts is what was read from both. If the near end turns out to be permanent (its release was executed, only its
+answer was lost) the far end has to stay new as well; in every other case both are to be as before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.events import Stage
+from atlantis_netcfg.journal import NoJournal, Released
+from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.apply._state import restoring
+from atlantis_netcfg.routeros.pair import _fuse, _safe
+from atlantis_netcfg.routeros.pair._end import NotAsDeclared
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.apply import Channel, DeviceResult
+    from atlantis_netcfg.routeros.pair._end import End
+    from atlantis_netcfg.routeros.pair._transaction import Transaction
+
+__all__ = ["back"]
+
+_QUICK_S = 10.0
+"""For an answer that is worth having, but not worth waiting for."""
+
+
+async def back(work: Transaction, reason: NetcfgError) -> tuple[DeviceResult, DeviceResult]:
+    """End a transaction that failed for `reason`: results of near and far end."""
+    for end in work.ends:
+        end.say(Stage.FAILED, end.clean(str(reason)))
+    return await _Way(work, reason).go()
+
+
+@dataclass(slots=True)
+class _Way:
+    work: Transaction
+    reason: NetcfgError
+
+    async def go(self) -> tuple[DeviceResult, DeviceResult]:
+        near, far = self.work.near, self.work.far
+        if not (near.touched or far.touched):
+            await self._let_go(near)
+            await self._let_go(far)
+            await self._no_job()
+            return self._untouched(near), self._untouched(far)
+        if self.work.linked and not far.released:
+            await self._let_go(far)
+        kept = await self._near()
+        if kept is None:
+            return self._unknown(near), self._unknown(far)
+        if kept:
+            return await self._forward()
+        result = await self._far()
+        if far.released and not far.fused and result.status is Status.UNKNOWN:
+            return await self._after_all()
+        return self._near_result(), result
+
+    # --- the near end ----------------------------------------------------------------------------------------------
+
+    async def _near(self) -> bool | None:
+        """Take the near end back. True: it has become permanent before; None: it cannot be known."""
+        near = self.work.near
+        await self._let_go(near)
+        if not near.touched:
+            return False if near.actions or not self.work.far.released else None
+        found = await self._settled(near, near.job.patience.reach_s)
+        if found is None:
+            return None
+        session, left = found
+        if left and near.released and await self._is_declared(near, session):
+            return True
+        return False if not left else await self._put_back(near)
+
+    def _near_result(self) -> DeviceResult:
+        near = self.work.near
+        return near.rolled_back(str(self.reason)) if near.touched else self._untouched(near)
+
+    # --- the far end -----------------------------------------------------------------------------------------------
+
+    async def _far(self) -> DeviceResult:
+        """Wait until the far end has returned by itself, and say what it has become."""
+        far, work = self.work.far, self.work
+        if not far.touched:
+            await self._let_go(far)
+            await self._no_job()
+            return self._untouched(far)
+        clock = asyncio.get_running_loop().time
+        patience_s = max(0.0, work.fires - clock()) + far.job.patience.reach_s
+        far.say(Stage.WAITING, f"it returns by itself within {max(0.0, work.fires - clock()):.0f} s")
+        found = await self._settled(far, patience_s, returning=True)
+        if found is None:
+            return self._unknown(far)
+        _, left = found
+        if left and not await self._put_back(far):
+            return self._unknown(far)
+        await self._no_job()
+        return far.rolled_back(str(self.reason))
+
+    async def _forward(self) -> tuple[DeviceResult, DeviceResult]:
+        """The near end is new for good: see that the far one is, too."""
+        near, far = self.work.near, self.work.far
+        words = f"as declared: {len(near.actions)} actions read back, although: {self.reason}"
+        found = await self._settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
+        if found is not None and await self._is_declared(far, found[0]):
+            with suppress(NetcfgError):
+                await self.work.defuse(found[0])
+            return near.changed(words), far.changed(words) if far.actions else self._untouched(far)
+        if await self._put_back(near):
+            result = await self._far()
+            return near.rolled_back(str(self.reason)), result
+        return self._unknown(near), self._unknown(far)
+
+    async def _after_all(self) -> tuple[DeviceResult, DeviceResult]:
+        """The far end was kept and nothing brings it back, so the near end has to follow it."""
+        near, far = self.work.near, self.work.far
+        result = await converge(replace(near.job, agreed=None, journal=NoJournal()), mode=Mode.RESUME)
+        if result.status is not Status.CHANGED:
+            return self._unknown(near), self._unknown(far)
+        return await self._forward()
+
+    # --- both ------------------------------------------------------------------------------------------------------
+
+    async def _let_go(self, end: End) -> None:
+        """Unroll over the first session, if it still answers; else close it, so that the device will know in time."""
+        session, end.session = end.session, None
+        silent = end is self.work.far and not self.work.answered()
+        if silent:
+            await self.work.forget_answer()
+        if session is None:
+            return
+        if end.owner and not silent:
+            with suppress(NetcfgError, TimeoutError):
+                async with asyncio.timeout(_QUICK_S):
+                    await _safe.unroll(session, _QUICK_S)
+        await end.contact.leave(session)
+
+    async def _settled(
+        self, end: End, patience_s: float, *, returning: bool = False
+    ) -> tuple[Channel, tuple[str, ...]] | None:
+        """Reach an end once nobody holds its safe mode: a session, and the menus that differ from before.
+
+        `returning`: it may still show what its own rollback is about to take back: ask until that is over.
+        """
+        clock = asyncio.get_running_loop().time
+        until = clock() + patience_s
+        final = until + end.job.patience.undo_s
+        while clock() < final:
+            try:
+                session = await end.contact.reach(max(0.0, until - clock()), "after a failure")
+                patience = end.job.patience
+                held = await _safe.until_free(session, patience.undo_s, patience.last_poll_s)
+                left = end.same(await end.reread(session))
+            except DeviceFailed:
+                if clock() >= until:
+                    return None
+                await asyncio.sleep(end.job.patience.first_poll_s)
+                continue
+            if held.taken:
+                return None
+            if not left or not returning or not end.fused or clock() > self.work.fires + _QUICK_S:
+                return session, left
+            await end.contact.leave(session)
+            await asyncio.sleep(end.job.patience.last_poll_s)
+        return None
+
+    async def _is_declared(self, end: End, session: Channel) -> bool:
+        try:
+            end.compare(await end.reread(session))
+        except (NotAsDeclared, DeviceFailed):
+            return False
+        end.note(Released(device=end.name))
+        return True
+
+    async def _put_back(self, end: End) -> bool:
+        """Write what was observed before, as any other change is written; True if it then is so."""
+        end.say(Stage.APPLYING, "putting the state before the run back")
+        job = replace(end.job, desired=restoring(end.seen), journal=NoJournal(), agreed=None)
+        await converge(job, mode=Mode.RESUME)
+        found = await self._settled(end, end.job.patience.reach_s)
+        return found is not None and not found[1]
+
+    async def _no_job(self) -> None:
+        """Take away the far end's job; where that fails, it goes by itself after it has looked."""
+        far = self.work.far
+        if not far.fused:
+            return
+        try:
+            session = await far.contact.reach(_QUICK_S, "taking its job away")
+            await self.work.defuse(session)
+        except DeviceFailed:
+            far.notes.append(f"the job {_fuse.NAME} of its scheduler is still there, and goes when it has run")
+
+    def _untouched(self, end: End) -> DeviceResult:
+        if not end.actions:
+            return end.result(Status.UNCHANGED, "already so: nothing to change")
+        return end.result(
+            Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=getattr(self.reason, "hint", None)
+        )
+
+    def _unknown(self, end: End) -> DeviceResult:
+        site = end.job.site
+        return end.result(
+            Status.UNKNOWN,
+            f"the outcome is not known: {self.reason}",
+            hint="each end takes back by itself what was not kept, within ten minutes if its link has died; then:"
+            f"  provision resume site={site}",
+        )

@@ -1,0 +1,173 @@
+"""A pair from first contact to last word: observe both, plan both, judge both, change both as one."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.apply._contact import Contact
+from atlantis_netcfg.routeros.observe import MenuMissing
+from atlantis_netcfg.routeros.pair import _safe
+from atlantis_netcfg.routeros.pair._agreement import disagreements
+from atlantis_netcfg.routeros.pair._back import back
+from atlantis_netcfg.routeros.pair._end import End
+from atlantis_netcfg.routeros.pair._transaction import BUDGET, SAFE_MODE_S, Transaction
+from atlantis_netcfg.routeros.planner import CannotPlan
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
+    from atlantis_netcfg.routeros.pair._pair import Pair
+
+__all__ = ["converge_pair"]
+
+Results = tuple["DeviceResult", "DeviceResult"]
+
+_CONNECT_S = 15.0
+"""For one attempt: the link comes and goes while we wait for it, so ask often."""
+
+
+async def converge_pair(pair: Pair, *, mode: Mode = Mode.APPLY) -> Results:
+    """Bring both ends to their declared states, or say why not: results of near and far end.
+
+    Where no radio is changed, both are ordinary runs, far end first.
+    """
+    if mode not in (Mode.PLAN, Mode.APPLY, Mode.RESUME, Mode.ROLLBACK):
+        return await _one_by_one(pair, mode)
+    started = asyncio.get_running_loop().time()
+    near, far = (
+        End(job, Contact(job), radio, started)
+        for job, radio in ((_patient(pair.near), pair.near_radio), (_patient(pair.far), pair.far_radio))
+    )
+    work = Transaction(pair, near, far)
+    try:
+        results = await _run(work, mode)
+        if results is not None:
+            return (near.ended(results[0]), far.ended(results[1]))
+    finally:
+        await work.forget_answer()
+        for end in (near, far):
+            await end.contact.close()
+    return await _one_by_one(pair, mode, work)
+
+
+def _patient(job: DeviceJob) -> DeviceJob:
+    endpoint = replace(job.endpoint, connect_timeout_s=min(job.endpoint.connect_timeout_s, _CONNECT_S))
+    return replace(job, endpoint=endpoint)
+
+
+async def _one_by_one(pair: Pair, mode: Mode, work: Transaction | None = None) -> Results:
+    """Run ordinary runs, far end first: what goes wrong there should not have cost us the near end before."""
+    far = await converge(pair.far, mode=mode)
+    near = await converge(pair.near, mode=mode)
+    if work is not None and any(end.changes_radio for end in work.ends):
+        near, far = (replace(each, notes=(*each.notes, _words(pair))) for each in (near, far))
+    return near, far
+
+
+def _words(pair: Pair) -> str:
+    return (
+        f"{pair.name} change as one, far end first; if the link is not back within {pair.link_timeout_s:.0f} s both"
+        f" return by themselves (where the far end's scheduler may not run, within {SAFE_MODE_S / 60:.0f} min)"
+    )
+
+
+async def _run(work: Transaction, mode: Mode) -> Results | None:
+    """Run the pair as one; None: these are ordinary runs."""
+    ended = await _read(work, mode)
+    if ended is not None:
+        return ended
+    if not any(end.actions for end in work.ends):
+        return _unchanged(work.near), _unchanged(work.far)
+    if not any(end.changes_radio for end in work.ends):
+        return None
+    refusal = _refusal(work, mode)
+    if refusal:
+        text = f"refused, nothing was changed: {refusal}"
+        return work.near.result(Status.REFUSED, text), work.far.result(Status.REFUSED, text)
+    return None if mode is Mode.PLAN else await _honestly(work)
+
+
+async def _read(work: Transaction, mode: Mode) -> Results | None:
+    """Read and plan both ends; the results of a pair of which one end cannot be read or planned."""
+    if mode is Mode.RESUME:
+        await _wait(work)
+    problems = await asyncio.gather(*(_problem(end) for end in (work.near, work.far)))
+    if not any(problems):
+        return None
+    near, far = problems
+    return (
+        near or _left(work.near, f"its other end {work.far.name} could not be looked at"),
+        far or _left(work.far, f"its other end {work.near.name} could not be looked at"),
+    )
+
+
+async def _wait(work: Transaction) -> None:
+    """After a run that was killed: give both ends the time that they need to return by themselves."""
+    for end in work.ends:
+        try:
+            session = await end.contact.reach(SAFE_MODE_S + work.pair.link_timeout_s, "returning by itself")
+            await _safe.until_free(session, end.job.patience.undo_s, end.job.patience.last_poll_s)
+            await end.contact.leave(session)
+        except DeviceFailed:
+            continue
+
+
+async def _problem(end: End) -> DeviceResult | None:
+    try:
+        await end.read()
+    except (CannotPlan, MenuMissing) as refusal:
+        return end.result(Status.REFUSED, str(refusal), hint=refusal.hint)
+    except NetcfgError as failure:
+        return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {failure}", hint=failure.hint)
+    return None
+
+
+def _unchanged(end: End) -> DeviceResult:
+    return end.result(Status.UNCHANGED, "already so: nothing to change")
+
+
+def _left(end: End, why: str) -> DeviceResult:
+    return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}") if end.actions else _unchanged(end)
+
+
+def _refusal(work: Transaction, mode: Mode) -> str:
+    names = (work.near.name, work.far.name)
+    found = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
+    reasons = [f"the two ends would not find each other: {'; '.join(found)}"] if found else []
+    if mode is not Mode.PLAN:
+        reasons += [f"{end.name}: {why}" for end in work.ends for why in end.refusals()]
+    reasons += [
+        f"{end.name}: {end.plan.weight} rows change, and safe mode remembers {BUDGET}: do it in two steps"
+        for end in work.ends
+        if end.plan is not None and end.plan.weight > BUDGET
+    ]
+    return "; ".join(reasons)
+
+
+async def _honestly(work: Transaction) -> Results:
+    """Go forward, and turn whatever goes wrong into an honest end."""
+    try:
+        await work.forward()
+    except NetcfgError as failure:
+        return await back(work, failure)
+    except asyncio.CancelledError:
+        if (task := asyncio.current_task()) is not None:
+            task.uncancel()
+        return await back(work, DeviceFailed("stopped by hand"))
+    except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
+        near, far = await back(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
+        return _ours(near, fault), _ours(far, fault)
+    return _kept(work.near), _kept(work.far)
+
+
+def _kept(end: End) -> DeviceResult:
+    number = len(end.actions)
+    return end.changed(f"{number} action{'s' if number != 1 else ''} read back and kept") if number else _unchanged(end)
+
+
+def _ours(result: DeviceResult, fault: Exception) -> DeviceResult:
+    exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT
+    return replace(result, exit=exit_, fault=fault)

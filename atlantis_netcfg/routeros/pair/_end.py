@@ -1,0 +1,255 @@
+"""One end of the pair while its transaction lasts: what was read, what is planned, what was sent, what is known."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.journal import (
+    ActionsConfirmed,
+    DeviceObserved,
+    JournalFailed,
+    Outcome,
+    Planned,
+    PlannedAction,
+    Unrolled,
+)
+from atlantis_netcfg.routeros.apply import DeviceResult, Status
+from atlantis_netcfg.routeros.apply._prerequisites import missing
+from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
+from atlantis_netcfg.routeros.guard import MENUS as GUARDED
+from atlantis_netcfg.routeros.guard import ManagementPath, objections
+from atlantis_netcfg.routeros.observe import observe
+from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
+from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
+from atlantis_netcfg.secret import MASK
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.journal import Record
+    from atlantis_netcfg.routeros._types import Action, Observed, Plan
+    from atlantis_netcfg.routeros.apply import Channel, DeviceJob
+    from atlantis_netcfg.routeros.apply._contact import Contact
+
+__all__ = ["End", "NotAsDeclared"]
+
+_SHOWN = 3
+_STAGES = {Status.UNCHANGED: Stage.DONE, Status.CHANGED: Stage.CONFIRMED, Status.ROLLED_BACK: Stage.UNROLLED}
+
+
+class NotAsDeclared(DeviceFailed):
+    """What was read back is not what is declared: nothing of the change may stay."""
+
+
+@dataclass(slots=True)
+class End:
+    """A device and where its part of the transaction stands."""
+
+    job: DeviceJob
+    contact: Contact
+    radio_name: str
+    started: float
+    session: Channel | None = None
+    """The first session, which holds safe mode; None once it is known to be dead."""
+    before: Observed | None = None
+    plan: Plan | None = None
+    owner: str = ""
+    """What the device calls us while we hold its safe mode; empty: we do not."""
+    fused: bool = False
+    """A job of its scheduler brings its radio back."""
+    touched: bool = False
+    released: bool = False
+    """What it has become is permanent, or may be."""
+    protection: str = "none"
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """The device's name."""
+        return self.job.name
+
+    @property
+    def seen(self) -> Observed:
+        """The device before the transaction."""
+        if self.before is None:
+            raise RuntimeError(f"{self.name} has not been read")
+        return self.before
+
+    @property
+    def actions(self) -> tuple[Action, ...]:
+        """What is to be done."""
+        return self.plan.actions if self.plan is not None else ()
+
+    @property
+    def channel(self) -> Channel:
+        """The first session. Raises DeviceFailed once it is gone."""
+        if self.session is None:
+            raise DeviceFailed(f"the session with {self.name} is gone")
+        return self.session
+
+    @property
+    def calm(self) -> tuple[Action, ...]:
+        """The actions before the first that may interrupt the link."""
+        number = next((at for at, action in enumerate(self.actions) if drops_link(action)), len(self.actions))
+        return self.actions[:number]
+
+    @property
+    def storm(self) -> tuple[Action, ...]:
+        """The others."""
+        return self.actions[len(self.calm) :]
+
+    @property
+    def changes_radio(self) -> bool:
+        """Whether the plan may interrupt the link."""
+        return touches_radio(self.actions)
+
+    def radio(self, *, after: bool) -> Radio | None:
+        """Return the radio of the bridge as it is, or as the plan leaves it."""
+        rows = simulate(self.seen.rows, self.plan) if after and self.plan is not None else self.seen.rows
+        return radio_of(rows, self.radio_name)
+
+    # --- reading ---------------------------------------------------------------------------------------------------
+
+    async def read(self) -> None:
+        """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, DeviceFailed."""
+        self.say(Stage.CONNECTING, f"to {self.job.endpoint}")
+        self.session = await self.contact.open()
+        self.before = await observe(self.session, self.job.endpoint, self.job.desired.menus, (*GUARDED, *MENUS))
+        facts = self.before.facts
+        self.record(
+            DeviceObserved(
+                device=self.name, version=str(facts.version), identity=facts.identity, state=digest(self.before)
+            )
+        )
+        self.plan = plan(self.name, self.job.desired, self.before)
+        self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
+
+    def refusals(self) -> Iterator[str]:
+        """Yield why this end's plan may not be carried out."""
+        facts, path = self.seen.facts, self._path()
+        if self.plan is None or not self.actions:
+            return
+        yield from objections(self.plan, self.seen, path)
+        yield from missing(self.plan, self.seen)
+        if not facts.has_safe_mode:
+            yield f"RouterOS {facts.version} has no safe mode over the API (7.18 and later have); upgrade it first"
+        if facts.safe_mode_owner is not None:
+            yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
+        if self.job.agreed is not None and self.job.agreed != plan_hash(self.plan):
+            yield "the device has changed since the plan was shown; look at the new plan and agree to it"
+
+    def _path(self) -> ManagementPath:
+        job, facts = self.job, self.seen.facts
+        return ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
+
+    async def reread(self, session: Channel) -> Observed:
+        """Read what was read before the transaction, in another session. Raises SessionLost."""
+        return await observe(session, self.job.endpoint, self.job.desired.menus, tuple(self.seen.rows))
+
+    def compare(self, now: Observed) -> None:
+        """See that nothing is left to do. Raises NotAsDeclared."""
+        try:
+            left = plan(self.name, self.job.desired, now).actions
+        except CannotPlan as problem:
+            raise NotAsDeclared(f"what {self.name} has become does not fit any more: {problem}") from problem
+        if left:
+            names = "; ".join(f"{action.verb} {action.subject}" for action in left[:_SHOWN])
+            raise NotAsDeclared(f"{self.name} did not keep everything; still to do: {names}")
+        unused = [row for row in invalid(now) if row not in invalid(self.seen)]
+        if unused:
+            raise NotAsDeclared(f"{self.name} took these rows, but does not use them: {'; '.join(unused[:_SHOWN])}")
+
+    def same(self, now: Observed) -> tuple[str, ...]:
+        """Return the menus in which the device is not as it was before."""
+        return differing(self.seen, now)
+
+    # --- telling ---------------------------------------------------------------------------------------------------
+
+    def say(self, stage: Stage, message: str) -> None:
+        """Tell the subscriber."""
+        self.job.events(Event(self.name, stage, message, 0, len(self.actions)))
+
+    def record(self, record: Record) -> None:
+        """Put a record on disk. Raises JournalFailed."""
+        self.job.journal.write(record)
+
+    def note(self, record: Record) -> None:
+        """Put a record on disk if that is possible: what it reports has happened in any case."""
+        with suppress(JournalFailed):
+            self.job.journal.write(record)
+
+    def announce(self) -> None:
+        """Put the plan into the journal."""
+        if self.plan is not None:
+            actions = tuple(map(_planned, self.actions))
+            self.record(Planned(device=self.name, plan=plan_hash(self.plan), actions=actions))
+
+    def changed(self, message: str) -> DeviceResult:
+        """Say that the device is as declared, for good."""
+        numbers = tuple(action.number for action in self.actions)
+        self.note(ActionsConfirmed(device=self.name, actions=numbers))
+        return self.result(Status.CHANGED, message, confirmed=len(numbers))
+
+    def rolled_back(self, why: str) -> DeviceResult:
+        """Say that the device is as before."""
+        self.note(Unrolled(device=self.name, reason=self.clean(why)))
+        return self.result(Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
+
+    def result(self, status: Status, message: str, *, hint: str | None = None, confirmed: int = 0) -> DeviceResult:
+        """Say how it ended."""
+        traffic, now = self.contact.traffic, asyncio.get_running_loop().time()
+        return DeviceResult(
+            name=self.name,
+            status=status,
+            exit=status.exit,
+            message=self.clean(message),
+            hint=hint,
+            planned=len(self.actions),
+            confirmed=confirmed,
+            diff=self.plan.diff if self.plan is not None else "",
+            drift=self.plan.drift if self.plan is not None else (),
+            notes=(*(self.plan.notes if self.plan is not None else ()), *self.notes),
+            plan_hash=plan_hash(self.plan) if self.plan is not None else "",
+            protection=self.protection,
+            round_trips=traffic.round_trips,
+            sent=traffic.sent,
+            received=traffic.received,
+            seconds=now - self.started,
+            facts=self.before.facts if self.before is not None else None,
+        )
+
+    def clean(self, text: str) -> str:
+        """Mask secrets of the plan in a text of the device, should it ever repeat one."""
+        for action in self.actions:
+            for name, value in action.values:
+                if name in action.secrets and value:
+                    text = text.replace(value, MASK)
+        return text
+
+    def ended(self, result: DeviceResult) -> DeviceResult:
+        """Record and tell the end; a journal that cannot be written is said in the result."""
+        try:
+            self.record(
+                Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
+            )
+        except NetcfgError as failure:
+            result = replace(result, notes=(*result.notes, str(failure)))
+        self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
+        return result
+
+
+def _planned(action: Action) -> PlannedAction:
+    return PlannedAction(
+        number=action.number,
+        layer=action.layer.name.lower(),
+        menu=action.menu,
+        verb=action.verb.value,
+        subject=action.subject,
+        ids=action.ids,
+        values=action.shown(),
+    )

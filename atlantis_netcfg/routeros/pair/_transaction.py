@@ -1,0 +1,276 @@
+"""Both ends changed as one: far end first, each under its own rollback, kept only after both were proved.
+
+Order of keeping, such that a crash between any two steps leaves both ends old or both new: the far end is released, its
+job of the scheduler still armed (it would look whether the link is there); the near end is released; the job is taken
+away. Without the job (device-mode) there is one gap: between the two releases a crash leaves the far end new alone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.events import Stage
+from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Verified
+from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
+from atlantis_netcfg.routeros.apply._scripts import output, scripts
+from atlantis_netcfg.routeros.apply._state import digest
+from atlantis_netcfg.routeros.apply._writer import executed
+from atlantis_netcfg.routeros.pair import _fuse, _safe
+from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
+from atlantis_netcfg.routeros.pair._inverse import NotInvertible, inverse
+from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.routeros._types import Action
+    from atlantis_netcfg.routeros.api import Reply
+    from atlantis_netcfg.routeros.apply import Channel
+    from atlantis_netcfg.routeros.pair._pair import Pair, Signal
+
+__all__ = ["BUDGET", "SAFE_MODE_S", "LinkGone", "Refusal", "Transaction"]
+
+BUDGET = 80
+"""Entries of history that one safe mode may take; the device keeps 100 (Manual, Configuration Management)."""
+SAFE_MODE_S = 600.0
+"""Until safe mode of a dead session is undone: about nine minutes (Manual, Configuration Management), and some."""
+
+
+class LinkGone(DeviceFailed):
+    """The link has not come back in time, or not as it has to be."""
+
+
+class Refusal(DeviceFailed):
+    """The device refused an action."""
+
+
+@dataclass(slots=True)
+class Transaction:
+    """The way forward; `_back` is the way back."""
+
+    pair: Pair
+    near: End
+    far: End
+    linked: bool = False
+    """The far end was reached after its change."""
+    deadline: float = 0.0
+    """When the near end is taken back, whatever is missing."""
+    fires: float = 0.0
+    """When the far end's own rollback has happened, should we never reach it again."""
+    _answer: asyncio.Task[list[Reply]] | None = None
+    _anew: dict[str, Channel] = field(default_factory=dict)
+
+    @property
+    def ends(self) -> tuple[End, End]:
+        """Far end first."""
+        return self.far, self.near
+
+    async def forward(self) -> None:
+        """Go the whole way; when this returns, both ends are read back and permanent. Raises NetcfgError."""
+        for end in self.ends:
+            end.announce()
+            await self._save(end)
+        await self._protect()
+        await self._change_far()
+        await self._change_near()
+        await self._prove()
+        await self._keep()
+
+    # --- before ----------------------------------------------------------------------------------------------------
+
+    async def _save(self, end: End) -> None:
+        found = saved(*await end.channel.flight(SAVING))
+        text = found.text if found.text is not None else await fetch(end.channel)
+        end.job.journal.save(end.name, text)
+
+    async def _protect(self) -> None:
+        now = asyncio.get_running_loop().time()
+        self.deadline = now + self.pair.link_timeout_s - self.pair.reserve_s
+        self.fires = now + SAFE_MODE_S
+        if self.far.actions:
+            await self._arm()
+        for end in self.ends:
+            if end.actions:
+                end.owner = await _safe.take(end.channel, end.name)
+                end.protection = "safe-mode"
+                self._protected(end)
+
+    async def _arm(self) -> None:
+        """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
+        far, near = self.far, self.near.radio(after=False)
+        radio, why = far.radio(after=False), _fuse.why_not(far.seen.facts)
+        try:
+            way_back = inverse(far.actions, far.seen.rows)
+        except NotInvertible as reason:
+            why = why or f"there is no script for the way back ({reason})"
+        if not why and radio is not None and near is not None:
+            try:
+                await _fuse.arm(far.channel, _fuse.script(radio.menu, near.mac, way_back), self.pair.link_timeout_s)
+            except DeviceFailed as failed:
+                why = str(failed)
+            else:
+                far.fused = True
+                self.fires = asyncio.get_running_loop().time() + self.pair.link_timeout_s
+                return
+        far.notes.append(
+            f"if its link dies, {far.name} needs about nine minutes to return by itself: no job of its scheduler can"
+            f" bring it back sooner, {why or 'it has no radio'}"
+        )
+
+    def _protected(self, end: End) -> None:
+        job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.fused else ""
+        end.record(Protected(device=end.name, how=end.protection + (" and scheduler" if end.fused else "")))
+        end.say(Stage.PROTECTED, f"the end returns by itself: safe mode{job}")
+
+    # --- changing --------------------------------------------------------------------------------------------------
+
+    async def _change_far(self) -> None:
+        """Write the far end; its last script may take the link away before it is answered."""
+        far = self.far
+        if not far.actions:
+            return
+        await self._write(far, far.calm)
+        if not far.storm:
+            return
+        self._announce(far, far.storm)
+        patience_s = self.pair.link_timeout_s + SAFE_MODE_S
+        commands = [executed(_script(far.storm)), _safe.HOLD]
+        self._answer = asyncio.create_task(far.channel.flight(commands, silence_s=patience_s))
+        done, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
+        if done:
+            self._heard(await self._answer)
+        else:
+            far.say(Stage.WAITING, "its radio was changed, the link is gone")
+
+    async def _change_near(self) -> None:
+        await self._write(self.near, self.near.actions)
+
+    async def _write(self, end: End, actions: Sequence[Action]) -> None:
+        for text, inside in scripts(actions):
+            self._announce(end, inside)
+            reply, hold = await end.channel.flight([executed(text), _safe.HOLD])
+            self._acknowledged(end, inside, reply, hold)
+
+    def _announce(self, end: End, actions: Sequence[Action]) -> None:
+        layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in actions))
+        end.record(LayerSent(device=end.name, layer=layers, actions=tuple(action.number for action in actions)))
+        end.touched = True
+
+    def _heard(self, replies: Sequence[Reply]) -> None:
+        self._acknowledged(self.far, self.far.storm, *replies)
+
+    def _acknowledged(self, end: End, actions: Sequence[Action], reply: Reply, hold: Reply) -> None:
+        said = output(reply.ret or "")
+        end.note(ActionsAcknowledged(device=end.name, actions=said.acknowledged))
+        if reply.trap is not None or list(said.acknowledged) != [action.number for action in actions]:
+            words = reply.trap.message if reply.trap is not None else said.words
+            raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a word'}")
+        if not _safe.Held.of(hold).ours:
+            raise _safe.HoldLost(f"{end.name}: safe mode is not held any more in the middle of the change")
+        end.say(Stage.APPLYING, f"{len(said.acknowledged)} actions sent")
+
+    # --- proving ---------------------------------------------------------------------------------------------------
+
+    async def _prove(self) -> None:
+        """Read both ends in new sessions, far end first, while there is time. Raises LinkGone, NotAsDeclared."""
+        try:
+            async with asyncio.timeout_at(self.deadline):
+                await self._prove_end(self.far)
+                self.linked = True
+                if self._answer is not None:
+                    self._heard(await self._answer)
+                await self._prove_end(self.near)
+                await self._prove_radio()
+        except TimeoutError:
+            waited = self.pair.link_timeout_s - self.pair.reserve_s
+            raise LinkGone(f"the link was not back and proved within {waited:.0f} s") from None
+
+    async def _prove_end(self, end: End) -> None:
+        end.say(Stage.VERIFYING, "reading back in a new session")
+        left_s = max(0.0, self.deadline - asyncio.get_running_loop().time())
+        while True:
+            session = await end.contact.reach(left_s, "verifying", insist=False)
+            try:
+                now = await end.reread(session)
+            except DeviceFailed:
+                await end.contact.leave(session)
+                await asyncio.sleep(end.job.patience.first_poll_s)
+                continue
+            break
+        end.compare(now)
+        self._anew[end.name] = session
+        end.record(Verified(device=end.name, state=digest(now)))
+
+    async def _prove_radio(self) -> None:
+        """See that each end has the other one in its registration table, within the declared levels."""
+        for end, other in ((self.far, self.near), (self.near, self.far)):
+            radio, peer = end.radio(after=True), other.radio(after=True)
+            if radio is None or peer is None:
+                raise NotAsDeclared(f"{end.name} has no radio any more")
+            rows = (await self._anew[end.name].command(registrations(radio.menu))).checked().rows
+            row = next((row for row in rows if row.get("mac-address", "").upper() == peer.mac.upper()), None)
+            if row is None:
+                raise LinkGone(f"{other.name} is not registered with the radio of {end.name}")
+            _judge_level(end, level_dbm(row), self.pair.signal)
+
+    # --- keeping ---------------------------------------------------------------------------------------------------
+
+    async def _keep(self) -> None:
+        """Release far end, near end, and take the far end's job away, in this order (see above)."""
+        if asyncio.get_running_loop().time() > self.deadline:
+            raise LinkGone("the time was over before the change could be kept")
+        for end in self.ends:
+            if end.actions:
+                await self.release(end, end.channel)
+        if self.far.fused:
+            await self.defuse(self._anew[self.far.name])
+
+    async def release(self, end: End, session: Channel) -> None:
+        """Make one end permanent. Raises HoldLost, SessionLost: then it is not known whether it is."""
+        end.record(Releasing(device=end.name))
+        end.released = True
+        await _safe.release(session, end.owner, end.name)
+        end.owner = ""
+        end.record(Released(device=end.name))
+
+    async def defuse(self, session: Channel) -> None:
+        """Take the far end's job away."""
+        await _fuse.disarm(session)
+        self.far.fused = False
+
+    async def forget_answer(self) -> None:
+        """Wait no more for the far end's answer; its first session is over with that."""
+        answer, self._answer = self._answer, None
+        if answer is None:
+            return
+        answer.cancel()
+        with suppress(asyncio.CancelledError, NetcfgError):
+            await answer
+
+    def answered(self) -> bool:
+        """Whether the far end's first session is still good for something."""
+        return self._answer is None or (
+            self._answer.done() and not self._answer.cancelled() and self._answer.exception() is None
+        )
+
+
+def _script(actions: Sequence[Action]) -> str:
+    """Return one script. Raises DeviceFailed if that is not possible."""
+    parts = list(scripts(actions))
+    if len(parts) > 1:
+        raise DeviceFailed("the change is too long for one script, and a radio cannot be changed in pieces")
+    return parts[0][0]
+
+
+def _judge_level(end: End, level: float | None, bounds: Signal | None) -> None:
+    if level is None or bounds is None:
+        return
+    if not bounds.weakest_dbm <= level <= bounds.strongest_dbm:
+        raise LinkGone(
+            f"{end.name} hears the other end at {level:.0f} dBm, not between {bounds.weakest_dbm:.0f} and"
+            f" {bounds.strongest_dbm:.0f}"
+        )

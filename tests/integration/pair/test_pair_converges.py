@@ -1,0 +1,44 @@
+"""What may differ between two ends is changed at both as one, far end first, and a second run finds nothing to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from pair_bench import PairBench, Words, on
+
+from atlantis_netcfg.routeros import DeviceResult, Status
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CHANGES = {
+    "name": Words(ssid="new name"),
+    "key": Words(key="a new key for both ends"),
+    "frequency": Words(frequency=5520),
+    "protocol": Words(protocol="nv2"),
+    "all": Words(ssid="new name", key='a new key $ for "both"', frequency=5540, protocol="nv2"),
+}
+
+
+@pytest.mark.parametrize("near_mode", ["bridge", "station-bridge"])
+@pytest.mark.parametrize("family", ["legacy", "wifi"])
+@pytest.mark.parametrize("change", CHANGES)
+def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> None:
+    if family == "wifi" and change == "protocol":
+        change = "name"
+    words = CHANGES[change]
+
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, ...], tuple[DeviceResult, ...], bool, tuple[str, str]]:
+        first = await bench.converge(words)
+        assert bench.link.up, bench.link.why
+        return first, await bench.converge(words), bench.far_first(), bench.exports()
+
+    bench = PairBench(tmp_path, family=family, near_mode=near_mode)
+    first, second, far_first, exports = on(bench, act)
+    changed = {result.name for result in first if result.status is Status.CHANGED}
+    assert changed, [result.message for result in first]
+    assert {result.status for result in first} <= {Status.CHANGED, Status.UNCHANGED}, [r.message for r in first]
+    assert [result.status for result in second] == [Status.UNCHANGED] * 2
+    assert far_first or "far" not in changed
+    assert not any("atlantis-pair" in export for export in exports)
