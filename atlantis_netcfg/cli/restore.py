@@ -19,6 +19,7 @@ COMMAND = Command(
     "put the state that a run has read back on a replacement device",
     words=(
         Word("device", "the device that is replaced", required=True, example="coastal-router"),
+        Word("site", "its site, if you want that checked", example="coastal"),
         Word("to", "the run whose state it gets, as `provision runs` lists it, or `latest`", True, example="latest"),
         Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
         Word("inventory", "folder of the declaration; the checkout's own if left out"),
@@ -46,7 +47,11 @@ def run(arguments: Arguments) -> ExitCode:
 
     rehearsed = arguments.flag("rehearse")
     with session(
-        arguments, rehearse=rehearsed, via=arguments.optional("via"), site=ALL, only=[arguments.word("device")]
+        arguments,
+        rehearse=rehearsed,
+        via=arguments.optional("via"),
+        site=arguments.optional("site") or ALL,
+        only=[arguments.word("device")],
     ) as opened:
         (host,) = opened.hosts
         opened.site = host.site
