@@ -102,8 +102,8 @@ def _candidates(draft: Draft, site: str, kind: str) -> str:
 
 
 def _wrong_device(draft: Draft, end: End, host: str, kind: str | None) -> tuple[str, str] | None:
-    here = [name for name, site in draft.layout.hosts.items() if site == end.site]
     if host not in draft.layout.hosts:
+        here = [name for name, site in draft.layout.hosts.items() if site == end.site]
         return f"there is no host `{host}`", meant(host, here, none="add it to hosts.yml")
     if draft.layout.hosts[host] != end.site:
         message = f"`{host}` is at site `{draft.layout.hosts[host]}`, not at `{end.site}`"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
@@ -10,11 +11,11 @@ from atlantis_netcfg.site._draft import Draft, Part, Rule
 from atlantis_netcfg.site.model import BearerKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from atlantis_netcfg.site.findings import Finding
 
-__all__ = ["RULES", "claims"]
+__all__ = ["RULES", "Index", "claims"]
 
 _RESERVED: tuple[tuple[IPv4Network, str], ...] = (
     (IPv4Network("0.0.0.0/8"), "this network"),
@@ -55,18 +56,47 @@ def claims(draft: Draft) -> Iterator[Claim]:
         yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
 
 
+class Index:
+    """Claims by place, for pilots of hundreds of sites: of two networks that overlap, one contains the other."""
+
+    def __init__(self, found: Iterable[Claim] = ()) -> None:
+        self._claims: list[Claim] = []
+        self._by_network: dict[IPv4Network, list[int]] = {}
+        self._starts: list[tuple[int, int]] = []
+        self._lengths: set[int] = set()
+        for claim in found:
+            self.add(claim)
+
+    def add(self, claim: Claim) -> None:
+        """Take one more."""
+        number = len(self._claims)
+        self._claims.append(claim)
+        self._by_network.setdefault(claim.network, []).append(number)
+        self._lengths.add(claim.network.prefixlen)
+        insort(self._starts, (int(claim.network.network_address), number))
+
+    def over(self, network: IPv4Network) -> list[Claim]:
+        """Return the claims that overlap a network, in the order in which they came."""
+        first, last = int(network.network_address), int(network.broadcast_address)
+        low, high = bisect_left(self._starts, (first, 0)), bisect_right(self._starts, (last, len(self._claims)))
+        found = {number for _, number in self._starts[low:high]}
+        for length in (length for length in self._lengths if length < network.prefixlen):
+            found.update(self._by_network.get(network.supernet(new_prefix=length), ()))
+        return [self._claims[number] for number in sorted(found)]
+
+
 def disjoint(draft: Draft) -> Iterator[Finding]:
     """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
-    seen: list[Claim] = []
+    seen = Index()
     for claim in claims(draft):
-        others = [other for other in seen if claim.network.overlaps(other.network) and not _one_bridge(claim, other)]
+        others = [other for other in seen.over(claim.network) if not _one_bridge(claim, other)]
         if others:
             first = others[0]
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
             where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
             message = f"{claim.network} of {claim.what} overlaps {where}"
             yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
-        seen.append(claim)
+        seen.add(claim)
 
 
 def _one_bridge(claim: Claim, other: Claim) -> bool:

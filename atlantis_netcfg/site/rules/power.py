@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.site._draft import Draft, Part, Rule
@@ -34,6 +35,8 @@ def _rightly_fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
 def source_known(draft: Draft) -> Iterator[Finding]:
     """The source is the router of the same site."""
     for host, source in _fed(draft):
+        if _wrong_source(draft, host, source.device, []) is None:
+            continue
         site = draft.layout.hosts[host]
         routers = [name for name, place in draft.layout.hosts.items() if place == site and _is_router(draft, name)]
         if problem := _wrong_source(draft, host, source.device, routers):
@@ -59,13 +62,17 @@ def _wrong_source(draft: Draft, host: str, source: str, routers: list[str]) -> t
 
 def port_feeds(draft: Draft) -> Iterator[Finding]:
     """The port exists, can feed, is switched on, and is the port that the device's link is on."""
+    fed = Counter((source.device, source.port) for _, source in _fed(draft))
     for host, source in _rightly_fed(draft):
         router = draft.devices.get(source.device)
-        if isinstance(router, Router) and (problem := _wrong_port(draft, host, source, router)):
+        shared = fed[source.device, source.port] > 1
+        if isinstance(router, Router) and (problem := _wrong_port(draft, host, source, router, shared=shared)):
             yield draft.wrong(Part("device", host), ("powered_by", "port"), *problem)
 
 
-def _wrong_port(draft: Draft, host: str, source: PowerSource, router: Router) -> tuple[str, str] | None:
+def _wrong_port(
+    draft: Draft, host: str, source: PowerSource, router: Router, *, shared: bool
+) -> tuple[str, str] | None:
     port = next((port for port in router.ports if port.name == source.port), None)
     feeding = ", ".join(one.name for one in router.ports if one.poe is not None and one.poe.out is not PoeMode.OFF)
     hint = f"ports of `{source.device}` that feed: {feeding or 'none'}"
@@ -75,7 +82,7 @@ def _wrong_port(draft: Draft, host: str, source: PowerSource, router: Router) ->
         return f"port {port.name} of `{source.device}` cannot feed power: it has no `poe`", hint
     if port.poe.out is PoeMode.OFF:
         return f"port {port.name} of `{source.device}` has its power switched off", hint
-    if any(other == source and name != host for name, other in _fed(draft)):
+    if shared:
         return None  # two devices on one port: that is told, and which of them is right is not known
     link = _link_of(draft, host)
     if link is not None and port.use is PortUse.LINK and port.link in _links_at(draft, host) - {link}:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.site._draft import Draft, Part, Rule
-from atlantis_netcfg.site.rules.networks import claims
+from atlantis_netcfg.site.rules.networks import Index, claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,26 +52,25 @@ def own_to_each_link(draft: Draft) -> Iterator[Finding]:
 
 def used_for_nothing_else(draft: Draft) -> Iterator[Finding]:
     """A canary is unreachable while its link is down: nothing that is needed may stand at its address."""
+    networks = Index(claims(draft))
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             for place, canary in enumerate(bearer.canaries):
-                if use := _other_use(draft, canary):
+                if use := _other_use(draft, networks, canary):
                     message = f"the canary {canary} of link `{bearer.name}` is {use}"
                     hint = "choose a host beyond the link that is used for nothing else"
                     yield draft.wrong(Part("site", name), ("bearers", index, "canaries", place), message, hint)
 
 
-def _other_use(draft: Draft, address: IPv4Address) -> str | None:
+def _other_use(draft: Draft, networks: Index, address: IPv4Address) -> str | None:
     if draft.pilot is not None:
         if address == draft.pilot.vpn.endpoint:
             return "the VPN's endpoint"
         for server in draft.pilot.time_servers:
             if address == server.address:
                 return f"the time server {server.name}"
-    for claim in claims(draft):
-        if address in claim.network:
-            return f"inside {claim.what}, {claim.network}"
-    return None
+    claim = next(iter(networks.over(IPv4Network(address))), None)
+    return f"inside {claim.what}, {claim.network}" if claim is not None else None
 
 
 RULES: tuple[Rule, ...] = (two_or_none, own_to_each_link, used_for_nothing_else)
