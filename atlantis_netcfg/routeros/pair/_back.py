@@ -86,8 +86,8 @@ class _Way:
     async def _far(self) -> DeviceResult:
         """Wait until the far end has returned by itself, and say what it has become."""
         far, work = self.work.far, self.work
+        await self._let_go(far)
         if not far.touched:
-            await self._let_go(far)
             await self._no_job()
             return self._untouched(far)
         clock = asyncio.get_running_loop().time

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,6 @@ from atlantis_netcfg.rsc import quote
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import (
     Air,
-    DeviceMode,
     Management,
     Radio,
     RadioLink,
@@ -101,7 +99,7 @@ class PairBench:
     tmp_path: Path
     family: str = "legacy"
     near_mode: str = "bridge"
-    air: Air = Air()
+    air: Air = field(default_factory=Air)
     spec: dict[str, Any] = field(default_factory=dict)
     near_spec: dict[str, Any] = field(default_factory=dict)
     far_spec: dict[str, Any] = field(default_factory=dict)
@@ -216,7 +214,7 @@ def on(bench: PairBench, act: Callable[[PairBench], Coroutine[Any, Any, T]]) -> 
     return run(main())
 
 
-async def settled(bench: PairBench, seconds: float) -> None:
-    """Let time pass."""
-    del bench
-    await asyncio.sleep(seconds)
+def without_job(export: str) -> str:
+    """Leave out the far end's job, which stays as long as its safe mode may take its own removal back."""
+    head, _, rest = export.partition("/system scheduler\n")
+    return head + rest[rest.index("\n/") + 1 :] if "\n/" in rest else head

@@ -1,0 +1,126 @@
+"""A run is cut at every sentence of either end in every way: both ends are as before, or both as declared."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import pytest
+from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
+
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.twin import Fault, FaultKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+NEW = Words(ssid="new name", key="a new key for both ends", frequency=5520)
+KINDS = (FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT, FaultKind.POWER, FaultKind.GAP)
+GAP_S = 20.0
+LONG_S = 1200.0
+"""More than the declared time, nine minutes of a dead session, and a reboot."""
+SETTLED = (Status.CHANGED, Status.ROLLED_BACK, Status.LEFT_AS_FOUND)
+
+Exports = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Clean:
+    """A run that nothing disturbs."""
+
+    before: Exports
+    after: Exports
+    near: int
+    far: int
+    """Sentences of each end."""
+
+
+@cache
+def clean(family: str) -> Clean:
+    async def act(bench: PairBench) -> Clean:
+        before = bench.exports()
+        results = await bench.converge(NEW)
+        assert [result.status for result in results] == [Status.CHANGED] * 2, [result.message for result in results]
+        near, far = (bench.router(name).counters().sentences for name in ("near", "far"))
+        return Clean(before, bench.exports(), near, far)
+
+    with TemporaryDirectory() as folder:
+        return on(PairBench(Path(folder), family=family), act)
+
+
+def state(bench: PairBench) -> Exports:
+    near, far = bench.exports()
+    return near, without_job(far)
+
+
+def cut(tmp_path: Path, end: str, fault: Fault, family: str = "legacy") -> tuple[DeviceResult, DeviceResult]:
+    """Cut one run, hold it to its word, and see that both ends are alike, and that the next run gets through."""
+    whole = clean(family)
+
+    async def act(
+        bench: PairBench,
+    ) -> tuple[tuple[DeviceResult, DeviceResult], Exports, Exports, Exports, list[Status]]:
+        bench.router(end).arm(fault)
+        results = await bench.converge(NEW)
+        then = state(bench)
+        bench.router(end).disarm()
+        await asyncio.sleep(LONG_S)
+        later = state(bench)
+        resumed = await bench.converge(NEW, Mode.RESUME)
+        again = await bench.converge(NEW)
+        assert [result.status for result in again] == [Status.UNCHANGED] * 2, (fault, again[0].message)
+        return results, then, later, bench.exports(), [result.status for result in resumed]
+
+    results, then, later, finally_, resumed = on(PairBench(tmp_path, family=family), act)
+    words = [(result.status.value, result.message) for result in results]
+    assert later in (whole.before, whole.after), (end, fault, words, later)
+    if all(result.status in SETTLED for result in results):
+        assert then == later, (end, fault, words)
+        changed = {result.status is Status.CHANGED for result in results}
+        assert changed == {then == whole.after}, (end, fault, words)
+    assert finally_ == whole.after, (end, fault, words, resumed)
+    assert set(resumed) <= {Status.CHANGED, Status.UNCHANGED}
+    return results
+
+
+SAMPLE = [
+    ("far", "/system/scheduler/add", 1),
+    ("far", "/safe-mode/take", 1),
+    ("far", "/execute", 3),
+    ("far", "/safe-mode/release", 1),
+    ("far", "/system/scheduler/remove", 1),
+    ("near", "/safe-mode/take", 1),
+    ("near", "/execute", 3),
+    ("near", "/safe-mode/release", 1),
+]
+"""Where it hurts."""
+
+
+@pytest.mark.parametrize(("end", "path", "nth"), SAMPLE, ids=[f"{end} {path}" for end, path, _ in SAMPLE])
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.POWER])
+def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, end: str, path: str, nth: int) -> None:
+    results = cut(tmp_path, end, Fault(do=kind, match=path, sentence=nth, when="after"))
+    assert all(result.exit.value in (0, 4, 5) for result in results)
+
+
+def faults() -> Iterator[tuple[FaultKind, str]]:
+    for kind in KINDS:
+        yield kind, "before"
+        yield kind, "after"
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(("kind", "when"), list(faults()))
+@pytest.mark.parametrize("end", ["near", "far"])
+@pytest.mark.parametrize("family", ["legacy", "wifi"])
+def test_cut_everywhere(tmp_path: Path, family: str, end: str, kind: FaultKind, when: str) -> None:
+    whole = clean(family)
+    assert LINK_TIMEOUT_S < LONG_S
+    for sentence in range(1, (whole.near if end == "near" else whole.far) + 1):
+        fault = Fault.model_validate({"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S})
+        cut(tmp_path / str(sentence), end, fault, family)

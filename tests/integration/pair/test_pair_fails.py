@@ -1,0 +1,139 @@
+"""The link does not come back, or never may: nothing is sent, or both ends are as before within the declared time."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+import pytest
+from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
+
+from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros.pair import Signal
+from atlantis_netcfg.twin import Air
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+    from typing import Any
+
+NEW = Words(ssid="new name", key="a new key for both ends", frequency=5520)
+FAMILIES = pytest.mark.parametrize("family", ["legacy", "wifi"])
+
+
+def writes(bench: PairBench) -> list[str]:
+    """Sentences that could have changed something."""
+    words = ("/add", "/set", "/remove", "/execute", "/take")
+    sentences = (
+        one for name in ("near", "far") for tally in bench.router(name).connections() for one in tally.sentences
+    )
+    return [sentence[0] for sentence in sentences if sentence[0].endswith(words)]
+
+
+@FAMILIES
+@pytest.mark.parametrize(
+    ("far", "why"),
+    [
+        (Words(ssid="new name", key="a new key with a typo", frequency=5520), "the keys of near and far would differ"),
+        (Words(ssid="nwe name", key=NEW.key, frequency=5520), "ssid would be new name on near and nwe name on far"),
+    ],
+)
+def test_ends_that_disagree_are_refused_before_anything_is_sent(
+    tmp_path: Path, family: str, far: Words, why: str
+) -> None:
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], list[str]]:
+        return await bench.converge(NEW, far_words=far), writes(bench)
+
+    results, sent = on(PairBench(tmp_path, family=family), act)
+    assert [result.status for result in results] == [Status.REFUSED] * 2
+    assert all(why in result.message for result in results), results[0].message
+    assert sent == []
+
+
+def test_protocols_that_never_meet_are_refused(tmp_path: Path) -> None:
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], list[str]]:
+        return await bench.converge(Words(protocol="nv2"), far_words=Words(ssid="other")), writes(bench)
+
+    results, sent = on(PairBench(tmp_path), act)
+    assert "wireless-protocol would be nv2 on near and 802.11 on far" in results[0].message
+    assert sent == []
+
+
+NO_LINK = {
+    "radar on the new channel": ({"air": Air(radar_mhz=(5520,))}, {}),
+    "a long wait for radar": ({"air": Air(dfs_wait_s=400.0)}, {}),
+    "weather radar": ({}, {"frequency": 5600}),
+    "association takes too long": ({"air": Air(association_s=500.0)}, {}),
+}
+
+
+@FAMILIES
+@pytest.mark.parametrize("near_mode", ["bridge", "station-bridge"])
+@pytest.mark.parametrize("case", NO_LINK)
+def test_a_link_that_does_not_come_back(tmp_path: Path, family: str, near_mode: str, case: str) -> None:
+    bench_words, new = NO_LINK[case]
+    words = Words(ssid="new name", key=NEW.key, frequency=new.get("frequency", 5520))
+
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], bool, tuple[str, str]]:
+        before = bench.exports()
+        running = asyncio.create_task(bench.converge(words))
+        await asyncio.sleep(LINK_TIMEOUT_S + 5)
+        within = bench.exports()
+        results = await running
+        assert bench.exports() == before
+        assert without_job(within[1]) == before[1]
+        assert within[0] == before[0]
+        return results, bench.link.up, before
+
+    results, up, _ = on(PairBench(tmp_path, family=family, near_mode=near_mode, **bench_words), act)
+    assert up or "association" in case or "long" in case
+    assert [result.status for result in results] == [Status.ROLLED_BACK] * 2, [result.message for result in results]
+    assert all("the link was not back and proved within 270 s" in result.message for result in results)
+
+
+def test_where_the_scheduler_is_forbidden_the_far_end_needs_its_own_time(tmp_path: Path) -> None:
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], tuple[str, str], tuple[str, str]]:
+        before = bench.exports()
+        return await bench.converge(Words(ssid="new name", frequency=5520)), before, bench.exports()
+
+    home = {"device_mode": {"mode": "home"}}
+    results, before, after = on(PairBench(tmp_path, air=Air(radar_mhz=(5520,)), far_spec=home), act)
+    assert [result.status for result in results] == [Status.ROLLED_BACK] * 2, [result.message for result in results]
+    assert after == before
+    assert any("needs about nine minutes to return by itself" in note for note in results[1].notes)
+
+
+LEVELS: Mapping[str, tuple[Signal, Status]] = {
+    "fine": (Signal(weakest_dbm=-60, strongest_dbm=-35), Status.CHANGED),
+    "too weak": (Signal(weakest_dbm=-40, strongest_dbm=-20), Status.ROLLED_BACK),
+    "too strong": (Signal(weakest_dbm=-80, strongest_dbm=-50), Status.ROLLED_BACK),
+}
+
+
+@FAMILIES
+@pytest.mark.parametrize("case", LEVELS)
+def test_levels_are_proved_before_anything_is_kept(tmp_path: Path, family: str, case: str) -> None:
+    signal, expected = LEVELS[case]
+
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], bool]:
+        before = bench.exports()
+        results = await bench.converge(NEW, signal=signal)
+        return results, bench.exports() == before
+
+    results, as_before = on(PairBench(tmp_path, family=family), act)
+    assert {result.status for result in results} == {expected}, [result.message for result in results]
+    assert as_before == (expected is Status.ROLLED_BACK)
+    assert expected is Status.CHANGED or "dBm, not between" in results[0].message
+
+
+def test_a_far_end_that_is_gone_is_left_alone_and_so_is_the_near_one(tmp_path: Path) -> None:
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], tuple[str, str], tuple[str, str]]:
+        before = bench.exports()
+        bench.link.change(Air(distance_m=500_000.0))
+        changes: dict[str, Any] = {}
+        return await bench.converge(NEW, **changes), before, bench.exports()
+
+    results, before, after = on(PairBench(tmp_path), act)
+    assert [result.status for result in results] == [Status.LEFT_AS_FOUND] * 2
+    assert "its other end far could not be looked at" in results[0].message
+    assert after == before
