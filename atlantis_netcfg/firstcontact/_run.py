@@ -192,13 +192,21 @@ class FirstContact:
             console.close()
 
     def _entered(self) -> tuple[Console, Way]:
+        """Where the technician says; a device that was met before may be at its management address by now."""
         first, final = self.doorway.first, self.doorway.final
         met = self.pins.get(self.wish.name) is not None
         if met and not first.serial:
             with suppress(ConsoleUnreachable, LoginFailed):
                 return final.open(self.wish.user, self.wish.password), final
         self._tell(Stage.CONNECTING, f"to {first.shown}")
-        return self._tried(first, ours_first=met), first
+        try:
+            return self._tried(first, ours_first=met), first
+        except ConsoleUnreachable:
+            if met or first.serial or first is final:
+                raise
+            with suppress(ConsoleUnreachable):
+                return self._tried(final, ours_first=True), final
+            raise
 
     def _tried(self, way: Way, *, ours_first: bool) -> Console:
         if ours_first:

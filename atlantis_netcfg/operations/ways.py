@@ -63,9 +63,12 @@ class SshWay:
         await session.close()
 
     def _knock(self) -> tuple[str, int]:
+        """Find out soon whether anybody is there: an SSH server says its name at once."""
         address, port = self.locate(SSH_PORT)
         try:
-            socket.create_connection((address, port), timeout=_KNOCK_S).close()
+            with socket.create_connection((address, port), timeout=_KNOCK_S) as knock:
+                if not knock.recv(1):
+                    raise ConnectionResetError("closed at once")
         except OSError as error:
             raise ConsoleUnreachable(
                 f"{self.shown}: nobody answers on the SSH port ({error.strerror or error})",

@@ -1,0 +1,174 @@
+"""First contact with a router in its box: what it leaves behind, what it refuses, what it says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from carton import ROUTER, Carton, adopted_export, carton
+
+from atlantis_netcfg.console import HostKeyChanged, LoginFailed
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.firstcontact import NotFactoryFresh, PreflightRefused, StillToMove
+from atlantis_netcfg.journal import ContactStep, ContactStepDone, Outcome, Pinned, Store
+from atlantis_netcfg.twin import DeviceMode, Mode, User
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Iterator[Carton]:
+    with carton(tmp_path) as opened:
+        yield opened
+
+
+def test_a_box_becomes_an_adopted_router(box: Carton) -> None:
+    result = box.adopt()
+    assert (result.status, result.exit) == ("changed", ExitCode.DONE)
+    assert box.export() == adopted_export()
+    store = Store(box.state, rehearsed=True)
+    info = box.site.do(ROUTER, "info")
+    assert store.pins.get(ROUTER) == info["pin"]
+    assert store.pins.host_key(ROUTER) == info["host_key"]
+    (run,) = store.runs("scc")
+    begun = [one.step for one in run.log.records if isinstance(one, ContactStep)]
+    assert begun == ["clock", "user", "certificate", "api-ssl", "management", "clear", "users"]
+    assert begun == [one.step for one in run.log.records if isinstance(one, ContactStepDone)]
+    assert [one.certificate for one in run.log.records if isinstance(one, Pinned)] == [info["pin"]]
+    assert [one.status for one in run.log.records if isinstance(one, Outcome)] == ["changed"]
+    saved = run.before(ROUTER)
+    assert saved is not None
+    assert "defconf" in saved.read_text()
+
+
+def test_the_second_run_changes_nothing(box: Carton) -> None:
+    box.adopt()
+    before = box.export()
+    result = box.adopt()
+    assert (result.status, result.exit) == ("unchanged", ExitCode.DONE)
+    assert result.message == "already adopted: nothing was changed"
+    assert box.export() == before
+    second = Store(box.state, rehearsed=True).runs("scc")[1]
+    assert not [one for one in second.log.records if isinstance(one, ContactStep)]
+
+
+def test_a_plan_touches_nothing(box: Carton) -> None:
+    before = box.export()
+    result = box.adoption().plan()
+    assert result.exit is ExitCode.CHANGES
+    assert result.steps[1:3] == ("add user provision (group full)", "make certificate atlantis-api on the device")
+    assert box.export() == before
+    store = Store(box.state, rehearsed=True)
+    assert store.pins.host_key(ROUTER) is None
+    assert store.runs("scc") == ()
+    box.adopt()
+    assert box.adoption().plan().exit is ExitCode.DONE
+
+
+def test_the_way_that_remains_is_told_before_the_old_one_goes(box: Carton) -> None:
+    box.adopt()
+    move = "now plug the laptop into ether8, with address 10.64.100.10/24: "
+    told = [place for place, message in enumerate(box.told) if message.startswith(move)]
+    cleared = [place for place, message in enumerate(box.told) if message.startswith("remove the default")]
+    assert told < cleared
+
+
+def test_nobody_who_comes_over_leaves_both_ways(box: Carton) -> None:
+    locate = box.adoption().locate
+    adoption = box.adoption(wait_s=0.0)
+    adoption.locate = lambda address, port: ("127.0.0.1", 1) if address == "10.64.100.1" else locate(address, port)
+    with pytest.raises(StillToMove, match=r"nobody answered at 10\.64\.100\.1") as still:
+        adoption.carry_out(lambda _: None)
+    assert still.value.exit is ExitCode.FAILED
+    assert "plug the laptop into ether8, give it the address 10.64.100.10/24" in str(still.value.hint)
+    assert box.adopt().status == "changed"
+    assert box.export() == adopted_export()
+    assert [one.outcomes[ROUTER].status for one in Store(box.state, rehearsed=True).runs("scc")] == [
+        "half-adopted",
+        "changed",
+    ]
+
+
+def test_somebodys_router_is_not_touched(tmp_path: Path) -> None:
+    seed = "/system identity set name=boat\n/ip firewall filter add action=drop chain=forward\n"
+    with carton(tmp_path, seed=seed) as box:
+        before = box.export()
+        with pytest.raises(NotFactoryFresh) as refused:
+            box.adopt()
+        assert refused.value.exit is ExitCode.FAILED
+        assert "/system identity (1)" in str(refused.value)
+        assert "/ip firewall filter (1)" in str(refused.value)
+        assert box.export() == before
+        assert Store(box.state, rehearsed=True).pins.host_key(ROUTER) is None
+
+
+def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
+    rule = "/ip firewall filter add action=drop chain=input src-address=10.64.0.0/16\n"
+    seed = f"{rule}/ip pool add name=boat ranges=10.1.0.2\n"
+    users = (User(name="admin"), User(name="boss", password="b", group="full"))
+    with carton(tmp_path, seed=seed, users=users) as box:
+        assert box.adopt(take_over=True).status == "changed"
+        assert box.export() == adopted_export()
+        (run,) = Store(box.state, rehearsed=True).runs("scc")
+        saved = run.before(ROUTER)
+        assert saved is not None
+        assert "name=boat" in saved.read_text()
+        assert box.adopt().status == "unchanged"
+
+
+def test_a_wrong_password(tmp_path: Path) -> None:
+    with carton(tmp_path, users=(User(name="admin", password="sticker"),)) as box:
+        before = box.export()
+        with pytest.raises(LoginFailed, match="let in neither admin nor provision"):
+            box.adopt()
+        assert box.export() == before
+        assert box.adopt(passwords=("", "sticker")).status == "changed"
+
+
+def test_another_host_key_is_refused(box: Carton) -> None:
+    box.adopt()
+    box.site.do(ROUTER, "rekey")
+    with pytest.raises(HostKeyChanged):
+        box.adopt()
+    assert box.adopt(replaced=True).status == "unchanged"
+    assert Store(box.state, rehearsed=True).pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
+
+
+def test_a_flagged_router_is_not_begun_with(tmp_path: Path) -> None:
+    with carton(tmp_path, device_mode=DeviceMode(mode=Mode.HOME, flagged=True)) as box:
+        before = box.export()
+        with pytest.raises(PreflightRefused, match="device-mode has flagged this router"):
+            box.adopt()
+        assert box.export() == before
+
+
+def test_a_box_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
+    with carton(tmp_path, serial=True) as box:
+        result = box.adopt()
+        assert result.status == "changed"
+        assert box.export() == adopted_export()
+        store = Store(box.state, rehearsed=True)
+        assert store.pins.get(ROUTER) == box.site.do(ROUTER, "info")["pin"]
+        assert store.pins.host_key(ROUTER) is None
+        assert box.adopt().status == "unchanged"
+
+
+def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path) -> None:
+    with carton(tmp_path, serial=True) as box:
+        adoption = box.adoption()
+        adoption.locate = lambda _address, _port: ("127.0.0.1", 1)
+        result = adoption.carry_out(lambda _: None)
+        assert result.status == "changed"
+        (note,) = (note for note in result.notes if note.startswith("not verified"))
+        assert "plug into ether8 with address 10.64.100.10/24, and `provision site=...` verifies it" in note
+
+
+def test_a_box_that_was_reset_without_defaults(tmp_path: Path) -> None:
+    """No address is left on it: only the serial line leads in."""
+    with carton(tmp_path, serial=True, factory=False, users=(User(name="admin"),), certificates=()) as box:
+        assert box.adopt().status == "changed"
+        assert box.export() == adopted_export()
