@@ -74,6 +74,7 @@ def _tell(opened: Session, state: Confirmed) -> None:
     if opened.as_json:
         return
     run = opened.store.run(opened.site, state.run) if not opened.rehearsed else None
-    print(f"{opened.hosts[0].name}: the state that run {state.run} read back at {state.at:%Y-%m-%d %H:%M} UTC")
+    when = f"{state.at:%Y-%m-%d %H:%M} UTC"
+    print(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}", flush=True)
     if run is not None and run.started is not None and run.started.revision != opened.declaration.revision:
-        print("  the inventory has changed since then: `provision site=` brings what it declares now")
+        print("  the inventory has changed since then: `provision site=` brings what it declares now", flush=True)
