@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
-from atlantis_netcfg.errors import ExitCode, NothingMatched
+from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -34,6 +34,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     with session(arguments) as opened:
         broken = _broken(opened, arguments.optional("run"))
+        _not_adoption(broken)
         _tell(opened, broken)
         opened.narrow(broken.unsettled)
         if broken.started is not None:
@@ -50,6 +51,13 @@ def _broken(opened: Session, name: str | None) -> Run:
     if not unfinished:
         raise NothingMatched(f"no run of {opened.site} is unfinished", hint="`provision runs` lists all of them")
     return unfinished[-1]
+
+
+def _not_adoption(broken: Run) -> None:
+    """First contact does not speak to the engine: it is repeated, and goes on by what the device says."""
+    command = broken.started.command if broken.started else ""
+    if command.startswith("provision adopt "):
+        raise UsageError(f"run {broken.id} was a first contact", hint=f"repeat it: `{command}`")
 
 
 def _tell(opened: Session, broken: Run) -> None:
