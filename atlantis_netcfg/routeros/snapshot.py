@@ -42,9 +42,8 @@ def write(device: str, desired: Desired, observed: Observed) -> str:
     statements = [
         statement
         for menu in menus
-        for row in observed.rows[menu.path]
-        if menu.is_touchable(row)
-        for statement in _statement(menu, row, _named(menu, desired.items[menu.path], row), used)
+        for row, named in _rows(menu, desired.items[menu.path], observed.rows[menu.path])
+        for statement in _statement(menu, row, named, used)
     ]
     header = (
         f"confirmed state of {device}: the declared menus as they were read back, without secrets",
@@ -60,16 +59,20 @@ def read(text: str, source: str) -> Desired:
     return from_export(text, menus, source)
 
 
-def _named(menu: Menu, items: tuple[Item, ...], row: Row) -> frozenset[str]:
-    """Return the properties that the declaration names for this row: they are said even where they are at defaults.
+def _rows(menu: Menu, items: tuple[Item, ...], rows: tuple[Row, ...]) -> Iterator[tuple[Row, frozenset[str]]]:
+    """Yield the rows with the properties that the declaration names for each: they are said even at their defaults.
 
     The routing menus of RouterOS 7 export what was given and nothing else, so that the state is the same to the letter.
     """
-    if menu.keys or menu.shape is Shape.SINGLETON:
-        alike = [item for item in items if item.identity == menu.identity(row)]
-    else:
-        alike = [item for item in items if item.is_marked and item.values["comment"] == row.get("comment")]
-    return frozenset(name for item in alike for name in item.given)
+    # Rows of first-match menus have no keys: what ties them to the declaration is our comment.
+    identity = menu.identity if menu.keys or menu.shape is Shape.SINGLETON else lambda values: values.get("comment")
+    named: dict[object, frozenset[str]] = {}
+    for item in items:
+        key = identity(item.given)
+        named[key] = named.get(key, frozenset()) | item.given.keys()
+    for row in rows:
+        if menu.is_touchable(row):
+            yield row, named.get(identity(row), frozenset())
 
 
 def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
