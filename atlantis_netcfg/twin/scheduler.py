@@ -59,7 +59,10 @@ def _when(core: Core, item: Item) -> float | None:
     first = _first(core, item)
     ran = core.ran.get(item.id)
     if ran is None:
-        if first >= core.started and first >= core.scheduled_since.setdefault(item.id, core.now()):
+        since = core.scheduled_since.setdefault(item.id, core.now())
+        # A job that is given no start has the time of its adding there, and with an interval has not run by then
+        # (manual, Scheduler: its example shows `run-count` 0).
+        if first >= core.started and (first > since or (first == since and not period)):
             return first
         return _later(first, period, core.scheduled_since[item.id]) if period else None
     return _later(first, period, ran) if period else None

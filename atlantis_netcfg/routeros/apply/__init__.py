@@ -7,6 +7,15 @@ everything back from a new session and releases. After a failure it finds out by
 from __future__ import annotations
 
 from atlantis_netcfg.routeros.apply._executor import converge
-from atlantis_netcfg.routeros.apply._job import Channel, Connect, DeviceJob, DeviceResult, Mode, Patience, Status
+from atlantis_netcfg.routeros.apply._job import (
+    Channel,
+    Connect,
+    DeviceJob,
+    DeviceResult,
+    Mode,
+    Patience,
+    SshEndpoint,
+    Status,
+)
 
-__all__ = ["Channel", "Connect", "DeviceJob", "DeviceResult", "Mode", "Patience", "Status", "converge"]
+__all__ = ["Channel", "Connect", "DeviceJob", "DeviceResult", "Mode", "Patience", "SshEndpoint", "Status", "converge"]

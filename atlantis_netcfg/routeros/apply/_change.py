@@ -15,22 +15,15 @@ from atlantis_netcfg.journal import (
     ActionsAcknowledged,
     ActionsConfirmed,
     LayerSent,
-    Protected,
     Released,
     Releasing,
     Verified,
 )
 from atlantis_netcfg.routeros.api import SessionLost
-from atlantis_netcfg.routeros.apply._protection import (
-    HOLD,
-    TAKE,
-    Hold,
-    Protection,
-    ProtectionLost,
-    release,
-    take_failed,
-)
-from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
+from atlantis_netcfg.routeros.apply._begin import begin, take
+from atlantis_netcfg.routeros.apply._deadman import disarm
+from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionLost
+from atlantis_netcfg.routeros.apply._shield import Held, Hold
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import merged, observe, printing
@@ -55,81 +48,60 @@ class VerificationFailed(DeviceFailed):
 
 async def change(work: Work) -> None:
     """Carry the plan out; when this returns, everything was read back and is permanent."""
-    writer = await _begin(work)
+    writer = await begin(work)
     stages = work.stages
-    await _write(work, writer, stages.prepare)
-    answers: tuple[Reply, ...] = ()
+    if stages.prepare:
+        work.permanent = True
+        await _write(work, writer, stages.prepare)
+    hold: Hold | None = None
     for number, piece in enumerate(stages.protected):
         if number:
-            await _checkpoint(work, Hold.of(answers[0]))
+            await _checkpoint(work, hold)
         if not work.holding:
-            await _take(work)
-        answers = await _write(work, writer, piece)
+            await take(work)
+        hold = await _write(work, writer, piece)
     await verify(work, stages.finish)
     if work.holding:
         await _release(work, await _holder(work))
+    await _confirm(work)
     if stages.finish:
         await _finish(work, writer)
+    await work.lay_down(work.channel)
     work.confirmed = len(work.aim.actions)
     work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
 
 
-async def _begin(work: Work) -> Writer:
-    """Save the state and find out how the device can be written to; take safe mode in the same round trip."""
-    together = work.protection is Protection.SAFE_MODE and bool(work.stages.protected) and not work.stages.prepare
-    work.holding = together
-    export, probe, *taken = await work.channel.flight([*SAVING, *((TAKE, HOLD) if together else ())])
-    found = saved(export, probe)
-    text = found.text if found.text is not None else await fetch(work.channel)
-    work.job.journal.save(work.job.name, text)
-    if together:
-        await _taken(work, *taken)
-    return found.writer
-
-
-async def _take(work: Work) -> None:
-    work.holding = True
-    await _taken(work, *await work.channel.flight([TAKE, HOLD]))
-
-
-async def _taken(work: Work, take: Reply, seen: Reply) -> None:
-    """See that safe mode is ours. That the question was answered before it was taken proves nothing: then ask again."""
-    hold = Hold.of(seen)
-    if take.trap is None and not hold.ours:
-        hold = Hold.of(await work.channel.command(HOLD))
-    if not hold.ours:
-        work.holding = False
-        raise take_failed(take, hold)
-    work.owner = hold.who
-    work.record(Protected(device=work.job.name, how=Protection.SAFE_MODE))
-    work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
-
-
-async def _write(
-    work: Work, writer: Writer, actions: Sequence[Action], beside: Sequence[Command] = (HOLD,)
-) -> tuple[Reply, ...]:
+async def _write(work: Work, writer: Writer, actions: Sequence[Action]) -> Hold | None:
     """Send actions turn by turn, each announced in the journal before and acknowledged after.
 
-    Returns the last answers to `beside`, which begins with HOLD.
+    Returns who held safe mode at the end, if that could be seen in the same round trip.
     """
-    answers: tuple[Reply, ...] = ()
+    hold: Hold | None = None
     for turn in writer.turns(actions):
-        layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
-        numbers = tuple(dict.fromkeys(action.number for action in turn))
-        work.record(LayerSent(device=work.job.name, layer=layers, actions=numbers))
-        work.touched = True
-        written = await writer.send(work.channel, turn, beside)
-        work.acknowledged.update(written.acknowledged)
-        if written.refused is not None:
-            work.note(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
-            raise ActionRefused(written.refused)
-        work.record(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
-        work.say(Stage.APPLYING, f"{len(work.acknowledged)} of {len(work.aim.actions)} sent ({layers})")
-        answers = written.beside
-        hold = Hold.of(answers[0])
-        if work.holding and not hold.ours:
+        hold = work.shield.seen(await _send(work, writer, turn, work.shield.beside))
+        if work.holding and hold is not None and not hold.ours:
             raise _lost(work, hold)
-    return answers
+    return hold
+
+
+async def _send(
+    work: Work, writer: Writer, turn: Sequence[Action], beside: Sequence[Command] = ()
+) -> tuple[Reply, ...]:
+    """Send one turn; the answers to `beside`."""
+    if work.dead_man is not None and work.dead_man.is_near(asyncio.get_running_loop().time()):
+        raise ProtectionLost("the change takes so long that the dead-man job is about to take it back")
+    layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
+    numbers = tuple(dict.fromkeys(action.number for action in turn))
+    work.record(LayerSent(device=work.job.name, layer=layers, actions=numbers))
+    work.touched = True
+    written = await writer.send(work.channel, turn, beside)
+    work.acknowledged.update(written.acknowledged)
+    if written.refused is not None:
+        work.note(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
+        raise ActionRefused(written.refused)
+    work.record(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
+    work.say(Stage.APPLYING, f"{len(work.acknowledged)} of {len(work.aim.actions)} sent ({layers})")
+    return written.beside
 
 
 def _lost(work: Work, hold: Hold) -> ProtectionLost:
@@ -138,14 +110,31 @@ def _lost(work: Work, hold: Hold) -> ProtectionLost:
     return ProtectionLost(f"{who} in the middle of the change")
 
 
-async def _checkpoint(work: Work, hold: Hold) -> None:
+async def _checkpoint(work: Work, hold: Hold | None) -> None:
     """Make a piece permanent, since safe mode cannot remember more; the way in is proved by a new session.
 
-    `hold` was read together with the piece's last script.
+    `hold` was read together with the piece's last script, or is asked for.
     """
     session = await work.contact.reach(work.job.patience.verify_s, "checkpoint", insist=False)
     await work.contact.leave(session)
-    await _release(work, hold)
+    await _release(work, hold or await work.shield.look(work.channel))
+    try:
+        await take(work)
+    except Held as held:
+        await _take_later(work, held)
+
+
+async def _take_later(work: Work, held: Held) -> None:
+    """Wait until whoever looked in has gone; they must not have changed anything. Raises Held, Interfered."""
+    hold = await work.contact.until_free(work.shield, work.channel, work.job.patience.undo_s)
+    if hold.taken and not hold.ours:
+        raise held
+    await take(work)
+    now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+    try:
+        _compare(work, now, [each for each in work.aim.actions if each.number not in work.acknowledged])
+    except VerificationFailed as changed:
+        raise Interfered(f"somebody else has changed the device between two pieces: {changed}") from changed
 
 
 async def verify(work: Work, rest: Sequence[Action]) -> None:
@@ -196,7 +185,7 @@ async def _holder(work: Work) -> Hold:
     seen = work.after.facts.safe_mode_owner if work.after is not None else None
     if seen is not None and seen == work.owner:
         return Hold(taken=True, ours=True, who=seen)
-    return Hold.of(await work.channel.command(HOLD))
+    return await work.shield.look(work.channel)
 
 
 async def _release(work: Work, hold: Hold) -> None:
@@ -205,18 +194,35 @@ async def _release(work: Work, hold: Hold) -> None:
         raise _lost(work, hold)
     witness = _witness(work)
     work.record(Releasing(device=work.job.name))
-    answers = await release(work.channel, [printing(menu) for menu in witness])
+    work.permanent = True
+    answers = await work.shield.release(work.channel, [printing(menu) for menu in witness])
     work.holding = False
     if work.after is not None and differing(work.after, merged(work.after, witness, answers)):
         raise ProtectionLost("somebody took the change back before it was released")
     work.record(Released(device=work.job.name))
 
 
+async def _confirm(work: Work) -> None:
+    """Take the dead-man job away: from here on the change is permanent."""
+    if work.dead_man is None:
+        return
+    if work.protection is Protection.DEAD_MAN:
+        work.record(Releasing(device=work.job.name))
+    witness = _witness(work)
+    job, work.dead_man = work.dead_man, None
+    in_time, answers = await disarm(work.channel, job, [printing(menu) for menu in witness])
+    if not in_time or (work.after is not None and differing(work.after, merged(work.after, witness, answers))):
+        raise ProtectionLost("the dead-man job has run before it could be taken away")
+    if work.protection is Protection.DEAD_MAN:
+        work.record(Released(device=work.job.name))
+
+
 def _witness(work: Work) -> tuple[str, ...]:
     """Choose the shortest menu that the last piece has changed: were safe mode unrolled, it would tell."""
     if work.after is None:
         return ()
-    menus = {action.menu for action in work.stages.protected[-1]}
+    last = (*work.stages.protected[-1:], work.stages.prepare)[0]
+    menus = {action.menu for action in last}
     return (min(menus, key=lambda menu: (len(work.after.rows[menu]) if work.after is not None else 0, menu)),)
 
 
@@ -228,8 +234,10 @@ async def _finish(work: Work, writer: Writer) -> None:
     """
     seen = work.after or work.seen
     menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
-    answers = await _write(work, writer, work.stages.finish, (HOLD, *map(printing, menus)))
-    work.after = merged(seen, menus, answers[1:])
+    answers: tuple[Reply, ...] = ()
+    for turn in writer.turns(work.stages.finish):
+        answers = await _send(work, writer, turn, tuple(map(printing, menus)))
+    work.after = merged(seen, menus, answers)
     try:
         _compare(work, work.after, ())
     except VerificationFailed:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, LoginRefused, Traffic
-from atlantis_netcfg.routeros.apply._protection import HOLD, Hold
+from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Command, LoginRefused, Traffic
+from atlantis_netcfg.routeros.apply._shield import Hold
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
+    from atlantis_netcfg.routeros.apply._shield import Shield
 
 __all__ = ["Contact"]
 
@@ -75,16 +76,24 @@ class Contact:
             await asyncio.sleep(pause_s)
         raise failure
 
-    async def until_free(self, session: Channel, patience_s: float) -> Hold:
+    async def until_free(self, shield: Shield, session: Channel, patience_s: float) -> Hold:
         """Wait until nobody holds safe mode, for the device may still have to undo what a dead session left open."""
         hold = Hold(taken=False)
         for pause_s in self._pauses(patience_s):
-            hold = Hold.of(await session.command(HOLD))
+            hold = await shield.free(session)
             if not hold.taken or hold.ours:
                 return hold
             self._say(f"{hold.who} holds safe mode: waiting until it is released or undone")
             await asyncio.sleep(pause_s)
         return hold
+
+    async def until_fired(self, session: Channel, question: Command, patience_s: float) -> None:
+        """Wait until no dead-man job is armed any more."""
+        for pause_s in self._pauses(patience_s):
+            if not (await session.command(question)).rows:
+                return
+            self._say("a dead-man job is armed: waiting until it has taken everything back")
+            await asyncio.sleep(pause_s)
 
     async def leave(self, session: Channel) -> None:
         """Close one session."""

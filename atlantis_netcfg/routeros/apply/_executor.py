@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,19 +11,24 @@ from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned, PlannedAction
 from atlantis_netcfg.routeros.apply._change import change
+from atlantis_netcfg.routeros.apply._claim import other
 from atlantis_netcfg.routeros.apply._contact import Contact
+from atlantis_netcfg.routeros.apply._deadman import FOUND, found
 from atlantis_netcfg.routeros.apply._drift import compared, drift
+from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import Mode, Status
 from atlantis_netcfg.routeros.apply._prerequisites import missing
-from atlantis_netcfg.routeros.apply._protection import Protection
+from atlantis_netcfg.routeros.apply._protection import Choice, Protection, choose
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._settle import settle
+from atlantis_netcfg.routeros.apply._shield import HOLD, ApiShield
+from atlantis_netcfg.routeros.apply._shields import console_of, shield_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
-from atlantis_netcfg.routeros.guard import ManagementPath, objections
+from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 
@@ -44,9 +50,19 @@ async def converge(job: DeviceJob, *, mode: Mode = Mode.APPLY) -> DeviceResult:
     """Bring one device to its declared state, or say why not. Never raises but when it is cancelled a second time."""
     work = Work(job, Contact(job), asyncio.get_running_loop().time())
     try:
-        return work.ended(await _honestly(work, mode))
+        result = await _honestly(work, mode)
+        await _lay_down(work, result)
+        return work.ended(result)
     finally:
+        await work.shield.drop()
         await work.contact.close()
+
+
+async def _lay_down(work: Work, result: DeviceResult) -> None:
+    """Take the sign of a run down that has failed; where that cannot be done it goes by itself."""
+    if work.session is not None and result.status is not Status.UNKNOWN:
+        with suppress(NetcfgError):
+            await work.lay_down(work.session)
 
 
 async def _honestly(work: Work, mode: Mode) -> DeviceResult:
@@ -71,12 +87,12 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
 
 async def _run(work: Work, mode: Mode) -> DeviceResult:
     await _observe(work, mode)
-    holder = work.seen.facts.safe_mode_owner
-    if holder is not None and mode not in _READING:
-        return _held(work, holder)
+    busy = await _busy(work)
+    if busy is not None and mode not in _READING:
+        return _held(work, busy)
     _plan(work)
-    if holder is not None:
-        work.notes.append(f"{holder} holds safe mode: what was changed in it may yet be taken back")
+    if busy is not None:
+        work.notes.append(f"{busy}: what was changed meanwhile may yet be taken back")
     if mode is Mode.DRIFT:
         return await drift(work)
     if mode is Mode.PLAN:
@@ -96,7 +112,7 @@ async def _observe(work: Work, mode: Mode) -> None:
     work.say(Stage.CONNECTING, f"to {job.endpoint}")
     work.session = await work.contact.open()
     if mode is Mode.RESUME:
-        await work.contact.until_free(work.session, job.patience.undo_s)
+        await _until_undone(work)
     work.before = await observe(work.session, job.endpoint, job.desired.menus, GUARDED)
     facts = work.before.facts
     work.record(
@@ -110,23 +126,20 @@ def _plan(work: Work) -> None:
     work.plan = plan(job.name, job.desired, work.seen)
     if job.bearer is not None:
         work.estimate = estimate(work.plan, job.bearer, work.seen)
-    work.protection = Protection.SAFE_MODE if work.seen.facts.has_safe_mode else Protection.NONE
-    work.stages = cut(work.plan, work.protection)
-    if not work.stages.protected:
-        work.protection = Protection.NONE
+    _protect(work)
     work.notes += [f"the device does not use {row}" for row in invalid(work.seen)]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
 
 
 def _judge(work: Work, mode: Mode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
-    facts, found = work.seen.facts, work.aim
+    found = work.aim
     reasons = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)]
-    if not facts.has_safe_mode and not all(action.inert for action in found.actions):
-        reasons.append(
-            f"RouterOS {facts.version} has no safe mode over the API (7.18 and later have): a change that goes wrong"
-            " could not be taken back; upgrade it first"
-        )
+    if work.protection is Protection.NONE and not all(action.inert for action in found.actions):
+        if work.job.unprotected:
+            work.notes.append("nothing protects this change: what goes wrong has to be repaired by a person")
+        else:
+            reasons.append(_unprotected(work))
     if reasons:
         return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons))
     if mode is Mode.PLAN:
@@ -140,12 +153,65 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
     return None
 
 
-def _held(work: Work, holder: str) -> DeviceResult:
+def _unprotected(work: Work) -> str:
+    own = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
+    return (
+        f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{own}."
+        " Pin its SSH host key with `provision adopt`, upgrade it to RouterOS 7.18,"
+        " or say --without-protection with somebody standing beside it"
+    )
+
+
+def _protect(work: Work) -> None:
+    """Choose what takes the change back, and cut the plan for it."""
+    facts, job, found = work.seen.facts, work.job, work.aim
+    why = None
+    if found.actions and not facts.has_safe_mode:
+        try:
+            work.script = inverse(work.seen, found)
+        except CannotInvert as problem:
+            why = str(problem)
+    seconds = work.estimate.seconds if work.estimate is not None else 0.0
+    work.choice = choose(found, facts, job, invertible=why, seconds=seconds)
+    work.stages = cut(found, work.protection)
+    if work.protection.holds and not work.stages.protected:
+        work.choice = Choice(Protection.NONE, why="nothing in it can do harm by itself")
+        work.stages = cut(found, Protection.NONE)
+    work.shield = shield_of(work.choice, job)
+
+
+async def _busy(work: Work) -> str | None:
+    """Say who is at work on the device, or what is left of them; None if nobody is."""
+    facts = work.seen.facts
+    if facts.safe_mode_owner is not None:
+        return f"{facts.safe_mode_owner} holds safe mode, and there is only one"
+    who = other(work.seen, work.ours)
+    if who is not None:
+        return f"{who} is under way on this device"
+    if not facts.has_safe_mode:
+        who = found(await work.channel.command(FOUND))
+        if who is not None:
+            return f"the dead-man job of {who} is armed, and takes back what that run has left"
+    return None
+
+
+async def _until_undone(work: Work) -> None:
+    """Wait until the device has taken back what a dead run left open: by safe mode, then by its dead-man job."""
+    job, session = work.job, work.channel
+    reply = await session.command(HOLD)
+    work.shield = ApiShield() if reply.trap is None else console_of(job)
+    await work.contact.until_free(work.shield, session, job.patience.undo_s)
+    if reply.trap is not None:
+        await work.contact.until_fired(session, FOUND, job.patience.undo_s + 2 * job.patience.dead_man_s)
+
+
+def _held(work: Work, busy: str) -> DeviceResult:
     """Leave a device alone on which somebody's changes are still open: not even `already so` would be certain."""
     return work.result(
         Status.LEFT_AS_FOUND,
-        f"{holder} holds safe mode, and there is only one: nothing was changed",
-        hint=f"let them release or unroll it; if a run of ours has died there:  provision resume site={work.job.site}",
+        f"{busy}: nothing was changed",
+        hint="let them finish, then run the same command again; if a run of ours has died there:"
+        f"  provision resume site={work.job.site}",
     )
 
 

@@ -13,11 +13,13 @@ from atlantis_netcfg.journal import NoJournal, Recorder
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.console import Console
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+    from atlantis_netcfg.secret import Secret
 
 __all__ = [
     "Channel",
@@ -25,8 +27,11 @@ __all__ = [
     "DeviceJob",
     "DeviceResult",
     "Mode",
+    "OpenConsole",
     "Patience",
+    "SshEndpoint",
     "Status",
+    "open_console",
 ]
 
 
@@ -94,6 +99,28 @@ Connect = Callable[[Endpoint], Awaitable[Channel]]
 
 
 @dataclass(frozen=True, slots=True)
+class SshEndpoint:
+    """Where the device has its text console, for the safe mode of versions before 7.18."""
+
+    host: str
+    port: int
+    user: str
+    password: Secret
+    pin: str | None
+    """The host key as OpenSSH prints it, `SHA256:...`; None if it was never met over SSH."""
+
+
+OpenConsole = Callable[[SshEndpoint], "Console"]
+
+
+def open_console(endpoint: SshEndpoint) -> Console:
+    """Log in over SSH; blocks. Raises what `console.open_ssh` raises."""
+    from atlantis_netcfg.console import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
+
+    return open_ssh(endpoint.host, endpoint.port, endpoint.user, endpoint.password, pin=endpoint.pin)
+
+
+@dataclass(frozen=True, slots=True)
 class Patience:
     """How long to wait for what, in seconds. The defaults outlive gaps of 70 s and the device's own time-outs."""
 
@@ -103,6 +130,8 @@ class Patience:
     """For the new session that proves that the device can still be reached; then the change is taken back."""
     undo_s: float = 720.0
     """For safe mode of a dead session: after a silent loss the device notices it after about nine minutes."""
+    dead_man_s: float = 600.0
+    """From arming a dead-man job until it takes back what was not confirmed; beside safe mode `undo_s` comes to it."""
     first_poll_s: float = 1.0
     last_poll_s: float = 15.0
 
@@ -129,6 +158,13 @@ class DeviceJob:
     """The state that a run has read back last, to say since when something differs."""
     patience: Patience = Patience()
     connect: Connect = Session.open
+    ssh: SshEndpoint | None = None
+    """The device's console; None: it has none that we may use."""
+    console: OpenConsole = open_console
+    run: str = ""
+    """What the journal calls this run: a run that was killed is known by it when it is resumed."""
+    unprotected: bool = False
+    """A person has said that a change may be made although nothing would take it back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +188,8 @@ class DeviceResult:
     estimate: Estimate | None = None
     plan_hash: str = ""
     protection: str = "none"
+    protection_words: str = ""
+    """The same for a person, with the reason if it is not the best there is."""
     round_trips: int = 0
     sent: int = 0
     received: int = 0
@@ -176,6 +214,7 @@ class DeviceResult:
             "estimate": None if self.estimate is None else _estimate(self.estimate),
             "plan_hash": self.plan_hash,
             "protection": self.protection,
+            "protection_words": self.protection_words,
             "round_trips": self.round_trips,
             "bytes": {"sent": self.sent, "received": self.received},
             "seconds": round(self.seconds, 3),

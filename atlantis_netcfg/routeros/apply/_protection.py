@@ -1,7 +1,13 @@
-"""What takes a change back when we cannot: the device's own safe mode, or nothing (before RouterOS 7.18).
+"""Which net lies under a change on this device, and the words for it.
 
-Manual, Configuration Management, Safe Mode. Over the API from RouterOS 7.18; one session holds it; when that session
-ends the device undoes what was not released: at once after a clean close, after about nine minutes when the link died.
+    RouterOS 7.18 and later      safe mode of the API session (`/safe-mode`)
+    before, with SSH             safe mode of an SSH session, and a dead-man job where device-mode lets one run
+    before, without SSH          the dead-man job alone
+    nothing of these             only what can do no harm, unless a person says otherwise
+
+Safe mode: manual, Configuration Management. One session holds it; when that session ends the device undoes what was not
+released, at once after a clean close, after about nine minutes when the link died. It undoes changes of all sessions,
+so an SSH session can hold it while the API session writes. Device-mode: manual, Device-mode (from RouterOS 7.17).
 """
 
 from __future__ import annotations
@@ -11,84 +17,105 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from atlantis_netcfg.routeros._types import Facts, Plan
+    from atlantis_netcfg.routeros.apply._job import DeviceJob
 
-    from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply._job import Channel
-
-__all__ = ["BUDGET", "HOLD", "TAKE", "Hold", "Protection", "ProtectionLost", "release", "take_failed", "unroll"]
+__all__ = ["BUDGET", "Choice", "Interfered", "Protection", "ProtectionLost", "choose"]
 
 BUDGET = 80
 """Entries of history that one safe mode may take. The device keeps 100 (manual, Configuration Management); beyond them
 it leaves safe mode without a word. Whether a script counts once or once a row is not documented: counted per row."""
-
-HOLD = Command("/safe-mode/print")
-TAKE = Command("/safe-mode/take")
-_RELEASE = Command("/safe-mode/release")
-_UNROLL = Command("/safe-mode/unroll")
-_TRUE = ("true", "yes")
 
 
 class Protection(StrEnum):
     """Who takes an unfinished change back."""
 
     SAFE_MODE = "safe-mode"
+    """Safe mode of the session that writes."""
+    CONSOLE = "console-safe-mode"
+    """Safe mode of an SSH session beside it."""
+    DEAD_MAN = "dead-man"
+    """A job of the device's scheduler that runs the way back, unless it is taken away in time."""
     NONE = "none"
     """Nobody: only for changes that can do no harm by themselves, and we put the old state back ourselves."""
 
+    @property
+    def holds(self) -> bool:
+        """Whether safe mode is held while it is written."""
+        return self in (Protection.SAFE_MODE, Protection.CONSOLE)
+
 
 class ProtectionLost(DeviceFailed):
-    """Safe mode is not ours any more while changes depend on it: nothing more may be sent."""
+    """The protection is not ours any more while changes depend on it: nothing more may be sent."""
+
+
+class Interfered(DeviceFailed):
+    """Somebody else has changed the device since we read it: what we planned does not fit any more."""
 
 
 @dataclass(frozen=True, slots=True)
-class Hold:
-    """Who holds safe mode, as one session sees it."""
+class Choice:
+    """What protects a change, and why nothing better does."""
 
-    taken: bool
-    ours: bool = False
-    """This session holds it."""
-    who: str = ""
+    protection: Protection
+    dead_man_s: float | None = None
+    """The dead-man job runs so long after it was armed; None: there is none."""
+    why: str = ""
+    """What keeps a better protection away."""
 
-    @classmethod
-    def of(cls, reply: Reply) -> Hold:
-        """Read the answer to HOLD; a device without safe mode has nobody who holds it."""
-        row = reply.rows[0] if reply.trap is None and reply.rows else {}
-        if row.get("enabled") not in _TRUE:
-            return cls(taken=False)
-        return cls(True, row.get("current") in _TRUE, row.get("owner") or row.get("user") or "somebody")
+    @property
+    def value(self) -> str:
+        """The same for a journal: `console-safe-mode dead-man`."""
+        both = self.dead_man_s is not None and self.protection is Protection.CONSOLE
+        return f"{self.protection.value} {Protection.DEAD_MAN.value}" if both else self.protection.value
 
-
-def take_failed(take: Reply, hold: Hold) -> DeviceFailed:
-    """Say why safe mode could not be taken."""
-    if hold.taken and not hold.ours:
-        return DeviceFailed(
-            f"{hold.who} holds safe mode, and there is only one",
-            hint="let them release or unroll it, then run the same command again",
-        )
-    words = take.trap.message if take.trap is not None else "it says it is not taken"
-    return DeviceFailed(f"safe mode could not be taken: {words}")
-
-
-async def release(session: Channel, witness: Sequence[Command] = ()) -> list[Reply]:
-    """Make everything permanent and see that we do not hold safe mode any more. Raises ProtectionLost.
-
-    All answers come in one round trip, those to `witness` are returned. If who holds it was looked up before it was
-    released it still says `ours`, which proves nothing, and is asked again.
-    """
-    reply, seen, *witnessed = await session.flight([_RELEASE, HOLD, *witness])
-    hold = Hold.of(seen)
-    if hold.ours:
-        hold = Hold.of(await session.command(HOLD))
-    if reply.trap is not None or hold.ours:
-        words = reply.trap.message if reply.trap is not None else "it is still taken"
-        raise ProtectionLost(f"safe mode could not be released: {words}")
-    return witnessed
+    @property
+    def words(self) -> str:
+        """The line of the plan, after `protection: `."""
+        minutes = "" if self.dead_man_s is None else f"{self.dead_man_s / 60:.0f} min"
+        line = {
+            Protection.SAFE_MODE: "safe mode of the API session",
+            Protection.CONSOLE: "safe mode of an SSH session" + (f" and a dead-man job, {minutes}" if minutes else ""),
+            Protection.DEAD_MAN: f"a dead-man job, {minutes}",
+            Protection.NONE: "none",
+        }[self.protection]
+        return f"{line} ({self.why})" if self.why else line
 
 
-async def unroll(session: Channel) -> None:
-    """Let the device take everything back. Raises Refused if this session does not hold safe mode."""
-    (await session.command(_UNROLL)).checked()
+def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, seconds: float) -> Choice:
+    """Choose for this plan. `invertible`: why no script can take it back, or None; `seconds`: what it may take."""
+    if not plan.actions:
+        return Choice(Protection.NONE, why="nothing changes")
+    if facts.has_safe_mode:
+        return Choice(Protection.SAFE_MODE)
+    if all(action.inert for action in plan.actions):
+        return Choice(Protection.NONE, why="nothing in it can do harm by itself")
+    no_ssh = _no_ssh(job)
+    no_job = _no_job(facts) or invertible
+    wait_s = max(job.patience.dead_man_s, 3 * seconds)
+    if no_ssh is None:
+        # Longer than a dead session keeps safe mode: how the two undos would combine is not documented.
+        both_s = None if no_job else job.patience.undo_s + wait_s
+        return Choice(Protection.CONSOLE, both_s, f"no dead-man job: {no_job}" if no_job else "")
+    if no_job is None:
+        return Choice(Protection.DEAD_MAN, wait_s, f"no safe mode: {no_ssh}")
+    return Choice(Protection.NONE, why=f"no safe mode: {no_ssh}; no dead-man job: {no_job}")
+
+
+def _no_ssh(job: DeviceJob) -> str | None:
+    if job.ssh is None:
+        return "RouterOS before 7.18 has it on a console only, and no SSH is declared for this device"
+    if job.ssh.pin is None:
+        return "RouterOS before 7.18 has it on a console only, and its SSH host key is not pinned"
+    return None
+
+
+def _no_job(facts: Facts) -> str | None:
+    """Say why the scheduler would not run a job, or return None. Before 7.17 nothing was restricted."""
+    if facts.device_mode.get("flagged") in ("yes", "true"):
+        return "the device is flagged, and refuses new jobs"
+    if facts.device_mode.get("scheduler") in ("no", "false"):
+        return f"device-mode {facts.device_mode.get('mode', '')} forbids the scheduler"
+    return None

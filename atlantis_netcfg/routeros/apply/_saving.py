@@ -14,6 +14,8 @@ from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, executed
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
     from atlantis_netcfg.routeros.apply._writer import Writer
@@ -45,8 +47,20 @@ def saved(export: Reply, probe: Reply) -> Saved:
     return Saved(text, ScriptWriter() if runs else SentenceWriter())
 
 
-async def fetch(session: Channel) -> str:
-    """Get the export by way of a file on the device. Raises DeviceFailed if that does not work either."""
+async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> str:
+    """Get the export by way of a file on the device, or what is to be saved `instead` of it.
+
+    Before RouterOS 7.13 no file can be read over the API. Raises DeviceFailed if nothing can be saved.
+    """
+    try:
+        return await _exported(session)
+    except DeviceFailed:
+        if instead is None:
+            raise
+        return instead()
+
+
+async def _exported(session: Channel) -> str:
     made = await session.command(Command("/export", (("file", _NAME),)))
     if made.trap is not None:
         raise _impossible(made.trap.message)

@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
+from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
+from atlantis_netcfg.routeros.apply._deadman import disarm
 from atlantis_netcfg.routeros.apply._job import Status
-from atlantis_netcfg.routeros.apply._protection import HOLD, Hold, Protection, unroll
+from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, ProtectionLost
+from atlantis_netcfg.routeros.apply._shields import shield_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
 from atlantis_netcfg.routeros.apply._work import Work
@@ -26,6 +29,7 @@ from atlantis_netcfg.routeros.planner import CannotPlan, plan
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceResult
+    from atlantis_netcfg.routeros.apply._shield import Hold
 
 __all__ = ["settle"]
 
@@ -50,18 +54,25 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
 
 
 async def _let_go(work: Work) -> bool:
-    """Take back what is in safe mode, if it is ours; False if it may still be held."""
+    """Take back what is in safe mode, if it is ours; False if it may still be held.
+
+    Where nothing was written it is released instead: somebody who is at work may have changed something meanwhile.
+    """
     session = work.session
     if not work.holding:
         return True
     if session is None:
+        await work.shield.drop()
         return False
     try:
-        if Hold.of(await session.command(HOLD)).ours:
-            await unroll(session)
-    except (SessionLost, Refused):
+        if work.touched:
+            await work.shield.unroll(session)
+        elif (await work.shield.look(session)).ours:
+            await work.shield.release(session, ())
+    except (SessionLost, Refused, ProtectionLost):
         # The device undoes it by itself as soon as it knows that the session is over.
         work.session = None
+        await work.shield.drop()
         await work.contact.leave(session)
         return False
     work.holding = False
@@ -70,6 +81,26 @@ async def _let_go(work: Work) -> bool:
 
 async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:
     await _let_go(work)
+    while True:
+        result = await _decided(work, reason)
+        if work.dead_man is None or result.status is Status.UNKNOWN or await _disarmed(work):
+            return result
+
+
+async def _disarmed(work: Work) -> bool:
+    """Take the dead-man job away; False if it had run meanwhile, for then the device has to be read again."""
+    job = work.dead_man
+    if job is None:
+        return True
+    session, _, _ = (work.session, None, None) if work.session is not None else await _state(work)
+    if session is None:
+        raise DeviceFailed("no session is left to take the dead-man job away")
+    in_time, _ = await disarm(session, job)
+    work.dead_man = None
+    return in_time
+
+
+async def _decided(work: Work, reason: NetcfgError) -> DeviceResult:
     session, hold, now = await _state(work)
     changed = differing(work.seen, now)
     if not changed:
@@ -81,9 +112,24 @@ async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:
     if _is_declared(work, reason, now) and await _is_reachable(work):
         work.after = now
         return _declared(work, reason)
+    if isinstance(reason, Interfered) or _is_foreign(work, now):
+        return _unknown(work, f"{reason}; somebody else has changed {_names(changed)}, which was left alone")
     if work.restores:
         return _unknown(work, f"{reason}; the device differs in {_names(changed)}")
     return await _put_back(work, reason, session, now)
+
+
+def _is_foreign(work: Work, now: Observed) -> bool:
+    """Tell whether more is to be done than was planned: then not only this run has been at work.
+
+    Rows of a first-match menu that were half written may also have to be moved, which tells nothing.
+    """
+    try:
+        left = plan(work.job.name, work.job.desired, now).actions
+    except CannotPlan:
+        return False
+    planned = {(action.menu, action.subject) for action in work.aim.actions}
+    return any((action.menu, action.subject) not in planned for action in left if action.verb is not Verb.MOVE)
 
 
 async def _state(work: Work) -> tuple[Channel, Hold, Observed]:
@@ -94,7 +140,7 @@ async def _state(work: Work) -> tuple[Channel, Hold, Observed]:
         try:
             session = work.session or await work.contact.reach(patience.reach_s, "after a loss")
             work.session = session
-            hold = await work.contact.until_free(session, patience.undo_s)
+            hold = await work.contact.until_free(work.shield, session, patience.undo_s)
             now = await observe(session, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
         except SessionLost:
             work.session = None
@@ -107,7 +153,7 @@ async def _state(work: Work) -> tuple[Channel, Hold, Observed]:
 
 def _is_declared(work: Work, reason: NetcfgError, now: Observed) -> bool:
     """Tell whether everything is there and may stay."""
-    if not work.complete or isinstance(reason, (VerificationFailed, ActionRefused)):
+    if isinstance(reason, (VerificationFailed, ActionRefused)):
         return False
     try:
         left = plan(work.job.name, work.job.desired, now).actions
@@ -142,10 +188,11 @@ def _unknown(work: Work, message: str) -> DeviceResult:
 
 
 def _stale(work: Work) -> str:
-    return (
-        "what is in safe mode the device takes back by itself, within ten minutes if the link has died; then:"
-        f"  provision resume site={work.job.site}"
-    )
+    if work.dead_man is not None:
+        what = f"the dead-man job takes everything back within {work.dead_man.after_s / 60:.0f} minutes of its arming"
+    else:
+        what = "what is in safe mode the device takes back by itself, within ten minutes if the link has died"
+    return f"{what}; then:  provision resume site={work.job.site}"
 
 
 async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Observed) -> DeviceResult:
@@ -153,7 +200,8 @@ async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Obse
     work.say(Stage.APPLYING, "putting the state before the run back")
     job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
     inner = Work(job, work.contact, work.started, restores=True, session=session, before=now)
-    inner.protection = Protection.SAFE_MODE if now.facts.has_safe_mode else Protection.NONE
+    inner.choice = work.choice if work.protection.holds else Choice(Protection.NONE)
+    inner.shield, inner.permanent = shield_of(inner.choice, job), True
     try:
         inner.plan = plan(job.name, job.desired, now)
         inner.stages = cut(inner.plan, inner.protection)
@@ -161,11 +209,23 @@ async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Obse
     except NetcfgError as failed:
         outcome = await settle(inner, failed)
         if outcome.status is not Status.CHANGED:
-            return _unknown(work, f"{reason}; putting the old state back failed: {outcome.message}")
+            return await _left_to_the_job(work, reason, outcome.message)
     left = differing(work.seen, inner.after or now)
     if left:
         return _unknown(work, f"{reason}; the old state was put back, but {_names(left)} still differ")
     return _rolled_back(work, reason, "put back by us")
+
+
+async def _left_to_the_job(work: Work, reason: NetcfgError, failed: str) -> DeviceResult:
+    """Wait until the dead-man job has run, if one is armed: it does what we could not."""
+    job = work.dead_man
+    if job is not None:
+        work.say(Stage.WAITING, "waiting until the dead-man job has taken everything back")
+        await asyncio.sleep(max(0.0, job.over - asyncio.get_running_loop().time()))
+        _, _, now = await _state(work)
+        if not differing(work.seen, now):
+            return _rolled_back(work, reason, "taken back by the dead-man job")
+    return _unknown(work, f"{reason}; putting the old state back failed: {failed}")
 
 
 def _names(menus: tuple[str, ...]) -> str:

@@ -34,8 +34,8 @@ class Stages:
 
 
 def cut(plan: Plan, protection: Protection, budget: int = BUDGET) -> Stages:
-    """Cut a plan in the way that costs the fewest round trips; without protection there is nothing to cut for."""
-    if protection is Protection.NONE:
+    """Cut a plan in the way that costs the fewest round trips; without safe mode there is nothing to cut for."""
+    if not protection.holds:
         return Stages(prepare=plan.actions)
     ways = [_cut(plan, budget, outside) for outside in ((), (_NAMED,), (_NAMING,), (_NAMED, _NAMING))]
     return min(ways, key=_cost)

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed, Outcome
 from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.routeros.apply._claim import claimant, withdraw
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
-from atlantis_netcfg.routeros.apply._protection import Protection
+from atlantis_netcfg.routeros.apply._protection import Choice, Protection
+from atlantis_netcfg.routeros.apply._shield import NoShield
 from atlantis_netcfg.routeros.apply._stages import Stages
 from atlantis_netcfg.routeros.apply._state import plan_hash
 from atlantis_netcfg.secret import MASK
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Record
     from atlantis_netcfg.routeros._types import Observed, Plan
     from atlantis_netcfg.routeros.apply._contact import Contact
+    from atlantis_netcfg.routeros.apply._deadman import DeadMan
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
+    from atlantis_netcfg.routeros.apply._shield import Shield
     from atlantis_netcfg.routeros.apply._writer import Writer
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Estimate
@@ -56,7 +60,16 @@ class Work:
     estimate: Estimate | None = None
     stages: Stages = field(default_factory=Stages)
     writer: Writer | None = None
-    protection: Protection = Protection.NONE
+    choice: Choice = field(default_factory=lambda: Choice(Protection.NONE))
+    shield: Shield = field(default_factory=NoShield)
+    script: str | None = None
+    """The way back, for a dead-man job."""
+    dead_man: DeadMan | None = None
+    """The job that is armed."""
+    sign: str | None = None
+    """`.id` of the sign that a run is under way."""
+    permanent: bool = False
+    """Something of the plan may be on the device for good."""
     holding: bool = False
     """Safe mode was asked for and may be ours."""
     owner: str = ""
@@ -66,6 +79,17 @@ class Work:
     acknowledged: set[int] = field(default_factory=set)
     confirmed: int = 0
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def protection(self) -> Protection:
+        """Who takes an unfinished change back."""
+        return self.choice.protection
+
+    @property
+    def ours(self) -> str:
+        """What our sign says on the device."""
+        address = self.before.facts.session_address if self.before is not None else ""
+        return claimant(self.job.run, self.job.endpoint.user, address)
 
     @property
     def channel(self) -> Channel:
@@ -134,6 +158,7 @@ class Work:
             estimate=self.estimate,
             plan_hash=plan_hash(plan) if plan is not None else "",
             protection=self.protection.value,
+            protection_words=self.choice.words,
             round_trips=traffic.round_trips,
             sent=traffic.sent,
             received=traffic.received,
@@ -146,6 +171,12 @@ class Work:
         read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(status)
         if read is not None and self.plan is not None:
             self.job.journal.confirm(self.job.name, partial(snapshot.write, self.job.name, self.job.desired, read))
+
+    async def lay_down(self, session: Channel) -> None:
+        """Take the sign down. Raises SessionLost."""
+        if self.sign is not None:
+            await withdraw(session, self.sign)
+            self.sign = None
 
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""

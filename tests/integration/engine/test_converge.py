@@ -119,8 +119,8 @@ def test_the_journal_tells_the_whole_run(tmp_path: Path) -> None:
     (run,) = bench.store.runs("coastal")
     kinds = [type(record) for record in run.log.records]
     for earlier, later in zip(
-        (RunStarted, DeviceObserved, Planned, StateSaved, Protected, LayerSent, Released, ActionsConfirmed, Outcome),
-        (DeviceObserved, Planned, StateSaved, Protected, LayerSent, Released, ActionsConfirmed, Outcome, Outcome),
+        (RunStarted, DeviceObserved, Planned, Protected, StateSaved, LayerSent, Released, ActionsConfirmed, Outcome),
+        (DeviceObserved, Planned, Protected, StateSaved, LayerSent, Released, ActionsConfirmed, Outcome, Outcome),
         strict=True,
     ):
         assert kinds.index(earlier) <= kinds.index(later)

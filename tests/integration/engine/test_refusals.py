@@ -107,8 +107,29 @@ def test_another_admin_holds_safe_mode(tmp_path: Path) -> None:
     assert kept
 
 
-def test_a_device_without_safe_mode(tmp_path: Path) -> None:
-    refused(Bench(tmp_path, spec={"version": "7.16"}), Status.REFUSED, "RouterOS 7.16 has no safe mode over the API")
+HOME = DeviceMode(mode=TwinMode.HOME)
+
+
+def test_a_device_without_any_protection(tmp_path: Path) -> None:
+    refused(
+        Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME}),
+        Status.REFUSED,
+        "nothing would take this change back if it went wrong: no safe mode: RouterOS before 7.18 has it on a console",
+        "no dead-man job: device-mode home forbids the scheduler",
+        "touches the way by which the device is managed",
+        "--without-protection",
+    )
+
+
+def test_a_person_may_do_without_protection(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
+        return await bench.converge(unprotected=True), await bench.converge(unprotected=True)
+
+    first, second = on(bench, act)
+    assert (first.status, first.protection, second.status) == (Status.CHANGED, "none", Status.UNCHANGED)
+    assert any("nothing protects this change" in note for note in first.notes)
 
 
 def test_a_device_without_safe_mode_takes_what_can_do_no_harm(tmp_path: Path) -> None:

@@ -1,0 +1,132 @@
+"""Before the first change: the sign, the saved state, the net that takes everything back, and a last look.
+
+Two laptops may have read the same device at the same time. Whoever comes second finds the other's sign, or safe mode
+taken, or the device no longer as it was read; then nothing is sent.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from functools import partial
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.events import Stage
+from atlantis_netcfg.journal import Protected
+from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.apply._claim import CLAIMS, claim, claimed_by, other_in
+from atlantis_netcfg.routeros.apply._deadman import WillNotRun, arm
+from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
+from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
+from atlantis_netcfg.routeros.apply._shield import Held, Hold, held_by
+from atlantis_netcfg.routeros.apply._state import differing, restoring
+from atlantis_netcfg.routeros.observe import observe
+from atlantis_netcfg.versions import Version
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.api import Reply
+    from atlantis_netcfg.routeros.apply._work import Work
+    from atlantis_netcfg.routeros.apply._writer import Writer
+
+__all__ = ["begin", "take"]
+
+_COUNT = Command("/system/history/print", (("count-only", ""),))
+_READS_FILES = Version(7, 13)
+_FULL = 100
+"""Entries that the history keeps: beyond them their number tells nothing."""
+_SIGN_S = 1800.0
+_SHOWN = 5
+
+
+async def begin(work: Work) -> Writer:
+    """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
+    stages, protection = work.stages, work.protection
+    alone = protection is Protection.SAFE_MODE and not stages.prepare
+    if not work.restores and not (alone and len(stages.protected) == 1 and not stages.finish):
+        work.sign = await claim(work.channel, work.ours, _sign_s(work))
+    if alone:
+        await take(work)
+    look = () if alone else work.shield.beside
+    export, probe, count, signs, *seen = await work.channel.flight([*SAVING, _COUNT, CLAIMS, *look])
+    found = saved(export, probe)
+    text = found.text if found.text is not None else await fetch(work.channel, partial(_as_read, work))
+    work.job.journal.save(work.job.name, text)
+    if not work.restores:
+        _nobody_else(work, signs, work.shield.seen(seen) if seen else None)
+        await _arm(work)
+        if protection is Protection.CONSOLE:
+            await take(work)
+        if not (alone and _is_untouched(work, count)):
+            await _look_again(work)
+    return found.writer
+
+
+def _as_read(work: Work) -> str:
+    """Write down what was read, where the device cannot hand out its own export: the menus of this plan."""
+    if work.seen.facts.version >= _READS_FILES:
+        raise DeviceFailed("the state before the change cannot be saved, so nothing is changed")
+    work.notes.append("the device cannot hand out its export: what was read of it is saved instead")
+    return snapshot.write(work.job.name, restoring(work.seen), work.seen)
+
+
+def _sign_s(work: Work) -> float:
+    """Longer than the dead-man job waits, and than the run may take."""
+    return max(_SIGN_S, 2 * (work.choice.dead_man_s or 0.0))
+
+
+async def take(work: Work) -> None:
+    """Take safe mode. Raises DeviceFailed if it is not ours then."""
+    work.holding = True
+    try:
+        hold = await work.shield.take(work.channel)
+    except Held:
+        work.holding = False
+        raise
+    work.owner = hold.who
+    work.record(Protected(device=work.job.name, how=work.choice.value))
+    work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
+
+
+def _nobody_else(work: Work, signs: Reply, hold: Hold | None) -> None:
+    who = other_in(signs.rows, work.ours)
+    if who is not None:
+        raise claimed_by(who)
+    if hold is not None and hold.taken and not hold.ours:
+        raise held_by(hold.who)
+
+
+async def _arm(work: Work) -> None:
+    """Arm the dead-man job where one was planned; safe mode alone is enough where the device does not run it."""
+    after_s, script = work.choice.dead_man_s, work.script
+    if after_s is None or script is None:
+        return
+    try:
+        now = asyncio.get_running_loop().time()
+        work.dead_man = await arm(work.channel, script, work.ours, after_s, now)
+    except WillNotRun as problem:
+        if work.protection is not Protection.CONSOLE:
+            raise
+        work.choice = Choice(Protection.CONSOLE, None, f"no dead-man job: {problem}")
+        work.notes.append(f"no dead-man job: {problem}")
+        return
+    work.say(Stage.PROTECTED, f"a dead-man job is armed: the device takes everything back in {after_s / 60:.0f} min")
+    if work.protection is Protection.DEAD_MAN:
+        work.record(Protected(device=work.job.name, how=work.choice.value))
+
+
+def _is_untouched(work: Work, count: Reply) -> bool:
+    """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
+    known = work.seen.facts.history
+    return work.sign is None and count.ret == str(known) and known < _FULL
+
+
+async def _look_again(work: Work) -> None:
+    """Read everything once more: it has to be what the plan was made for."""
+    now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+    changed = differing(work.seen, now)
+    if changed:
+        raise Interfered(
+            f"somebody else has changed the device since it was read ({', '.join(changed[:_SHOWN])})",
+            hint="run the same command again: it plans from what is there now",
+        )

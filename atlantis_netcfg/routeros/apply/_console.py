@@ -1,0 +1,139 @@
+"""Safe mode of an SSH session that is held open while the API session writes: the only one before RouterOS 7.18.
+
+Ctrl+X takes and releases it (manual, Configuration Management). Imported only where it is needed, since the SSH client
+is heavy.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+from atlantis_netcfg.console import ConsoleUnreachable, SafeModeHeld
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros.api import Command, Refused, SessionLost
+from atlantis_netcfg.routeros.apply._protection import ProtectionLost
+from atlantis_netcfg.routeros.apply._shield import Hold, NoShield, held_by
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.routeros.api import Reply
+    from atlantis_netcfg.routeros.apply._job import Channel, OpenConsole, SshEndpoint
+
+__all__ = ["ConsoleShield"]
+
+T = TypeVar("T")
+
+_ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
+_CONSOLES = ("ssh", "console", "telnet", "winbox", "mac-telnet", "local", "web")
+_LOOK = ':put "atlantis"'
+_US = "our SSH session"
+
+
+@dataclass(slots=True)
+class ConsoleShield(NoShield):
+    """Safe mode of an SSH session (Ctrl+X), which is held open while the API session writes.
+
+    Who holds it cannot be read over the API before 7.18: our prompt says `<SAFE>`, and a second taker is asked a
+    question, which is never answered with anything but `d` (don't take it).
+    """
+
+    opener: OpenConsole
+    endpoint: SshEndpoint
+    beside: tuple[Command, ...] = field(default=(), init=False)
+    _console: Console | None = field(default=None, init=False)
+
+    async def take(self, session: Channel) -> Hold:
+        """Open the console and take it there."""
+        if self._console is None:
+            self._console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda console: console.close())
+        try:
+            await in_thread(self._console.take_safe_mode)
+        except SafeModeHeld:
+            await self.drop()
+            raise held_by(await _somebody(session)) from None
+        except DeviceFailed:
+            await self.drop()
+            raise
+        return Hold(taken=True, ours=True, who=_US)
+
+    async def look(self, session: Channel) -> Hold:  # noqa: ARG002 - the console answers
+        """Let the prompt be printed anew."""
+        console = self._console
+        if console is None:
+            return Hold(taken=False)
+        try:
+            await in_thread(lambda: console.run(_LOOK))
+        except DeviceFailed:
+            await self.drop()
+            return Hold(taken=False)
+        return Hold(taken=console.safe, ours=console.safe, who=_US)
+
+    async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
+        """Ctrl+X again; then what was changed is read, which tells if it was unrolled instead."""
+        console = self._console
+        if console is None or not console.safe:
+            raise ProtectionLost("safe mode could not be released: its SSH session is over")
+        try:
+            await in_thread(console.release_safe_mode)
+        except DeviceFailed as failed:
+            await self.drop()
+            raise ProtectionLost(f"safe mode could not be released: {failed}") from failed
+        return await session.flight(witness) if witness else []
+
+    async def unroll(self, session: Channel) -> None:  # noqa: ARG002
+        """End the console without releasing; `free` tells when the device has undone it."""
+        await self.drop()
+
+    async def free(self, session: Channel) -> Hold:
+        """Try to take it with a new console, and let go at once: nobody else holds it then."""
+        await self.drop()
+        try:
+            console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda opened: opened.close())
+        except ConsoleUnreachable:
+            return Hold(taken=True, who="an SSH session of which nothing can be learnt")
+        try:
+            await in_thread(console.take_safe_mode)
+            await in_thread(console.release_safe_mode)
+        except SafeModeHeld:
+            return Hold(taken=True, who=await _somebody(session))
+        except DeviceFailed:
+            return Hold(taken=True, who="an SSH session that was lost")
+        finally:
+            await in_thread(console.close)
+        return Hold(taken=False)
+
+    async def drop(self) -> None:
+        """Close the console: with safe mode held its connection is dropped, which keeps nothing."""
+        console, self._console = self._console, None
+        if console is not None:
+            with suppress(DeviceFailed, OSError):
+                await in_thread(console.close)
+
+
+async def in_thread(work: Callable[[], T], undone: Callable[[T], object] | None = None) -> T:
+    """Run what blocks in a thread; if we are stopped meanwhile, wait for its end first, and undo what it brought."""
+    running = asyncio.ensure_future(asyncio.to_thread(work))
+    try:
+        return await asyncio.shield(running)
+    except asyncio.CancelledError:
+        with suppress(Exception):
+            brought = await running
+            if undone is not None:
+                await asyncio.to_thread(undone, brought)
+        raise
+
+
+async def _somebody(session: Channel) -> str:
+    """Name those who are logged in on a console: safe mode before 7.18 does not say which of them has it."""
+    try:
+        reply = await session.command(_ACTIVE)
+    except (SessionLost, Refused):
+        return "somebody"
+    rows = [row for row in reply.rows if row.get("via", "").startswith(_CONSOLES)]
+    names = dict.fromkeys(f"{row.get('via')}:{row.get('name')}@{row.get('address') or 'console'}" for row in rows)
+    return " or ".join(names) or "somebody"

@@ -1,0 +1,133 @@
+"""The way back as a script that the device runs alone: whatever part of a plan has happened, the rows are as before.
+
+It is computed from what was read and planned, before anything is sent. Every line stands for itself and may fail (the
+row was never added, the value never changed). What a plan adds is removed by what tells it from every row that was
+there; what it removes is added again if its id is gone; where a first-match menu was reordered, each row goes to the
+end in its old turn (manual, Console: `move` without a destination moves to the end).
+Paths are written with spaces, which versions 6 and 7 both read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros._types import Observed, Verb
+from atlantis_netcfg.routeros.apply._state import restoring
+from atlantis_netcfg.routeros.commands import console
+from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
+from atlantis_netcfg.rsc import quote
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.routeros._types import Action, Plan, Row
+    from atlantis_netcfg.routeros.menus import Menu
+
+__all__ = ["LIMIT", "CannotInvert", "inverse"]
+
+LIMIT = 60_000
+"""Bytes. How much an `on-event` takes is not documented; a script of `/execute` takes 64 kB (inferred from that)."""
+
+_FIRST = ("comment", "name", "chain", "action")
+"""What is asked for first to tell rows apart."""
+
+
+class CannotInvert(DeviceFailed):
+    """No script can take this plan back."""
+
+
+def inverse(seen: Observed, aim: Plan) -> str:
+    """Return the lines that undo any part of `aim` on the device that was `seen`. Raises CannotInvert."""
+    then = Observed(seen.facts, simulate(seen.rows, aim))
+    try:
+        back = plan(aim.device, restoring(seen), then).actions
+    except CannotPlan as problem:
+        raise CannotInvert(f"the way back cannot be planned: {problem}") from problem
+    lines = [*_changes(back, seen, then), *_orders(back, aim.actions, seen, then)]
+    text = "".join(f"{line}\n" for line in lines)
+    if len(text.encode("utf-8", "surrogateescape")) > LIMIT:
+        raise CannotInvert("the way back is too long for one script")
+    return text
+
+
+def _changes(back: Sequence[Action], seen: Observed, then: Observed) -> Iterator[str]:
+    lost = {
+        path: [row for row in rows if row.get(".id", "") not in _ids(then.rows[path])]
+        for path, rows in seen.rows.items()
+    }
+    for action in back:
+        if any(name in action.secrets and value for name, value in action.values):
+            raise CannotInvert("the way back would hold a password in clear")
+        if action.verb is Verb.REMOVE:
+            yield from (_removed(action, row_id, seen, then) for row_id in action.ids)
+        elif action.verb is Verb.ADD:
+            yield _added_again(action, lost[action.menu])
+        elif action.verb is Verb.SET:
+            yield _tried(_line(action))
+
+
+def _ids(rows: Sequence[Row]) -> frozenset[str]:
+    return frozenset(row.get(".id", "") for row in rows)
+
+
+def _removed(action: Action, row_id: str, seen: Observed, then: Observed) -> str:
+    menu = MENUS[action.menu]
+    row = next(each for each in then.rows[action.menu] if each[".id"] == row_id)
+    found = _condition(menu, row, seen.rows.get(action.menu, ()))
+    return _tried(f"{menu.title} remove [find {found}]")
+
+
+def _added_again(action: Action, lost: list[Row]) -> str:
+    """Add a row again that the plan removes, unless it is still there."""
+    menu, values = MENUS[action.menu], dict(action.values)
+    gone = next(row for row in lost if all(menu.form(name, row) == menu.form(name, values) for name in values))
+    lost.remove(gone)
+    adding = _tried(_line(replace(action, before=None)))
+    return f":do {{ {menu.title} get {gone['.id']} comment }} on-error={{ {adding} }}"
+
+
+def _orders(back: Sequence[Action], forth: Sequence[Action], seen: Observed, then: Observed) -> Iterator[str]:
+    """Put every row of a reordered first-match menu where it stood."""
+    stirred = {action.menu for action in back if action.verb in (Verb.ADD, Verb.MOVE)}
+    stirred |= {action.menu for action in forth if action.verb is Verb.MOVE}
+    for path in sorted(path for path in stirred if MENUS[path].ordered):
+        menu = MENUS[path]
+        rows = [row for row in seen.rows[path] if menu.is_touchable(row)]
+        kept = _ids(then.rows[path])
+        for row in rows:
+            others = [each for each in rows if each is not row]
+            which = row[".id"] if row[".id"] in kept else f"[find {_condition(menu, row, others)}]"
+            yield _tried(f"{menu.title} move {which}")
+
+
+def _condition(menu: Menu, row: Row, others: Sequence[Row]) -> str:
+    """Return the shortest condition that is true of this row and of none of the others. Raises CannotInvert."""
+    readable = [each.name for each in menu.fields if not each.unread and not each.secret and row.get(each.name)]
+    rivals = [other for other in others if menu.is_touchable(other)]
+    chosen: list[str] = []
+    for name in (name for name in dict.fromkeys((*_FIRST, *menu.keys, *readable)) if name in readable):
+        left = [other for other in rivals if menu.form(name, other) == menu.form(name, row)]
+        if not chosen or len(left) < len(rivals):
+            chosen.append(name)
+            rivals = left
+        if not rivals:
+            return " ".join(f"{each}={_compared(row[each])}" for each in chosen)
+    raise CannotInvert(f"{menu.name_of(row)} in {menu.title} cannot be told from a row that is there already")
+
+
+def _compared(value: str) -> str:
+    """Quote what would be read as an address or a time: compared with a text it would never be equal."""
+    told = quote(value)
+    return f'"{told}"' if told == value and set("/:") & set(value) else told
+
+
+def _line(action: Action) -> str:
+    menu = MENUS[action.menu]
+    return f"{menu.title} {console(action).removeprefix(f'{action.menu}/')}"
+
+
+def _tried(line: str) -> str:
+    return f":do {{ {line} }} on-error={{}}"
