@@ -3,48 +3,117 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable, Sequence
 
-__all__ = ["AT_ONCE", "run"]
+__all__ = ["AT_ONCE", "MOST", "PATIENCE_S", "Waiting", "run", "stream"]
 
 AT_ONCE = 32
 """Devices in work at the same time; each holds its rows in memory only while it is in work."""
+PATIENCE_S = 10.0
+"""A device that is in work for longer (dead, or far away) gives its place to the next one and goes on beside it."""
+MOST = 256
+"""Devices in work at the same time, whatever they wait for: what bounds memory where very many are dead or slow."""
+
+Told = Callable[[DeviceResult], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A device whose job is made when its turn comes, and costs no memory until then.
+
+    A NetcfgError from `make` is that device's result: nothing of it was touched.
+    """
+
+    name: str
+    make: Callable[[], DeviceJob]
 
 
 async def run(
-    jobs: Iterable[DeviceJob],
-    *,
-    mode: str = Mode.APPLY,
-    at_once: int = AT_ONCE,
-    done: Callable[[DeviceResult], object] | None = None,
+    jobs: Iterable[DeviceJob], *, mode: str = Mode.APPLY, at_once: int = AT_ONCE, done: Told | None = None
 ) -> list[DeviceResult]:
     """Converge every device and return the results in the order of the jobs; `done` is told each as soon as it exists.
 
     Cancelled once, it stops: devices in work are taken back, those that wait are left alone, all are reported.
     """
     waiting = list(jobs)
-    room = asyncio.Semaphore(at_once)
-    tasks = [asyncio.create_task(_one(job, Mode(mode), room, done), name=job.name) for job in waiting]
+    results: dict[int, DeviceResult] = {}
+
+    def keep(number: int, result: DeviceResult) -> None:
+        results[number] = result
+
+    turns = [(Waiting(job.name, partial(_itself, job)), partial(keep, number)) for number, job in enumerate(waiting)]
+    await _all(turns, Mode(mode), at_once, done)
+    return [results[number] for number in range(len(waiting))]
+
+
+async def stream(jobs: Iterable[Waiting], told: Told, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE) -> None:
+    """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
+    await _all([(job, told) for job in jobs], Mode(mode), at_once, None)
+
+
+def _itself(job: DeviceJob) -> DeviceJob:
+    return job
+
+
+async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, done: Told | None) -> None:
+    room = _Room(at_once)
+    tasks = [asyncio.create_task(_one(job, mode, room, told, done), name=job.name) for job, told in turns]
     await _finish(tasks)
-    return [_result(job, task) for job, task in zip(waiting, tasks, strict=True)]
+    for (job, told), task in zip(turns, tasks, strict=True):
+        if task.cancelled():
+            told(_untouched(job.name))
+        else:
+            task.result()
 
 
-async def _one(
-    job: DeviceJob, mode: Mode, room: asyncio.Semaphore, done: Callable[[DeviceResult], object] | None
-) -> DeviceResult:
-    async with room:
-        result = await converge(job, mode=mode)
+async def _one(job: Waiting, mode: Mode, room: _Room, told: Told, done: Told | None) -> None:
+    async with room.place():
+        result = await _converge(job, mode)
+    told(result)
     if done is not None:
         done(result)
-    return result
 
 
-async def _finish(tasks: list[asyncio.Task[DeviceResult]]) -> None:
+class _Room:
+    """Places for devices in work: so many that are new to it, and MOST in all."""
+
+    def __init__(self, at_once: int) -> None:
+        self._new = asyncio.Semaphore(at_once)
+        self._all = asyncio.Semaphore(max(MOST, at_once))
+
+    @asynccontextmanager
+    async def place(self) -> AsyncIterator[None]:
+        """Wait for a place and hold it; after PATIENCE_S the next device may come in besides."""
+        async with self._all:
+            await self._new.acquire()
+            with ExitStack() as held:
+                held.callback(self._new.release)
+                timer = asyncio.get_running_loop().call_later(PATIENCE_S, held.close)
+                try:
+                    yield
+                finally:
+                    timer.cancel()
+
+
+async def _converge(waiting: Waiting, mode: Mode) -> DeviceResult:
+    try:
+        job = waiting.make()
+    except NetcfgError as refusal:
+        return DeviceResult(waiting.name, Status.LEFT_AS_FOUND, refusal.exit, str(refusal), refusal.hint)
+    return await converge(job, mode=mode)
+
+
+async def _finish(tasks: list[asyncio.Task[None]]) -> None:
     """Wait for all; the first cancellation is handed to the devices, the second ends everything."""
     if not tasks:
         return
@@ -58,8 +127,6 @@ async def _finish(tasks: list[asyncio.Task[DeviceResult]]) -> None:
         await asyncio.wait(tasks)
 
 
-def _result(job: DeviceJob, task: asyncio.Task[DeviceResult]) -> DeviceResult:
-    if not task.cancelled():
-        return task.result()
+def _untouched(name: str) -> DeviceResult:
     status = Status.LEFT_AS_FOUND
-    return DeviceResult(job.name, status, status.exit, "stopped by hand before its turn came: nothing was changed")
+    return DeviceResult(name, status, status.exit, "stopped by hand before its turn came: nothing was changed")

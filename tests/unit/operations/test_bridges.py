@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.operations.pairs import bridges
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site import Declaration
+
+ROOT = Path(__file__).parents[3]
+BOTH = ["coastal-cpe", "scc-cpe"]
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(ROOT / "inventory")
+
+
+def ptp(declaration: Declaration) -> str:
+    """The name of the bearer that the bridge is."""
+    return next(
+        bearer.name for site in declaration.sites.values() for bearer in site.bearers if bearer.kind == "wifi_ptp"
+    )
+
+
+@pytest.mark.parametrize(("far", "near"), [("scc-cpe", "coastal-cpe"), ("coastal-cpe", "scc-cpe")])
+def test_the_end_that_is_reached_over_the_bridge_is_far(declaration: Declaration, far: str, near: str) -> None:
+    (bridge,) = bridges(declaration, BOTH, via={far: ptp(declaration)})
+    assert (bridge.near.name, bridge.far.name) == (near, far)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_where_both_are_on_cables_the_site_decides(declaration: Declaration, name: str) -> None:
+    site = declaration.hosts[name].site
+    (bridge,) = bridges(declaration, [name], standing=site)
+    assert bridge.near.name == name
+    assert {bridge.near.name, bridge.far.name} == set(BOTH)
+
+
+def test_who_stands_nowhere_is_asked(declaration: Declaration) -> None:
+    with pytest.raises(UsageError, match="either may be the near one") as refused:
+        bridges(declaration, BOTH)
+    assert "coastal" in (refused.value.hint or "")
+    with pytest.raises(UsageError, match="over the bridge that they make"):
+        bridges(declaration, BOTH, via=dict.fromkeys(BOTH, ptp(declaration)))
+
+
+def test_hosts_that_are_no_ends_have_no_bridge(declaration: Declaration) -> None:
+    assert bridges(declaration, ["coastal-router"]) == ()
+    alone = replace(declaration, hosts={"coastal-cpe": declaration.hosts["coastal-cpe"]})
+    assert bridges(alone, ["coastal-cpe"]) == ()
