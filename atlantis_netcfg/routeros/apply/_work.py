@@ -181,11 +181,11 @@ class Work:
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
         outcome = Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
-        try:
-            self._confirm(result.status)
-            self.record(outcome)
-        except JournalFailed as failure:
-            if str(failure) not in result.message:
-                result = replace(result, notes=(*result.notes, str(failure)))
+        for step in (partial(self._confirm, result.status), partial(self.record, outcome)):
+            try:
+                step()
+            except JournalFailed as failure:
+                if str(failure) not in result.message:
+                    result = replace(result, notes=(*result.notes, str(failure)))
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result

@@ -1,0 +1,143 @@
+"""Reading a router to say what differs: never anything else than reading, however it ends; and what runs keep."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from engine_bench import TEXT, Bench, leases, on
+
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge
+from atlantis_netcfg.routeros.drift import DriftKind, Since
+from atlantis_netcfg.twin import Fault, FaultKind
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WANTED_MORE = TEXT + leases(1)
+
+
+async def drift(bench: Bench, text: str | None = None) -> DeviceResult:
+    """Read the router with what its runs have confirmed; `text` is declared by now."""
+    kept, bench.text = bench.text, text or bench.text
+    job = bench.job(confirmed=bench.store.last_confirmed("coastal", ["router"]).get("router"))
+    bench.text = kept
+    before = bench.export()
+    result = await converge(job, mode=Mode.DRIFT)
+    assert bench.export() == before
+    return result
+
+
+def test_drift_costs_a_round_trip_more_than_a_plan_only_where_there_is_any(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> list[DeviceResult]:
+        await bench.converge()
+        same = await drift(bench)
+        await bench.router.console(["/ip/pool/set", "=.id=lan", "=ranges=10.64.1.7"])
+        return [same, await drift(bench), await drift(bench)]
+
+    same, first, second = on(Bench(tmp_path), act)
+    assert (same.status, same.exit, same.message) == (Status.UNCHANGED, 0, "as declared")
+    assert (first.status, first.exit) == (Status.DRIFTED, 6)
+    assert first.message == "1 difference from the declaration: 1 changed"
+    assert first.round_trips == second.round_trips == same.round_trips + 1 <= 4
+    assert first.comparison == second.comparison is not None
+    (changed,) = first.comparison.differences if first.comparison else ()
+    assert (changed.kind, changed.since) == (DriftKind.CHANGED, Since.AFTER)
+    assert changed.deed is not None
+    assert changed.deed.by == "provision"
+
+
+def test_what_is_declared_since_is_no_fault_of_the_device(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        await bench.converge()
+        return await drift(bench, WANTED_MORE)
+
+    result = on(Bench(tmp_path), act)
+    assert result.comparison is not None
+    assert [(one.kind, one.since) for one in result.comparison.differences] == [(DriftKind.MISSING, Since.ALREADY)]
+
+
+@pytest.mark.parametrize("nth", [1, 2, 20, 40])
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.REBOOT])
+def test_a_reading_that_is_cut_is_an_error_and_no_drift(tmp_path: Path, kind: FaultKind, nth: int) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        await bench.converge()
+        bench.router.arm(Fault(do=kind, sentence=nth, when="before"))
+        return await drift(bench)
+
+    result = on(Bench(tmp_path), act)
+    if result.status is not Status.UNCHANGED:  # it has fewer sentences
+        assert (result.status, result.exit) == (Status.LEFT_AS_FOUND, 4)
+        assert "could not be read: " in result.message
+    assert nth > 20 or result.status is Status.LEFT_AS_FOUND
+
+
+def test_what_cannot_be_compared_is_refused_in_words(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        return await drift(bench, TEXT + "/interface ethernet\nset [ find default-name=ether99 ] name=far\n")
+
+    result = on(Bench(tmp_path), act)
+    assert (result.status, result.exit) == (Status.REFUSED, 4)
+    assert "there is no ether99" in result.message
+
+
+def test_a_router_without_safe_mode_can_be_read(tmp_path: Path) -> None:
+    result = on(Bench(tmp_path, spec={"version": "7.16"}), drift)
+    assert result.status is Status.DRIFTED
+
+
+def test_whoever_holds_safe_mode_is_named(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        await bench.converge()
+        await bench.router.console(["/safe-mode/take"])
+        await bench.router.console(["/ip/pool/set", "=.id=lan", "=ranges=10.64.1.7"])
+        return await drift(bench)
+
+    result = on(Bench(tmp_path), act)
+    assert result.status is Status.DRIFTED
+    assert any("holds safe mode" in note and "may yet be taken back" in note for note in result.notes)
+
+
+def test_a_run_keeps_what_it_has_read_back_and_a_failed_one_does_not(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> list[DeviceResult]:
+        results = [await bench.converge(), await bench.converge(), await bench.converge(Mode.PLAN)]
+        bench.text = WANTED_MORE
+        bench.router.arm(Fault(do=FaultKind.DROP, match="/execute", sentence=1, when="after"))
+        return [*results, await bench.converge(), await bench.converge(Mode.BACKUP)]
+
+    bench = Bench(tmp_path)
+    results = on(bench, act)
+    kept = [run.confirmed_state("router") for run in bench.store.runs("coastal")]
+    ended_well = [one.status in (Status.CHANGED, Status.UNCHANGED) for one in results[:4]]
+    assert [state is not None for state in kept] == [*ended_well, False]
+    assert kept[0] is not None
+    assert kept[1] is not None
+    assert kept[0].path == kept[1].path
+
+
+def test_a_state_that_cannot_be_read_leaves_since_when_open(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        await bench.converge()
+        await bench.router.console(["/ip/pool/set", "=.id=lan", "=ranges=10.64.1.7"])
+        for state in bench.store.last_confirmed("coastal", ["router"]).values():
+            state.path.write_text("nonsense")
+        return await drift(bench)
+
+    result = on(Bench(tmp_path), act)
+    assert result.comparison is not None
+    assert [one.since for one in result.comparison.differences] == [Since.UNKNOWN]
+    assert [note for note in result.notes if "it was changed since" in note] == list(result.notes)
+
+
+def test_a_full_disk_is_told_and_the_outcome_stays(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        (tmp_path / "state/real/coastal").mkdir(parents=True)
+        (tmp_path / "state/real/coastal/confirmed").write_text("no folder")
+        return await bench.converge()
+
+    bench = Bench(tmp_path)
+    result = on(bench, act)
+    assert result.status is Status.CHANGED
+    assert any("the confirmed state cannot be written" in note for note in result.notes)
+    (run,) = bench.store.runs("coastal")
+    assert run.outcomes["router"].status == "changed"
