@@ -69,6 +69,7 @@ _BELOW_7_16 = (
     *_menus("7.11", Source.TREE, "/lora/joineui /lora/netid"),
     *_menus("7.12", Source.TREE, "/interface/macvlan /iot/bluetooth/connections /iot/modbus/security-rules"),
     *_menus("7.12", Source.TREE, "/routing/settings"),
+    _row("7.13", "/", ("export",), "where"),
     Boundary("/file", ("read",), since="7.13"),
     _row("7.13", "/file", _SET, "name"),
     _row("7.13", "/interface/bridge", _ADD, "port-cost-mode"),

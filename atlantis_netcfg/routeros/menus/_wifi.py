@@ -89,7 +89,7 @@ _CONFIGURATION = (
     text("manager", None),
     number("tx-power"),
     number("antenna-gain"),
-    number("distance"),
+    *since("7.14", number("distance")),
     boolean("hide-ssid", None),
     words("chains", None),
     words("tx-chains", None),

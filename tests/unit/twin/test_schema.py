@@ -98,18 +98,38 @@ def test_what_went(last: str, first: str, menu: str, command: str, argument: str
 
 
 @pytest.mark.parametrize(
-    ("before", "version", "menu", "command", "argument"),
+    ("last_without", "first_with", "menu", "command", "argument"),
     [
-        ("7.16", "7.17", "/system/device-mode", "update", "install-any-version"),
+        ("7.10.2", "7.11.3", "/tool/netwatch", "add", "src-address"),
+        ("7.12.2", "7.13", "/interface/wifi", "print", None),
+        ("7.12.2", "7.13", "/file", "read", None),
+        ("7.12.2", "7.13", "/", "export", "where"),
+        ("7.15.3", "7.16", "/", "import", "dry-run"),
+        ("7.15.3", "7.16", "/ip/service", "set", "max-sessions"),
+        ("7.16.2", "7.17", "/system/device-mode", "update", "routerboard"),
+        ("7.16.2", "7.17", "/tool/netwatch", "add", "ignore-initial-up"),
+        ("7.17.1", "7.18", "/safe-mode", "take", None),
+        ("7.17.1", "7.18", "/ip/dhcp-client", "add", "default-route-tables"),
+        ("7.17.1", "7.18", "/system/package", "apply-changes", None),
         ("7.18.2", "7.19", "/ip/dhcp-client", "add", "check-gateway"),
-        ("7.20", "7.21", "/routing/settings", "set", "check-gateway-ping-count"),
+        ("7.18.2", "7.19", "/interface/lte/settings", "set", "link-recovery-timer"),
+        ("7.19.6", "7.20", "/tool/netwatch", "add", "early-success-detection"),
+        ("7.20.8", "7.21", "/ip/ssh", "set", "password-authentication"),
+        ("7.20.8", "7.21", "/routing/settings", "set", "check-gateway-ping-timeout"),
         ("7.21.5", "7.22", "/ip/dhcp-client", "add", "name"),
         ("7.22", "7.23", "/", "export", "path"),
+        ("7.23", "7.24", "/system/scheduler", "add", "days"),
     ],
 )
-def test_between_two_trees(before: str, version: str, menu: str, command: str, argument: str) -> None:
-    assert argument not in Schema(before).arguments(menu, command)
-    assert argument in Schema(version).arguments(menu, command)
+def test_version_boundaries(last_without: str, first_with: str, menu: str, command: str, argument: str | None) -> None:
+    """The versions on which our code depends, by the first published tree that shows the name."""
+    old, new = Schema(last_without), Schema(first_with)
+    if argument is None:
+        assert new.has_command(menu, command)
+        assert not old.has_command(menu, command)
+    else:
+        assert argument in new.arguments(menu, command)
+        assert argument not in old.arguments(menu, command)
 
 
 def test_a_menu_that_a_router_lacks_lacks_all_below() -> None:

@@ -11,6 +11,8 @@ from trees import TREES, VERSIONS, Tree, offered
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape
 from atlantis_netcfg.twin import values
 from atlantis_netcfg.twin.menus import MODELLED
+from atlantis_netcfg.twin.schema import Schema
+from atlantis_netcfg.twin.supplement import BOARD_FEATURES
 from atlantis_netcfg.versions import Version
 
 _SHAPES = {Shape.LIST: "list", Shape.FIXED: "fixed", Shape.SINGLETON: "settings"}
@@ -164,3 +166,42 @@ def test_booleans_are_what_the_console_offers_yes_and_no_for(path: str) -> None:
             assert field.kind in (Kind.BOOLEAN, Kind.FLAG, Kind.TEXT), field.name
         elif field.kind is Kind.BOOLEAN and words(path, field.name):
             raise AssertionError(f"{field.name} is more than yes or no: {sorted(words(path, field.name))}")
+
+
+EVERY_VERSION = (
+    *(
+        "6.49.18",
+        "7.8",
+        "7.9.2",
+        "7.10.2",
+        "7.11.3",
+        "7.12.2",
+        "7.13.5",
+        "7.14.3",
+        "7.15.3",
+        "7.16",
+        "7.16.2",
+        "7.17.1",
+    ),
+    *("7.18", "7.18.2", "7.19", "7.19.6", "7.20", "7.20.8", "7.21", "7.21.4", "7.21.5", "7.22", "7.23", "7.24"),
+)
+
+
+@pytest.mark.parametrize("version", EVERY_VERSION)
+def test_the_engine_takes_no_version_for_newer_than_the_twin_does(version: str) -> None:
+    """Between and below the trees the two tables are kept apart; what the engine believes in, the twin must have."""
+    schema = Schema(version, ("routeros", "wireless"), BOARD_FEATURES)
+    believed = []
+    for path, menu in MENUS.items():
+        if menu.since is not None and Version.parse(version) < menu.since:
+            assert not schema.has_menu(path)
+            continue
+        assert schema.has_menu(path), path
+        if menu.readonly:
+            continue
+        taken = schema.arguments(path, "add") | schema.arguments(path, "set")
+        for field in menu.fields:
+            key = known(path, "set", field.name) and field.name in menu.keys
+            if field.exists(Version.parse(version)) and field.name not in taken and not key:
+                believed.append(f"{path} {field.name}")
+    assert believed == []
