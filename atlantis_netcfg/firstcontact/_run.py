@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -261,17 +261,18 @@ class FirstContact:
         for step in steps:
             self.journal.write(ContactStep(device=self.wish.name, step=step.key, commands=len(step.lines)))
             self._tell(Stage.APPLYING, step.title)
-            if not step.guarded or held:
-                self._type(step, console, 0, len(step.lines))
-            else:
-                for start in range(0, len(step.lines), GUARDED_LINES):
-                    with self._safe(console):
-                        self._type(step, console, start, start + GUARDED_LINES)
+            try:
+                self._type(step, console, guarded=step.guarded and not held)
+            except ConsoleLost as lost:
+                raise self._cut(step, lost) from lost
             self.journal.write(ContactStepDone(device=self.wish.name, step=step.key))
 
-    def _type(self, step: Step, console: Console, start: int, end: int) -> None:
-        for line in step.lines[start:end]:
-            console.run(line.text, timeout_s=line.timeout_s, secrets=line.secrets)
+    def _type(self, step: Step, console: Console, *, guarded: bool) -> None:
+        size = GUARDED_LINES if guarded else len(step.lines)
+        for start in range(0, len(step.lines), size):
+            with self._safe(console) if guarded else nullcontext():
+                for line in step.lines[start : start + size]:
+                    console.run(line.text, timeout_s=line.timeout_s, secrets=line.secrets)
 
     @contextmanager
     def _safe(self, console: Console) -> Iterator[None]:
@@ -375,6 +376,16 @@ class FirstContact:
         return facts
 
     # --- words -----------------------------------------------------------------------------------------------------
+
+    def _cut(self, step: Step, lost: ConsoleLost) -> CutOff:
+        hint = "run the same command again: first contact goes on where it was cut"
+        if step.key == "management":
+            hint = (
+                f"is the laptop plugged into {self.wish.port}? That port leaves the factory's network now: plug into "
+                "another one (not the first, which is for the internet), wait up to 9 minutes until the router has "
+                "taken the change back, then run the same command again"
+            )
+        return CutOff(f"{self.wish.name}: the connection was lost at: {step.title} ({lost})", hint=hint)
 
     @contextmanager
     def _repeatable(self) -> Iterator[None]:

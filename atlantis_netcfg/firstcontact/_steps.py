@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["SIGN_S", "Line", "Step", "clear", "close_door", "factory_users", "prepare"]
 
+PORT_S = 30.0
+"""A laptop on the very port that leaves the bridge hears nothing any more: it is told soon."""
 SIGN_S = 600.0
 """A small CPU takes minutes for an RSA key."""
 _DAYS_VALID = 3650
@@ -146,7 +148,8 @@ def _port(facts: Facts, wish: Wish) -> Step | None:
         value = f"address={wish.address} interface={quote(name)}"
         lines.append(Line(f"/ip address add {value} comment={quote(MARK)}"))
     title = f"management address {wish.address} on {wish.port}"
-    return Step("management", title, tuple(lines), guarded=True) if lines else None
+    soon = tuple(replace(line, timeout_s=PORT_S) for line in lines)
+    return Step("management", title, soon, guarded=True) if lines else None
 
 
 def _freed(facts: Facts, name: str) -> Iterator[Line]:

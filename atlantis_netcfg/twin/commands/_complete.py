@@ -72,12 +72,21 @@ def _tunnel(core: Core, values: dict[str, str], _changed: frozenset[str] | None)
 def _clock(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
     """Date and time are the clock's, not the configuration's."""
     now = core.time()
-    date = values.pop("date", now.strftime("%Y-%m-%d"))
+    form = "%Y-%m-%d" if core.schema.at_least("7.10") else "%b/%d/%Y"
+    date = values.pop("date", now.strftime(form).lower())
     time = values.pop("time", now.strftime("%H:%M:%S"))
     try:
-        core.set_clock(datetime.strptime(f"{date} {time}", "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC))
+        core.set_clock(datetime.strptime(f"{date} {time}", f"{form} %H:%M:%S").replace(tzinfo=UTC))
     except ValueError as error:
-        raise Trap("invalid value for argument time", Category.ARGUMENT) from error
+        wrong = "time" if _reads(date, form) else "date"
+        raise Trap(f"invalid value for argument {wrong}", Category.ARGUMENT) from error
+
+
+def _reads(text: str, form: str) -> bool:
+    try:
+        return bool(datetime.strptime(text, form).replace(tzinfo=UTC))
+    except ValueError:
+        return False
 
 
 def _schedule(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:

@@ -193,13 +193,13 @@ class Time(Kind):
 
 @dataclass(frozen=True, slots=True)
 class Moment(Kind):
-    """A date (`2026-01-31`) or a time of day (`12:30:00`), or one of `words`."""
+    """A date (`2026-01-31`, before 7.10 `jan/31/2026`) or a time of day (`12:30:00`), or one of `words`."""
 
     words: tuple[str, ...] = ()
 
     def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
-        """Take the two forms of RouterOS 7.10 and newer."""
-        if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|\d{2}:\d{2}:\d{2}", text):
+        """Take the forms of any version; whoever uses the value knows which it is."""
+        if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|[a-z]{3}/\d{2}/\d{4}|\d{2}:\d{2}:\d{2}", text):
             return text
         raise BadValue
 

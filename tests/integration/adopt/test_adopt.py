@@ -9,7 +9,7 @@ from carton import ROUTER, Carton, adopted_export, carton
 
 from atlantis_netcfg.console import HostKeyChanged, LoginFailed
 from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.firstcontact import NotFactoryFresh, PreflightRefused, StillToMove
+from atlantis_netcfg.firstcontact import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, _steps
 from atlantis_netcfg.journal import ContactStep, ContactStepDone, Outcome, Pinned, Store
 from atlantis_netcfg.twin import DeviceMode, Mode, User
 
@@ -136,6 +136,25 @@ def test_another_host_key_is_refused(box: Carton) -> None:
         box.adopt()
     assert box.adopt(replaced=True).status == "unchanged"
     assert Store(box.state, rehearsed=True).pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
+
+
+def test_a_laptop_on_the_management_port_is_told_to_move(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_steps, "PORT_S", 1.0)
+    laptop = {"address": "192.168.88.1/24", "port": "ether8", "technician": "192.168.88.10"}
+    with carton(tmp_path, first_contact=laptop) as box:
+        with pytest.raises(CutOff, match="the connection was lost at: management address") as cut:
+            box.adopt()
+        assert "is the laptop plugged into ether8?" in str(cut.value.hint)
+        while "interface=ether8" not in box.export():
+            pass
+
+
+@pytest.mark.parametrize("version", ["6.49.18", "7.12.2", "7.16", "7.17.1", "7.21.5"])
+def test_every_version_is_adopted(tmp_path: Path, version: str) -> None:
+    with carton(tmp_path, version=version) as box:
+        assert box.adopt().status == "changed"
+        assert "defconf" not in box.export()
+        assert box.adopt().status == "unchanged"
 
 
 def test_a_flagged_router_is_not_begun_with(tmp_path: Path) -> None:
