@@ -62,6 +62,12 @@ class Flag:
 
 
 JSON = Flag("json", "print one JSON object instead of text, on errors as well")
+STREAM = Flag(
+    "stream", "with --json: also one line for each device as soon as it has ended; the object is the last line"
+)
+UNPROTECTED = Flag(
+    "without-protection", "change a device even though nothing would take the change back if it went wrong"
+)
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 
 

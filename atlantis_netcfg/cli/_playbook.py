@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations import Request
 
-__all__ = ["Outcome", "Told", "play"]
+__all__ = ["Ended", "Outcome", "Told", "play"]
 
 
 class Told(NetcfgError):
@@ -40,7 +41,19 @@ class Outcome:
     """Site to run id, as `provision runs` lists it."""
 
 
-def play(checkout: Path, inventory: Path, limit: Sequence[str], request: Request, notify: Subscriber) -> Outcome:
+Ended = Callable[[str, Mapping[str, Any]], object]
+"""Told the name and the result of a device as soon as it has ended."""
+
+
+def play(  # noqa: PLR0913 - one call, from one place
+    checkout: Path,
+    inventory: Path,
+    limit: Sequence[str],
+    request: Request,
+    notify: Subscriber,
+    *,
+    ended: Ended = lambda _name, _result: None,
+) -> Outcome:
     """Run the playbook to its end. Raises Told for an error in the engine's words, NetcfgError if Ansible fails."""
     playbook = checkout / "playbooks" / "site.yml"
     if not playbook.is_file():
@@ -63,10 +76,12 @@ def play(checkout: Path, inventory: Path, limit: Sequence[str], request: Request
             errors="replace",
         ) as process:
             os.close(writer)
-            outcome = _listen(events, notify)
+            outcome = _listen(events, notify, ended)
             said, _ = process.communicate()
     if outcome is None:
         raise NetcfgError(f"Ansible stopped before any device was asked:\n{said.strip()}")
+    order = {name: place for place, name in enumerate(limit)}
+    outcome.devices = dict(sorted(outcome.devices.items(), key=lambda item: order.get(item[0], len(order))))
     return outcome
 
 
@@ -90,7 +105,7 @@ def _environment(checkout: Path) -> dict[str, str]:
     }
 
 
-def _listen(lines: Iterator[str], notify: Subscriber) -> Outcome | None:
+def _listen(lines: Iterator[str], notify: Subscriber, ended: Ended) -> Outcome | None:
     """Pass events on until the engine closes its end; None when it never told an outcome."""
     outcome: Outcome | None = None
     problem: Told | None = None
@@ -103,6 +118,8 @@ def _listen(lines: Iterator[str], notify: Subscriber) -> Outcome | None:
         else:
             outcome = outcome or Outcome()
             outcome.devices.update(told["devices"])
+            for name, result in told["devices"].items():
+                ended(name, result)
             outcome.runs.update(told["runs"])
     if problem is not None:
         raise problem

@@ -6,7 +6,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.events import Stage, ignore
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.events import Event, Subscriber
 
 __all__ = ["progress"]
+
+_ENDS = (Stage.DONE, Stage.CONFIRMED, Stage.UNROLLED, Stage.FAILED)
+_ROOM = 16
+"""Devices that are shown together; of more, those that have ended scroll away upwards, and the others stay in sight."""
 
 
 @contextmanager
@@ -41,10 +45,16 @@ def _live(out: TextIO) -> Iterator[Subscriber]:
     from rich.text import Text
 
     latest: dict[str, Event] = {}
-    with Live(console=Console(file=out), refresh_per_second=8, transient=True) as live:
+    names: set[str] = set()
+    console = Console(file=out)
+    with Live(console=console, refresh_per_second=8, transient=True) as live:
 
         def show(event: Event) -> None:
+            names.add(event.device)
             latest[event.device] = event
+            if event.stage in _ENDS and len(names) > _ROOM:
+                for name in [name for name, one in latest.items() if one.stage in _ENDS]:
+                    live.console.print(Text(line(latest.pop(name)), overflow="ellipsis", no_wrap=True))
             live.update(Text("\n").join(Text(line(one), overflow="ellipsis", no_wrap=True) for one in latest.values()))
 
         yield show

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
+from atlantis_netcfg.cli._arguments import STREAM, UNPROTECTED
 from atlantis_netcfg.cli._consent import agreed
 from atlantis_netcfg.cli._playbook import play
 from atlantis_netcfg.cli._progress import progress
@@ -26,7 +27,7 @@ from atlantis_netcfg.site import choose, load
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._arguments import Arguments, Flag
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.site import Declaration, Host
 
@@ -97,10 +98,12 @@ class Session:
             run=run,
             back_to=self.back_to,
             restore=self.restore,
+            unprotected=self._says(UNPROTECTED),
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
         with progress(quiet=self.as_json) as notify:
-            outcome = play(paths.checkout(), self.declaration.root, [host.name for host in asked], request, notify)
+            names = [host.name for host in asked]
+            outcome = play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
         return RunReport(
             site=self.site,
             rehearsed=self.rehearsed,
@@ -109,6 +112,15 @@ class Session:
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(outcome.runs.values()),
         )
+
+    def _says(self, flag: Flag) -> bool:
+        """Whether a flag was given that not every command has."""
+        return self.arguments.command.flag(flag.name) is not None and self.arguments.flag(flag.name)
+
+    def _ended(self, name: str, result: Mapping[str, Any]) -> None:
+        """Give a program that reads along the result of a device while others are still in work."""
+        if self.as_json and self._says(STREAM):
+            print(json.dumps({"device": name, **result}, ensure_ascii=False), flush=True)
 
     def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
@@ -162,7 +174,8 @@ def _cost(result: Mapping[str, Any]) -> str:
         return "  no estimate"
     size = estimate["bytes"] / 1000
     cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
-    return f"  {result['planned']} changes over {estimate['bearer']}: {cost}; protected by {result['protection']}"
+    changes = f"  {result['planned']} changes over {estimate['bearer']}: {cost}"
+    return f"{changes}\n  protection: {result['protection_words']}"
 
 
 @contextmanager

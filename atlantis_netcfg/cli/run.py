@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import JSON, STREAM, UNPROTECTED, VERBOSE, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -25,7 +25,9 @@ COMMAND = Command(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
         Flag("yes", "do not ask before changing devices"),
+        UNPROTECTED,
         JSON,
+        STREAM,
         VERBOSE,
     ),
     changes=True,

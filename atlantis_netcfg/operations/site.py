@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__, paths
+from atlantis_netcfg import paths
 from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
+from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.turns import Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import fleet
 from atlantis_netcfg.site import load
@@ -22,11 +24,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.journal import Confirmed, Recorder
-    from atlantis_netcfg.routeros.apply import DeviceResult
+    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
+
+_FINE = (ExitCode.DONE, ExitCode.CHANGES)
 
 
 def perform(
@@ -43,7 +46,7 @@ def perform(
         asked = asked.model_copy(update={"mode": Mode.PLAN})
     channel = Channel(asked.events_fd)
     try:
-        results, runs = _perform(load(inventory, decrypt=decrypt), hosts, asked, channel)
+        results = _perform(load(inventory, decrypt=decrypt), hosts, asked, channel)
     except NetcfgError as error:
         channel.error(error)
         raise
@@ -51,9 +54,7 @@ def perform(
         problem = crashed(fault, asked.command, lambda: asked.state)
         channel.error(problem)
         raise problem from fault
-    results = [_logged(result, asked) for result in results]
-    channel.outcome({result.name: result.as_dict() for result in results}, runs)
-    return _for_ansible(results)
+    return _for_ansible([results[name] for name in hosts], hosts)
 
 
 def _logged(result: DeviceResult, request: Request) -> DeviceResult:
@@ -65,88 +66,73 @@ def _logged(result: DeviceResult, request: Request) -> DeviceResult:
 
 def _perform(
     declaration: Declaration, names: Sequence[str], request: Request, channel: Channel
-) -> tuple[list[DeviceResult], dict[str, str]]:
+) -> dict[str, Mapping[str, Any]]:
+    """Give each device's result as data; the engine's own objects, with rows and plans, are let go one by one."""
     if declaration.pilot.example_values and not request.rehearsed:
         raise UsageError(
             "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
         )
     hosts = [declaration.hosts[name] for name in names]
+    turns = {site: Turn(declaration, site, hosts, request) for site in sorted({one.site for one in hosts})}
+    results: dict[str, Mapping[str, Any]] = {}
+
+    def ended(result: DeviceResult) -> None:
+        site = declaration.hosts[result.name].site
+        turns[site].ended(result)
+        told = _logged(result, request)
+        results[told.name] = told.as_dict()
+        run = turns[site].run
+        channel.outcome({told.name: results[told.name]}, {site: run} if run else {})
+
     with ExitStack() as stack:
-        sites = {site: _Site(declaration, site, hosts, request, stack) for site in sorted({one.site for one in hosts})}
-        jobs = [device_job(declaration, host, request, sites[host.site].journal, channel.event) for host in hosts]
-        jobs = [replace(job, confirmed=sites[job.site].confirmed.get(job.name)) for job in jobs]
-        results = asyncio.run(fleet.run(jobs, mode=request.mode.value))
-        for site in sites.values():
-            site.end(results)
-    return results, {name: site.run for name, site in sites.items() if site.run}
+        for turn in turns.values():
+            stack.callback(turn.close)
+        waiting = _waiting(declaration, hosts, request, turns, channel)
+        asyncio.run(fleet.stream(waiting, ended, mode=request.mode.value))
+    return results
 
 
-class _Site:
-    """A site's lock and journal while the request is performed; a plan changes nothing and needs neither."""
+def _waiting(
+    declaration: Declaration, hosts: Sequence[Host], request: Request, turns: Mapping[str, Turn], channel: Channel
+) -> list[fleet.Waiting]:
+    """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that."""
 
-    def __init__(
-        self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request, stack: ExitStack
-    ) -> None:
-        self.hosts = frozenset(host.name for host in hosts if host.site == site)
-        self.journal: Recorder = NoJournal()
-        self.run = ""
-        self.confirmed: Mapping[str, Confirmed] = {}
-        if not request.mode.reads_only:
-            store = Store(request.state, rehearsed=request.rehearsed)
-            stack.enter_context(store.lock(site, request.command))
-            opened = _open(store, declaration, site, sorted(self.hosts), request)
-            self.journal = stack.enter_context(opened)
-            self.run = opened.run
-        elif not request.rehearsed:
-            # An emulated device is new with every rehearsal: what an earlier one was says nothing about it.
-            self.confirmed = Store(request.state).last_confirmed(site, self.hosts)
+    def make(host: Host) -> DeviceJob:
+        turn = turns[host.site]
+        turn.begin()
+        job = device_job(declaration, host, request, turn.journal, channel.event)
+        return replace(job, confirmed=turn.confirmed.get(host.name))
 
-    def end(self, results: Sequence[DeviceResult]) -> None:
-        """Write the last record: nothing of this run is open any more.
-
-        A disk that is full by now is told in the devices' own results, which must not be lost over it.
-        """
-        worst = max((result.exit for result in results if result.name in self.hosts), default=ExitCode.NOTHING)
-        with suppress(JournalFailed):
-            self.journal.write(RunEnded(exit=int(worst)))
+    for host in hosts:
+        bearer_of(declaration, host, request.via.get(host.name))
+    if len(turns) > 1:
+        ordered = sorted(hosts, key=lambda host: host.site)
+        return [fleet.Waiting(host.name, partial(make, host)) for host in ordered]
+    jobs = [make(host) for host in hosts]
+    return [fleet.Waiting(job.name, partial(_made, job)) for job in jobs]
 
 
-def _open(store: Store, declaration: Declaration, site: str, hosts: Sequence[str], request: Request) -> Journal:
-    if request.mode is Mode.RESUME and request.run is not None:
-        resumed = RunResumed(revision=declaration.revision, tool=__version__, command=request.command)
-        return store.resume(site, request.run, resumed)
-    return store.start(
-        RunStarted(
-            site=site,
-            revision=declaration.revision,
-            tool=__version__,
-            hosts=tuple(hosts),
-            rehearsed=request.rehearsed,
-            command=request.command,
-            back_to=request.back_to,
-            restore=request.restore,
-        )
-    )
+def _made(job: DeviceJob) -> DeviceJob:
+    return job
 
 
-def _for_ansible(results: Sequence[DeviceResult]) -> dict[str, Any]:
-    fine = (ExitCode.DONE, ExitCode.CHANGES)
+def _for_ansible(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, Any]:
+    named = list(zip(names, results, strict=True))
     return {
-        "changed": any(result.planned and result.exit in fine for result in results),
+        "changed": any(result["planned"] and result["exit"] in _FINE for result in results),
         "per_host": {
-            result.name: {**result.as_dict(), "ok": result.exit in fine, "message": _words(result)}
-            for result in results
+            name: {**result, "ok": result["exit"] in _FINE, "message": _words(result)} for name, result in named
         },
-        "diff": [{"prepared": shown} for result in results if (shown := _shown(result))],
+        "diff": [{"prepared": _shown(name, result)} for name, result in named if _shown(name, result)],
     }
 
 
-def _shown(result: DeviceResult) -> str:
+def _shown(name: str, result: Mapping[str, Any]) -> str:
     """What `--diff` prints of a device: the lines that would change, then the same told as drift."""
-    told = "" if result.comparison is None else drift_lines(result.comparison.as_dict())
-    return f"{result.name}:\n{result.diff}{told}" if result.diff or told else ""
+    told = "" if result["comparison"] is None else drift_lines(result["comparison"])
+    return f"{name}:\n{result['diff']}{told}" if result["diff"] or told else ""
 
 
-def _words(result: DeviceResult) -> str:
-    return f"{result.message} ({result.hint})" if result.hint else result.message
+def _words(result: Mapping[str, Any]) -> str:
+    return f"{result['message']} ({result['hint']})" if result["hint"] else str(result["message"])

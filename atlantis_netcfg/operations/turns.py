@@ -1,0 +1,96 @@
+"""A site's turn in a run: its lock and its journal, from the first of its devices to the last."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
+from atlantis_netcfg.operations.request import Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.journal import Confirmed, Recorder
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.apply import DeviceResult
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["Turn"]
+
+
+class Turn:
+    """One site while a request is performed; a plan changes nothing and needs neither lock nor journal.
+
+    In a run over many sites each is locked when its first device has its turn and is free again after its last: a site
+    on which somebody works fails alone, and a run over hundreds of sites holds few files open. Locks are taken in the
+    order of the sites' names and never waited for, so that two such runs cannot block each other.
+    """
+
+    def __init__(self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request) -> None:
+        self._declaration = declaration
+        self._site = site
+        self._request = request
+        self._hosts = sorted(host.name for host in hosts if host.site == site)
+        self._left = set(self._hosts)
+        self._worst = ExitCode.DONE
+        self._open = ExitStack()
+        self._opened = False
+        self.journal: Recorder = NoJournal()
+        self.run = ""
+        """The run's name, as `provision runs` lists it; empty before the site's turn, and for a plan."""
+        self.confirmed: Mapping[str, Confirmed] = {}
+
+    def begin(self) -> None:
+        """Lock the site and open its journal, unless that is done. Raises SiteBusy, JournalFailed, NoSuchRun."""
+        if self._opened:
+            return
+        request = self._request
+        if not request.mode.reads_only:
+            store = Store(request.state, rehearsed=request.rehearsed)
+            with ExitStack() as opening:
+                opening.enter_context(store.lock(self._site, request.command))
+                journal = opening.enter_context(self._journal(store))
+                self._open = opening.pop_all()
+            self.journal, self.run = journal, journal.run
+        elif not request.rehearsed:
+            # An emulated device is new with every rehearsal: what an earlier one was says nothing about it.
+            self.confirmed = Store(request.state).last_confirmed(self._site, self._hosts)
+        self._opened = True
+
+    def ended(self, result: DeviceResult) -> None:
+        """Take the result of one of its devices; after the last one, write the last record and free the site.
+
+        A disk that is full by now is told in the devices' own results, which must not be lost over it.
+        """
+        self._left.discard(result.name)
+        self._worst = max(self._worst, result.exit)
+        if not self._left:
+            with suppress(JournalFailed):
+                self.journal.write(RunEnded(exit=int(self._worst)))
+            self.close()
+
+    def close(self) -> None:
+        """Free the site; may be repeated."""
+        self._open.close()
+        self.journal = NoJournal()
+
+    def _journal(self, store: Store) -> Journal:
+        request, revision = self._request, self._declaration.revision
+        if request.mode is Mode.RESUME and request.run is not None:
+            resumed = RunResumed(revision=revision, tool=__version__, command=request.command)
+            return store.resume(self._site, request.run, resumed)
+        return store.start(
+            RunStarted(
+                site=self._site,
+                revision=revision,
+                tool=__version__,
+                hosts=tuple(self._hosts),
+                rehearsed=request.rehearsed,
+                command=request.command,
+                back_to=request.back_to,
+                restore=request.restore,
+            )
+        )
