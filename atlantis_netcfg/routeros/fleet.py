@@ -1,4 +1,7 @@
-"""All devices of a run at once: results as they come, and no device that waits for another."""
+"""All devices of a run at once: results as they come, and no device that waits for another.
+
+The two ends of a radio bridge are one member, a `Pair`, and give two results, near end first.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
+from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -35,25 +39,23 @@ class Waiting:
     """
 
     name: str
-    make: Callable[[], DeviceJob]
+    make: Callable[[], DeviceJob | Pair]
+    other: str | None = None
+    """A pair: its far end; `name` is the near one."""
 
 
 async def run(
-    jobs: Iterable[DeviceJob], *, mode: str = Mode.APPLY, at_once: int = AT_ONCE, done: Told | None = None
+    jobs: Iterable[DeviceJob | Pair], *, mode: str = Mode.APPLY, at_once: int = AT_ONCE, done: Told | None = None
 ) -> list[DeviceResult]:
     """Converge every device and return the results in the order of the jobs; `done` is told each as soon as it exists.
 
     Cancelled once, it stops: devices in work are taken back, those that wait are left alone, all are reported.
     """
     waiting = list(jobs)
-    results: dict[int, DeviceResult] = {}
-
-    def keep(number: int, result: DeviceResult) -> None:
-        results[number] = result
-
-    turns = [(Waiting(job.name, partial(_itself, job)), partial(keep, number)) for number, job in enumerate(waiting)]
+    results: dict[int, list[DeviceResult]] = {number: [] for number in range(len(waiting))}
+    turns = [(_waiting(job), results[number].append) for number, job in enumerate(waiting)]
     await _all(turns, Mode(mode), at_once, done)
-    return [results[number] for number in range(len(waiting))]
+    return [result for number in range(len(waiting)) for result in results[number]]
 
 
 async def stream(jobs: Iterable[Waiting], told: Told, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE) -> None:
@@ -61,7 +63,13 @@ async def stream(jobs: Iterable[Waiting], told: Told, *, mode: str = Mode.APPLY,
     await _all([(job, told) for job in jobs], Mode(mode), at_once, None)
 
 
-def _itself(job: DeviceJob) -> DeviceJob:
+def _waiting(job: DeviceJob | Pair) -> Waiting:
+    if isinstance(job, Pair):
+        return Waiting(job.near.name, partial(_itself, job), job.far.name)
+    return Waiting(job.name, partial(_itself, job))
+
+
+def _itself(job: DeviceJob | Pair) -> DeviceJob | Pair:
     return job
 
 
@@ -71,17 +79,19 @@ async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, 
     await _finish(tasks)
     for (job, told), task in zip(turns, tasks, strict=True):
         if task.cancelled():
-            told(_untouched(job.name))
+            for name in _names(job):
+                told(_untouched(name))
         else:
             task.result()
 
 
 async def _one(job: Waiting, mode: Mode, room: _Room, told: Told, done: Told | None) -> None:
     async with room.place():
-        result = await _converge(job, mode)
-    told(result)
-    if done is not None:
-        done(result)
+        results = await _converge(job, mode)
+    for result in results:
+        told(result)
+        if done is not None:
+            done(result)
 
 
 class _Room:
@@ -105,12 +115,19 @@ class _Room:
                     timer.cancel()
 
 
-async def _converge(waiting: Waiting, mode: Mode) -> DeviceResult:
+def _names(job: Waiting) -> tuple[str, ...]:
+    return (job.name,) if job.other is None else (job.name, job.other)
+
+
+async def _converge(waiting: Waiting, mode: Mode) -> tuple[DeviceResult, ...]:
     try:
         job = waiting.make()
     except NetcfgError as refusal:
-        return DeviceResult(waiting.name, Status.LEFT_AS_FOUND, refusal.exit, str(refusal), refusal.hint)
-    return await converge(job, mode=mode)
+        status = Status.LEFT_AS_FOUND
+        return tuple(DeviceResult(name, status, refusal.exit, str(refusal), refusal.hint) for name in _names(waiting))
+    if isinstance(job, Pair):
+        return await converge_pair(job, mode=mode)
+    return (await converge(job, mode=mode),)
 
 
 async def _finish(tasks: list[asyncio.Task[None]]) -> None:
