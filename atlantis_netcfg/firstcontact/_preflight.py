@@ -95,8 +95,8 @@ def _software(facts: Facts, wish: Wish) -> Iterator[Objection]:
         yield Objection(
             f"RouterOS {facts.version} on this {facts.board} has no package for its radio: since 7.13 `wireless` "
             "is a package of its own",
-            f"`provision upgrade` with the file wireless-{facts.version}-{facts.architecture}.npk, "
-            "then run this command again",
+            f"put wireless-{facts.version}-{facts.architecture}.npk (or wifi-qcom, as its radio needs) on it in Winbox "
+            "(Files), reboot it, then run this command again",
         )
 
 

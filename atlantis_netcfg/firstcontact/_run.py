@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable, LoginFailed, SafeModeHeld
+from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, SafeModeHeld
 from atlantis_netcfg.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.events import Event, Stage, Subscriber
 from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, TooMany
@@ -101,7 +101,7 @@ class FirstContact:
 
     def plan(self) -> Adopted:
         """Look, judge, and tell the steps; nothing is changed or pinned."""
-        with self._console(None) as (console, _):
+        with self._repeatable(), self._console(None) as (console, _):
             facts, standing = self._judge(console)
         if standing is Standing.ADOPTED:
             return Adopted(Status.ALREADY, standing, facts=facts)
@@ -396,6 +396,15 @@ class FirstContact:
                 f"{self.wish.name}: {lost}",
                 hint="run the same command again: first contact goes on where it was cut",
             ) from lost
+        except HostKeyChanged as changed:
+            raise HostKeyChanged(
+                f"{self.wish.name}: the SSH host key is not the one that was pinned at first contact; "
+                f"pinned is {changed.pinned}, it showed {changed.seen}",
+                pinned=changed.pinned,
+                seen=changed.seen,
+                hint="another device, or somebody in between: no password was sent to it\n"
+                "if it is another box than before, or was reset on purpose: the same command with --replaced",
+            ) from changed
         except SafeModeHeld as held:
             raise DeviceFailed(
                 f"{self.wish.name}: somebody else holds safe mode on the device",

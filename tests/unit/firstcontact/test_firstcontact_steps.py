@@ -1,0 +1,141 @@
+"""The steps of first contact, as a function of what is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import pytest
+from found import DEFAULTS, NOW, WISH, adopted, facts
+
+from atlantis_netcfg.firstcontact import Standing, clear, close_door, foreign, prepare, recognise
+from atlantis_netcfg.firstcontact._menus import CLEARED
+from atlantis_netcfg.versions import Version
+
+ALTERNATIVES = "subject-alt-name=IP:10.64.101.1,DNS:coastal-router"
+KEY = "key-size=2048 days-valid=3650 key-usage=digital-signature,key-encipherment,tls-server"
+TEMPORARY = 'comment="atlantis: first contact"'
+
+
+def typed(found: object) -> list[str]:
+    return [line.text for step in found for line in step.lines]  # type: ignore[attr-defined]
+
+
+def test_what_is_added_beside_the_way_in_use() -> None:
+    lines = typed(prepare(facts(), WISH, NOW))
+    assert lines == [
+        '/user add name=provision group=full password="a \\"b\\" \\$c" comment=atlantis',
+        f"/certificate add name=atlantis-api common-name=coastal-router {ALTERNATIVES} {KEY}",
+        "/certificate sign atlantis-api",
+        "/ip service set api-ssl certificate=atlantis-api disabled=no port=8729",
+        "/interface bridge port remove *2",
+        f"/ip firewall filter add chain=input action=accept in-interface=ether8 {TEMPORARY} place-before=*1",
+        '/ip address add address=10.64.101.1/24 interface=ether8 comment="atlantis: management"',
+    ]
+
+
+def test_a_password_is_marked_as_a_secret() -> None:
+    (line,) = (line for step in prepare(facts(), WISH, NOW) for line in step.lines if "password" in line.text)
+    assert line.secrets == (WISH.password,)
+    assert 'a "b" $c' not in repr(line.secrets)
+
+
+def test_what_is_there_is_not_planned_again() -> None:
+    assert prepare(adopted(), WISH, NOW) == ()
+    assert clear(adopted()) == ()
+    assert close_door(adopted(), WISH) == ()
+
+
+@pytest.mark.parametrize(
+    ("version", "date"),
+    [(Version(7, 10), "2026-06-01"), (Version(7, 9, 2), "jun/01/2026"), (Version(6, 49, 18), "jun/01/2026")],
+)
+def test_a_clock_of_1970_is_set_first(version: Version, date: str) -> None:
+    found = facts(version=version, now=datetime(1970, 1, 2, tzinfo=UTC))
+    assert typed(prepare(found, WISH, NOW))[0] == f"/system clock set date={date} time=12:00:00"
+    assert typed(prepare(replace(found, now=None), WISH, NOW))[0].startswith("/system clock")
+
+
+def test_a_half_made_certificate_is_only_signed() -> None:
+    found = adopted(certificates=({".id": "*1", "name": "atlantis-api", "fingerprint": ""},))
+    assert typed(prepare(found, WISH, NOW)) == ["/certificate sign atlantis-api"]
+
+
+def test_our_user_who_is_locked_out_is_let_in() -> None:
+    locked = {".id": "*2", "name": "provision", "group": "read", "disabled": "true"}
+    (line,) = typed(prepare(adopted(users=(*adopted().users[:1], locked)), WISH, NOW))
+    assert line.startswith("/user set provision group=full disabled=no password=")
+
+
+def test_the_default_configuration_goes_in_an_order_that_lets_it() -> None:
+    lines = typed(clear(facts()))
+    assert lines == [
+        "/ip firewall filter remove *2",
+        "/ip firewall filter remove *1",
+        "/ip pool remove *1",
+        "/ip dns set allow-remote-requests=no",
+        "/ip neighbor discovery-settings set discover-interface-list=static",
+        "/ip address remove *1",
+        "/interface bridge port remove *2",
+        "/interface bridge port remove *1",
+        "/interface bridge remove *1",
+    ]
+
+
+def test_what_is_ours_stays_and_what_was_for_first_contact_goes() -> None:
+    export = (
+        '/ip firewall filter\nadd action=accept chain=input comment="atlantis: first contact"\n'
+        'add action=accept chain=input comment="atlantis: managed"\nadd action=drop chain=input comment=defconf\n'
+    )
+    assert typed(clear(facts(export))) == ["/ip firewall filter remove *3", "/ip firewall filter remove *1"]
+
+
+def test_what_the_device_made_itself_is_left() -> None:
+    rows = dict.fromkeys(CLEARED, ())
+    rows["/ip/address"] = ({".id": "*1", "address": "10.0.0.7/24", "dynamic": "true"},)  # type: ignore[assignment]
+    rows["/interface/list"] = (  # type: ignore[assignment]
+        {".id": "*2000000", "name": "all", "builtin": "true"},
+        {".id": "*2000011", "name": "static"},
+    )
+    assert clear(facts("", rows=rows)) == ()
+
+
+def test_everybody_but_our_user_is_disabled() -> None:
+    users = tuple({"name": name, "disabled": "false"} for name in ("admin", "the boss", "provision"))
+    assert typed(close_door(facts(users=users), WISH)) == ["/user disable admin", '/user disable "the boss"']
+
+
+@pytest.mark.parametrize(
+    ("found", "standing"),
+    [
+        (facts(), Standing.FACTORY),
+        (facts(""), Standing.FACTORY),
+        (facts(DEFAULTS + "/system clock\nset time-zone-name=Europe/Lisbon\n"), Standing.FACTORY),
+        (
+            facts(DEFAULTS + "/interface wifi\nset [ find default-name=wifi1 ] configuration.mode=ap\n"),
+            Standing.FACTORY,
+        ),
+        (facts(users=(*facts().users, {"name": "provision", "group": "full"})), Standing.HALF),
+        (facts(DEFAULTS + "/ip service\nset api-ssl certificate=atlantis-api\n"), Standing.FACTORY),
+        (adopted(DEFAULTS), Standing.HALF),
+        (adopted(users=(*adopted().users, {"name": "boss"})), Standing.SOMEONES),
+        (adopted(), Standing.ADOPTED),
+        (
+            adopted("/system identity\nset name=coastal-router\n/ip pool\nadd name=lan ranges=10.1.0.2\n"),
+            Standing.ADOPTED,
+        ),
+        (facts(DEFAULTS + "/system identity\nset name=boat\n"), Standing.SOMEONES),
+        (facts(DEFAULTS + "/ip service\nset telnet disabled=yes\n"), Standing.SOMEONES),
+        (facts(DEFAULTS + "/ip dns\nset servers=10.0.0.1\n"), Standing.SOMEONES),
+        (facts(users=(*facts().users, {"name": "boss"})), Standing.SOMEONES),
+        (facts(certificates=({"name": "webfig"},)), Standing.SOMEONES),
+    ],
+)
+def test_whose_it_is(found: object, standing: Standing) -> None:
+    assert recognise(found, WISH, NOW) is standing  # type: ignore[arg-type]
+
+
+def test_what_is_somebodys_is_named_without_its_values() -> None:
+    export = DEFAULTS + "/ppp secret\nadd name=a password=hunter2\nadd name=b\n/system identity\nset name=boat\n"
+    said = foreign(facts(export, users=({"name": "boss"},), certificates=({"name": "webfig"},)), WISH)
+    assert said == ("/ppp secret (2)", "/system identity (1)", "user boss", "certificate webfig")
