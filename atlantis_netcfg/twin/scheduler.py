@@ -71,8 +71,10 @@ def _when(core: Core, item: Item) -> float | None:
 def _first(core: Core, item: Item) -> float:
     if item.values.get("start-time") == "startup":
         return core.started + _AFTER_BOOT_S
-    text = f"{item.values.get('start-date', '1970-01-01')} {item.values.get('start-time', '00:00:00')}"
-    moment = datetime.strptime(text, "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC)
+    date = item.values.get("start-date", "1970-01-01")
+    form = "%b/%d/%Y" if "/" in date else "%Y-%m-%d"
+    text = f"{date} {item.values.get('start-time', '00:00:00')}"
+    moment = datetime.strptime(text, f"{form} %H:%M:%S").replace(tzinfo=UTC)
     return core.started + (moment - core.boot_clock).total_seconds()
 
 

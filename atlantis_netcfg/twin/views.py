@@ -123,7 +123,16 @@ def made_rows(core: Core, path: str) -> list[dict[str, str]]:
     """Return the rows that the router made by itself; they refuse every command but print."""
     if path == "/ip/service" and core.schema.at_least("7.19"):
         return [_connection(core, caller) for caller in core.sessions.values()]
-    return dynamic_rows(core.topology, path)
+    lacking = _lacking(core, path)
+    return [
+        {name: value for name, value in row.items() if name not in lacking} for row in dynamic_rows(core.topology, path)
+    ]
+
+
+def _lacking(core: Core, path: str) -> set[str]:
+    """Return what this version's rows do not have of what the table knows: RouterOS 6 has no `routing-table`."""
+    table = core.store.table(path)
+    return set(table.menu.by_name) - set(table.args)
 
 
 def _connection(core: Core, caller: Caller) -> dict[str, str]:

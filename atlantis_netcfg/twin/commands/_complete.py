@@ -93,7 +93,7 @@ def _schedule(core: Core, values: dict[str, str], _changed: frozenset[str] | Non
     """A job without a start starts now."""
     values.setdefault("start-time", core.time().strftime("%H:%M:%S"))
     if values["start-time"] != "startup":
-        values.setdefault("start-date", core.time().strftime("%Y-%m-%d"))
+        values.setdefault("start-date", core.stamp().split()[0])
 
 
 _MORE: dict[str, Callable[[Core, dict[str, str], frozenset[str] | None], None]] = {

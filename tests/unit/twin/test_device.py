@@ -193,3 +193,35 @@ def test_facts_for_a_preflight() -> None:
     ) == (
         "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api,!ftp,!write,!policy"
     )
+
+
+@pytest.mark.parametrize(
+    ("version", "date"), [("6.49.18", "jan/01/2026"), ("7.9", "jan/01/2026"), ("7.10", "2026-01-01")]
+)
+def test_old_versions_write_dates_in_their_way_and_run_what_is_due(version: str, date: str) -> None:
+    now = [0.0]
+    device = Device(RouterSpec(name="router", version=version), lambda: now[0])
+    caller = device.login("provision", "", via="api", address=device.spec.management.technician)
+    at_noon = ["=start-time=12:00:00", f"=start-date={date}", "=interval=0"]
+    for name, start in (("soon", ["=interval=10m"]), ("noon", at_noon)):
+        added = device.run(
+            caller, ["/system/scheduler/add", f"=name={name}", f"=on-event=/system identity set name={name}", *start]
+        )
+        assert added[-1].kind == "!done"
+        assert not [answer for answer in added if answer.kind == "!trap"]
+    assert f"=start-date={date}" in device.run(caller, ["/system/scheduler/print"])[0].words
+    now[0] = 601.0
+    device.tick()
+    assert device.run(caller, ["/system/identity/print"])[0].words == ("=name=soon",)
+    now[0] = 4 * 3600 + 1.0
+    device.tick()
+    (noon,) = [row.words for row in device.run(caller, ["/system/scheduler/print"]) if "=name=noon" in row.words]
+    assert "=run-count=1" in noon
+
+
+def test_routeros_6_has_no_routing_tables() -> None:
+    device = Device(RouterSpec(name="router", version="6.49.18"), lambda: 0.0)
+    caller = device.login("provision", "", via="api", address=device.spec.management.technician)
+    rows = device.run(caller, ["/ip/route/print"])
+    assert not [word for row in rows for word in row.words if word.startswith("=routing-table=")]
+    assert len(rows) > 1
