@@ -54,8 +54,10 @@ PREFLIGHT_UP: Final = 300
 PREFLIGHT_DOWN: Final = 1_500
 """What the device says of itself; `/system/device-mode` is the longest."""
 EXPORT_HEAD: Final = 200
-TYPICAL_MENUS: Final = tuple(path for path in MENUS if path != "/routing/settings")
-"""What a site's router needs; that one is left out because its arguments come with RouterOS 7.21."""
+TYPICAL_MENUS: Final = tuple(
+    path for path in MENUS if path != "/routing/settings" and not path.startswith(("/interface/wi", "/interface/w60g"))
+)
+"""What a site's router needs: no radio, and not the settings whose arguments come with RouterOS 7.21."""
 TYPICAL_ROWS: Final = 15_000
 """Bytes of all rows of a configured router, where nothing was observed."""
 TYPICAL_EXPORT: Final = 12_000
@@ -136,12 +138,12 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
 
 
 def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
-    """Save and take safe mode, write, read anew, release."""
+    """Save, take safe mode, write, read anew, release."""
     tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
     stages = _stages(plan)
     if stages.before:
         _script(tally, stages.before)
-        tally.spend(up=60, down=60)  # safe mode could not be taken together with the saving
+    tally.spend(up=60, down=60)  # safe mode is taken
     for number, piece in enumerate(stages.pieces):
         if number:
             tally.log_in()

@@ -15,7 +15,7 @@ from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import Protected
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.apply._claim import CLAIMS, claim, claimed_by, other_in
+from atlantis_netcfg.routeros.apply._claim import CLAIMS, claim, claimed, claimed_by, is_claiming, other_in
 from atlantis_netcfg.routeros.apply._deadman import WillNotRun, arm
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["begin", "take"]
 
 _COUNT = Command("/system/history/print", (("count-only", ""),))
+_ACTIONS = Command("/system/history/print", ((".proplist", "action"),))
 _READS_FILES = Version(7, 13)
 _FULL = 100
 """Entries that the history keeps: beyond them their number tells nothing."""
@@ -43,12 +44,15 @@ async def begin(work: Work) -> Writer:
     """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
     stages, protection = work.stages, work.protection
     alone = protection is Protection.SAFE_MODE and not stages.prepare
-    if not work.restores and not (alone and len(stages.protected) == 1 and not stages.finish):
-        work.sign = await claim(work.channel, work.ours, _sign_s(work))
     if alone:
         await take(work)
+    signed = not work.restores and not (alone and len(stages.protected) == 1 and not stages.finish)
+    sign = [claim(work.ours, _sign_s(work))] if signed else []
     look = () if alone else work.shield.beside
-    export, probe, count, signs, *seen = await work.channel.flight([*SAVING, _COUNT, CLAIMS, *look])
+    answers = await work.channel.flight([*sign, *SAVING, _ACTIONS if signed else _COUNT, CLAIMS, *look])
+    export, probe, history, signs, *seen = answers[len(sign) :]
+    if sign:
+        work.sign = await claimed(work.channel, sign[0], answers[0], signs.rows, work.ours)
     found = saved(export, probe)
     text = found.text if found.text is not None else await fetch(work.channel, partial(_as_read, work))
     work.job.journal.save(work.job.name, text)
@@ -57,7 +61,7 @@ async def begin(work: Work) -> Writer:
         await _arm(work)
         if protection is Protection.CONSOLE:
             await take(work)
-        if not (alone and _is_untouched(work, count)):
+        if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
             await _look_again(work)
     return found.writer
 
@@ -115,10 +119,15 @@ async def _arm(work: Work) -> None:
         work.record(Protected(device=work.job.name, how=work.choice.value))
 
 
-def _is_untouched(work: Work, count: Reply) -> bool:
+def _is_untouched(work: Work, history: Reply) -> bool:
     """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
     known = work.seen.facts.history
-    return work.sign is None and count.ret == str(known) and known < _FULL
+    if known >= _FULL - 1:
+        return False
+    if history.ret is not None:
+        return history.ret == str(known)
+    newer = [row.get("action", "") for row in history.rows]
+    return len(newer) == known or (len(newer) == known + 1 and any(map(is_claiming, (newer[0], newer[-1]))))
 
 
 async def _look_again(work: Work) -> None:

@@ -62,11 +62,12 @@ async def change(work: Work) -> None:
         hold = await _write(work, writer, piece)
     await verify(work, stages.finish)
     if work.holding:
-        await _release(work, await _holder(work))
+        await _release(work, await _holder(work), last=not stages.finish and work.dead_man is None)
     await _confirm(work)
     if stages.finish:
         await _finish(work, writer)
-    await work.lay_down(work.channel)
+    if farewell := work.farewell():
+        await work.channel.flight(farewell)
     work.confirmed = len(work.aim.actions)
     work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
 
@@ -188,14 +189,16 @@ async def _holder(work: Work) -> Hold:
     return await work.shield.look(work.channel)
 
 
-async def _release(work: Work, hold: Hold) -> None:
+async def _release(work: Work, hold: Hold, *, last: bool = False) -> None:
     """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
     if not hold.ours:
         raise _lost(work, hold)
     witness = _witness(work)
     work.record(Releasing(device=work.job.name))
     work.permanent = True
-    answers = await work.shield.release(work.channel, [printing(menu) for menu in witness])
+    farewell = work.farewell() if last else ()
+    answers = await work.shield.release(work.channel, [*map(printing, witness), *farewell])
+    answers = answers[: len(witness)]
     work.holding = False
     if work.after is not None and differing(work.after, merged(work.after, witness, answers)):
         raise ProtectionLost("somebody took the change back before it was released")
@@ -210,7 +213,9 @@ async def _confirm(work: Work) -> None:
         work.record(Releasing(device=work.job.name))
     witness = _witness(work)
     job, work.dead_man = work.dead_man, None
-    in_time, answers = await disarm(work.channel, job, [printing(menu) for menu in witness])
+    farewell = () if work.stages.finish else work.farewell()
+    in_time, answers = await disarm(work.channel, job, [*map(printing, witness), *farewell])
+    answers = answers[: len(witness)]
     if not in_time or (work.after is not None and differing(work.after, merged(work.after, witness, answers))):
         raise ProtectionLost("the dead-man job has run before it could be taken away")
     if work.protection is Protection.DEAD_MAN:
@@ -235,8 +240,11 @@ async def _finish(work: Work, writer: Writer) -> None:
     seen = work.after or work.seen
     menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
     answers: tuple[Reply, ...] = ()
-    for turn in writer.turns(work.stages.finish):
-        answers = await _send(work, writer, turn, tuple(map(printing, menus)))
+    turns = list(writer.turns(work.stages.finish))
+    for number, turn in enumerate(turns, start=1):
+        farewell = work.farewell() if number == len(turns) else ()
+        answers = await _send(work, writer, turn, (*map(printing, menus), *farewell))
+    answers = answers[: len(menus)]
     work.after = merged(seen, menus, answers)
     try:
         _compare(work, work.after, ())

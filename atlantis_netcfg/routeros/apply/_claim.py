@@ -13,12 +13,24 @@ from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from atlantis_netcfg.routeros._types import Observed, Row
+    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["CLAIMS", "Claimed", "claim", "claimant", "claimed_by", "other", "other_in", "withdraw"]
+__all__ = [
+    "CLAIMS",
+    "Claimed",
+    "claim",
+    "claimant",
+    "claimed",
+    "claimed_by",
+    "is_claiming",
+    "other",
+    "other_in",
+    "withdrawing",
+]
 
 _LIST = "atlantis-run"
 _MENU = "/ip/firewall/address-list"
@@ -57,25 +69,33 @@ def claimed_by(who: str) -> Claimed:
     )
 
 
-async def claim(session: Channel, ours: str, seconds: float) -> str:
-    """Put the sign up, or take over the one of the same run; return its `.id`. Raises Claimed, DeviceFailed."""
-    adding = Command(f"{_MENU}/add", tuple(_values(ours, seconds).items()))
-    reply = await session.command(adding)
+def claim(ours: str, seconds: float) -> Command:
+    """Return the command that puts the sign up."""
+    values = {"list": _LIST, "address": _ADDRESS, "timeout": f"{seconds:.0f}s", "comment": ours}
+    return Command(f"{_MENU}/add", tuple(values.items()))
+
+
+async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], ours: str) -> str:
+    """Read the answers to `claim` and to CLAIMS, and return the sign's `.id`.
+
+    A sign of the same run, which was killed, is replaced. Raises Claimed, Refused, SessionLost.
+    """
     if reply.trap is not None:
-        rows = (await session.command(CLAIMS)).checked().rows
-        who = other_in(rows, ours)
-        if who is not None:
-            raise claimed_by(who)
-        for row in rows:
-            await session.command(Command(f"{_MENU}/remove", ((".id", row[".id"]),)))
+        rows = rows or (await session.command(CLAIMS)).checked().rows
+    who = other_in(rows, ours)
+    if who is not None:
+        raise claimed_by(who)
+    if reply.trap is not None:
+        await session.flight([withdrawing(row[".id"]) for row in rows])
         reply = await session.command(adding)
     return reply.checked().ret or ""
 
 
-def _values(ours: str, seconds: float) -> Mapping[str, str]:
-    return {"list": _LIST, "address": _ADDRESS, "timeout": f"{seconds:.0f}s", "comment": ours}
+def withdrawing(sign: str) -> Command:
+    """Return the command that takes the sign down; that it has gone by itself is as good."""
+    return Command(f"{_MENU}/remove", ((".id", sign),))
 
 
-async def withdraw(session: Channel, sign: str) -> None:
-    """Take the sign down; that it has gone by itself is as good. Raises SessionLost."""
-    await session.command(Command(f"{_MENU}/remove", ((".id", sign),)))
+def is_claiming(action: str) -> bool:
+    """Whether the history calls an action so that may be the sign's: `address list entry added` (seen on 7.x)."""
+    return "address" in action and "list" in action and "added" in action

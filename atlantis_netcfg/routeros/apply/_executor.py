@@ -62,7 +62,8 @@ async def _lay_down(work: Work, result: DeviceResult) -> None:
     """Take the sign of a run down that has failed; where that cannot be done it goes by itself."""
     if work.session is not None and result.status is not Status.UNKNOWN:
         with suppress(NetcfgError):
-            await work.lay_down(work.session)
+            if farewell := work.farewell():
+                await work.session.flight(farewell)
 
 
 async def _honestly(work: Work, mode: Mode) -> DeviceResult:

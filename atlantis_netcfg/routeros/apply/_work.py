@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed, Outcome
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros.apply._claim import claimant, withdraw
+from atlantis_netcfg.routeros.apply._claim import claimant, withdrawing
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Protection
 from atlantis_netcfg.routeros.apply._shield import NoShield
@@ -22,6 +22,7 @@ from atlantis_netcfg.secret import MASK
 if TYPE_CHECKING:
     from atlantis_netcfg.journal import Record
     from atlantis_netcfg.routeros._types import Observed, Plan
+    from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.apply._contact import Contact
     from atlantis_netcfg.routeros.apply._deadman import DeadMan
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
@@ -172,11 +173,10 @@ class Work:
         if read is not None and self.plan is not None:
             self.job.journal.confirm(self.job.name, partial(snapshot.write, self.job.name, self.job.desired, read))
 
-    async def lay_down(self, session: Channel) -> None:
-        """Take the sign down. Raises SessionLost."""
-        if self.sign is not None:
-            await withdraw(session, self.sign)
-            self.sign = None
+    def farewell(self) -> tuple[Command, ...]:
+        """What takes the sign down, beside the last thing that is sent."""
+        sign, self.sign = self.sign, None
+        return () if sign is None else (withdrawing(sign),)
 
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import selectors
+import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, converge, desired
 from atlantis_netcfg.routeros.api import Session
+from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import Router, RouterSpec, User
 
@@ -72,8 +74,12 @@ class _Selector(selectors.DefaultSelector):
     """Never waits: when no socket has anything, the clock jumps to the next timer."""
 
     now = 1000.0
+    threads = 0
+    """How many are at work."""
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        if self.threads:
+            return self._in_real_time(timeout)
         ready = super().select(0) or super().select(0.0005)
         if ready or timeout == 0:
             return ready
@@ -81,6 +87,13 @@ class _Selector(selectors.DefaultSelector):
             raise RuntimeError("nothing can ever happen any more")
         self.now += timeout
         return []
+
+    def _in_real_time(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Somebody works in a thread, and does not see our clock."""
+        begun = time.monotonic()
+        ready = super().select(0.01 if timeout is None else min(timeout, 0.01))
+        self.now += time.monotonic() - begun
+        return ready
 
 
 class _Loop(asyncio.SelectorEventLoop):
@@ -90,6 +103,15 @@ class _Loop(asyncio.SelectorEventLoop):
 
     def time(self) -> float:
         return self._jumping.now
+
+    def run_in_executor(self, *given: Any, **named: Any) -> asyncio.Future[Any]:  # type: ignore[override] # noqa: ANN401
+        self._jumping.threads += 1
+        work = super().run_in_executor(*given, **named)
+        work.add_done_callback(self._done)
+        return work
+
+    def _done(self, _: object) -> None:
+        self._jumping.threads -= 1
 
 
 def run(main: Coroutine[Any, Any, T]) -> T:
@@ -157,6 +179,12 @@ class Bench:
             "events": self.events.append,
         }
         return DeviceJob(**{**standard, **changes})
+
+    @property
+    def ssh(self) -> SshEndpoint:
+        """The twin's console."""
+        port = self.router.ports.get("ssh", 0)
+        return SshEndpoint(self.router.host, port, "provision", Secret(PASSWORD), self.router.host_key)
 
     def journal(self) -> Journal:
         return self.store.start(
