@@ -57,7 +57,7 @@ class _Way:
         if kept:
             return await self._forward()
         result = await self._far()
-        if far.released and not far.fused and result.status is Status.UNKNOWN:
+        if far.released and result.status is Status.UNKNOWN:
             return await self._after_all()
         return self._near_result(), result
 
@@ -66,6 +66,8 @@ class _Way:
     async def _near(self) -> bool | None:
         """Take the near end back. True: it has become permanent before; None: it cannot be known."""
         near = self.work.near
+        if self.work.far.kept and await self._follow(near):
+            return True
         await self._let_go(near)
         if not near.touched:
             return False if near.actions or not self.work.far.released else None
@@ -76,6 +78,16 @@ class _Way:
         if left and near.released and await self._is_declared(near, session):
             return True
         return False if not left else await self._put_back(near)
+
+    async def _follow(self, near: End) -> bool:
+        """The far end is kept: release the near one, too, from a new session, if that is still possible."""
+        try:
+            session = await near.contact.reach(self.work.pair.reserve_s, "keeping it")
+            if near.owner:
+                await self.work.release(near, session)
+            return await self._is_declared(near, session)
+        except NetcfgError:
+            return False
 
     def _near_result(self) -> DeviceResult:
         near = self.work.near
@@ -117,7 +129,7 @@ class _Way:
         return self._unknown(near), self._unknown(far)
 
     async def _after_all(self) -> tuple[DeviceResult, DeviceResult]:
-        """The far end was kept and nothing brings it back, so the near end has to follow it."""
+        """The far end was kept and nothing has brought it back, so the near end has to follow it."""
         near, far = self.work.near, self.work.far
         result = await converge(replace(near.job, agreed=None, journal=NoJournal()), mode=Mode.RESUME)
         if result.status is not Status.CHANGED:

@@ -65,6 +65,8 @@ class End:
     touched: bool = False
     released: bool = False
     """What it has become is permanent, or may be."""
+    kept: bool = False
+    """It is: the device has said so."""
     protection: str = "none"
     notes: list[str] = field(default_factory=list)
 

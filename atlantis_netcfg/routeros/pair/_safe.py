@@ -22,6 +22,8 @@ __all__ = ["HOLD", "Held", "HoldLost", "release", "take", "unroll", "until_free"
 HOLD = Command("/safe-mode/print")
 _TAKE, _RELEASE, _UNROLL = (Command(f"/safe-mode/{word}") for word in ("take", "release", "unroll"))
 _TRUE = ("true", "yes")
+_SOON_S = 20.0
+"""For answers at the end: the link was there a moment ago, and the far end's job will soon look."""
 
 
 class HoldLost(DeviceFailed):
@@ -58,11 +60,11 @@ async def take(session: Channel, name: str) -> str:
 
 async def release(session: Channel, owner: str, name: str) -> None:
     """Release what `owner` holds, from whatever session, and see that it is released. Raises HoldLost, SessionLost."""
-    held = Held.of(await session.command(HOLD))
+    held = Held.of(await session.command(HOLD, silence_s=_SOON_S))
     if not held.taken or held.who != owner:
         raise HoldLost(f"{name}: safe mode was {'taken by ' + held.who if held.taken else 'given up'} before the end")
-    reply = await session.command(_RELEASE)
-    if reply.trap is not None or Held.of(await session.command(HOLD)).taken:
+    reply = await session.command(_RELEASE, silence_s=_SOON_S)
+    if reply.trap is not None or Held.of(await session.command(HOLD, silence_s=_SOON_S)).taken:
         words = reply.trap.message if reply.trap is not None else "it is still taken"
         raise HoldLost(f"{name}: safe mode could not be released: {words}")
 

@@ -2,7 +2,9 @@
 
 Order of keeping, such that a crash between any two steps leaves both ends old or both new: the far end is released, its
 job of the scheduler still armed (it would look whether the link is there); the near end is released; the job is taken
-away. Without the job (device-mode) there is one gap: between the two releases a crash leaves the far end new alone.
+away. Gaps: without the job (device-mode) a crash between the two releases leaves the far end new alone; with it, only a
+laptop that loses its power just there, for the near end then notices after nine minutes, and the job has looked before.
+`resume` brings the near end after it.
 """
 
 from __future__ import annotations
@@ -234,6 +236,7 @@ class Transaction:
         end.record(Releasing(device=end.name))
         end.released = True
         await _safe.release(session, end.owner, end.name)
+        end.kept = True
         end.owner = ""
         end.record(Released(device=end.name))
 
