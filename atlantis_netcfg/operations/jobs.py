@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal import Journal, Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.restoring import confirmed_state, restored
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros.api import Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob
+from atlantis_netcfg.routeros.apply import DeviceJob, SshEndpoint
 from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.site.model import Router
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["device_job"]
+
+_SSH = 22
 
 
 def device_job(
@@ -45,6 +47,9 @@ def device_job(
         journal=journal,
         pin=partial(_first_contact, pins, notify),
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
+        ssh=_console(host, device, request, pins),
+        run=journal.run if isinstance(journal, Journal) else "",
+        unprotected=request.unprotected,
     )
 
 
@@ -65,6 +70,15 @@ def _desired(declaration: Declaration, host: Host, request: Request, store: Stor
     if saved is None:
         raise NothingMatched(f"run {request.back_to} has saved no state of {host.name}")
     return from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
+
+
+def _console(host: Host, device: Router, request: Request, pins: Pins) -> SshEndpoint:
+    """Where its SSH is: the template leaves it on, for those who may manage the router."""
+    access = device.access
+    if not request.rehearsed:
+        return SshEndpoint(str(access.address), _SSH, access.user, access.password, pins.host_key(host.name))
+    target = request.targets[host.name]
+    return SshEndpoint(target.host, target.ssh or _SSH, access.user, access.password, target.host_key)
 
 
 def _endpoint(host: Host, device: Router, request: Request, pin: str | None) -> Endpoint:

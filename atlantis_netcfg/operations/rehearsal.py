@@ -67,7 +67,13 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
         spawn(site_spec(declaration, routers, via), Path(folder)) as twins,
     ):
         targets = {
-            name: Target(host=ready["host"], port=ready["api_ssl"], pin=ready["pin"])
+            name: Target(
+                host=ready["host"],
+                port=ready["api_ssl"],
+                pin=ready["pin"],
+                ssh=ready.get("ssh"),
+                host_key=ready.get("host_key"),
+            )
             for name, ready in twins.ready.items()
         }
         yield Rehearsal(targets, NOT_REHEARSED, twins)

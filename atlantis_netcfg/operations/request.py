@@ -36,6 +36,10 @@ class Target(_Data):
     port: int
     pin: str
     """SHA-256 of its certificate, hex."""
+    ssh: int | None = None
+    """Port of its console."""
+    host_key: str | None = None
+    """Its SSH host key, as OpenSSH prints it."""
 
 
 class Request(_Data):
@@ -57,6 +61,8 @@ class Request(_Data):
     """Not what is declared is wanted, but what the devices were before this run."""
     restore: str | None = None
     """Not what is declared is wanted, but what this run has read back; the device may be a replacement."""
+    unprotected: bool = False
+    """A person has said that devices may be changed although nothing would take the change back."""
     events_fd: int | None = None
     """File descriptor for events, one JSON object a line."""
     command: str = "ansible-playbook"
