@@ -7,12 +7,14 @@ reads before it types, a run that was cut anywhere is simply repeated. Trust beg
 pinned before a password is sent, the certificate by the fingerprint that the console prints, never by what TLS shows.
 """
 
-from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, TooMany
+from atlantis_netcfg.firstcontact._adopted import Adopted, Status
+from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, Unfinished
 from atlantis_netcfg.firstcontact._preflight import Objection, features_of, objections
 from atlantis_netcfg.firstcontact._read import look
 from atlantis_netcfg.firstcontact._recognise import foreign, recognise
-from atlantis_netcfg.firstcontact._run import Adopted, Doorway, FirstContact, Status, Way
+from atlantis_netcfg.firstcontact._run import FirstContact
 from atlantis_netcfg.firstcontact._steps import Line, Step, clear, close_door, prepare
+from atlantis_netcfg.firstcontact._ways import Doorway, Way
 from atlantis_netcfg.firstcontact._wish import (
     CERTIFICATE,
     FACTORY_ADDRESS,
@@ -39,7 +41,7 @@ __all__ = [
     "Status",
     "Step",
     "StillToMove",
-    "TooMany",
+    "Unfinished",
     "Way",
     "Wish",
     "clear",

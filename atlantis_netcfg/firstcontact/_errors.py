@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.firstcontact._preflight import Objection
 
-__all__ = ["CutOff", "NotFactoryFresh", "PreflightRefused", "StillToMove", "TooMany"]
+__all__ = ["CutOff", "NotFactoryFresh", "PreflightRefused", "StillToMove", "Unfinished"]
 
 
 class PreflightRefused(DeviceFailed):
@@ -30,7 +30,7 @@ class StillToMove(DeviceFailed):
     """All is ready beside the old way in; nobody has come over the new one yet."""
 
 
-class TooMany(DeviceFailed):
+class Unfinished(DeviceFailed):
     """The device did not reach the adopted state although every command was accepted."""
 
 
