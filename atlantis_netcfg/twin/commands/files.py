@@ -110,14 +110,20 @@ def _number(call: Call, name: str, default: int) -> int:
 
 
 def export(core: Core, call: Call) -> Result:
-    """Print the configuration to a file or, on the console, as text; over the API without `file` nothing comes back."""
+    """Print the configuration to a file or, on the console, as text; over the API without `file` nothing comes back.
+
+    Version 6 shows secrets unless told otherwise, version 7 hides them (Manual, Configuration Management).
+    """
     _arguments(core, call)
     if "where" in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} where")
+    wanted = "show-sensitive" in call.arguments or not (
+        core.schema.at_least("7.0") or "hide-sensitive" in call.arguments
+    )
     form = Form(
         verbose="verbose" in call.arguments,
         terse="terse" in call.arguments,
-        show_sensitive="show-sensitive" in call.arguments and "sensitive" in core.policies(call.caller),
+        show_sensitive=wanted and "sensitive" in core.policies(call.caller),
     )
     text = export_text(core, call.menu, form)
     if "file" in call.arguments:

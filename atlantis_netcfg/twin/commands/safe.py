@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.commands._call import Result, unknown
+from atlantis_netcfg.twin.console.typed import rob
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call
@@ -39,6 +40,7 @@ def release(core: Core, call: Call) -> Result:
     """Keep everything; any session may do that."""
     _arguments(core, call)
     if core.history.holder is not None:
+        rob(core, call.caller)
         core.history.release()
         core.note("system,info", f"safe mode released by {call.caller.user}")
     return Result()
@@ -48,6 +50,7 @@ def unroll(core: Core, call: Call) -> Result:
     """Undo everything and leave safe mode; the session goes on."""
     _arguments(core, call)
     if core.history.holder is not None:
+        rob(core, call.caller)
         core.history.unroll(core.store)
         core.note("system,info", f"safe mode unrolled by {call.caller.user}")
     return Result(text="Unrolling Safe Mode... Success!")

@@ -15,13 +15,15 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.answers import Caller
     from atlantis_netcfg.twin.core import Core
 
-__all__ = ["HIJACK", "REBOOT", "Printed", "holds", "prompt", "safe_key", "typed"]
+__all__ = ["HIJACK", "REBOOT", "Printed", "holds", "prompt", "rob", "safe_key", "typed"]
 
 REBOOT = "Reboot, yes? [y/N]:"
+_REBOOTING = "system will reboot shortly"
 _REBOOT = re.compile(r"/?system[ /]+reboot")
 HIJACK = "Hijacking Safe Mode from someone - unroll/release/don't take it [u/r/d]:"
 _ROBBED = "[Safe mode released by another user]"
 _TAKEN, _RELEASED = "[Safe Mode taken]", "[Safe Mode released]"
+_CONSOLES = ("ssh", "console")
 _QUITS = ("quit", "/quit")
 
 
@@ -52,6 +54,9 @@ def typed(core: Core, caller: Caller, line: str, *, width: int | None = None, co
     if stripped == "..":
         core.menus[caller.number] = menu.rpartition("/")[0] or "/"
         return Printed()
+    if _REBOOT.fullmatch(stripped):
+        failed = run_line(core, caller, line, menu)[0].error
+        return Printed(failed or _REBOOTING, failed=failed is not None)
     outcome, core.menus[caller.number] = run_line(core, caller, line, menu, width=width)
     return Printed(outcome.output, failed=outcome.error is not None, paged=outcome.paged)
 
@@ -72,6 +77,13 @@ def holds(core: Core, caller: Caller) -> bool:
     return core.history.holder is not None and core.history.holder.number == caller.number
 
 
+def rob(core: Core, caller: Caller) -> None:
+    """Let a console whose safe mode somebody else ends know it."""
+    holder = core.history.holder
+    if holder is not None and holder.number != caller.number and holder.via in _CONSOLES:
+        core.notices.append((holder.number, _ROBBED))
+
+
 def safe_key(core: Core, caller: Caller, choice: str) -> Printed:
     """Take safe mode, release it, or ask what to do about somebody else's."""
     history = core.history
@@ -82,7 +94,7 @@ def safe_key(core: Core, caller: Caller, choice: str) -> Printed:
     if history.holder is not None and choice not in ("u", "r"):
         return Printed() if choice else Printed(asks=HIJACK)
     if history.holder is not None:
-        core.notices.append((history.holder.number, _ROBBED))
+        rob(core, caller)
         if choice == "u":
             history.unroll(core.store)
         else:

@@ -61,7 +61,7 @@ class Shell:
 
     async def _obey(self, caller: Caller, command: str) -> None:
         printed = await WireTalk(self._connection, caller).type(command, None)
-        lines = printed.text.removesuffix("\n").split("\n") if printed.text else []
+        lines = printed.text.split("\n") if printed.text else []
         self._say("".join(f"{line}\r\n" for line in lines).encode(errors="surrogateescape"))
         if not self._channel.is_closing():
             self._channel.exit(1 if printed.failed else 0)

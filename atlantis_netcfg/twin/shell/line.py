@@ -42,8 +42,13 @@ class Line:
             padding = " " * max(0, self._shown - len(visible))
             padding += "\b" * len(padding)
         self._shown = len(visible)
-        back = "" if self.screen.dumb or self.at == len(self.text) else "\b" * (len(self.text) - self.at)
+        back = "\b" * (len(self.text) - self.at)
         return visible + (padding if self.screen.dumb else _ERASE) + back
+
+    def afresh(self) -> str:
+        """Draw it on a line that is empty."""
+        self._shown = 0
+        return self.paint()
 
     def repaint(self) -> str:
         """Draw it again over what is there."""
@@ -86,8 +91,10 @@ class Line:
 
     def move(self, to: int) -> str:
         """Put the cursor somewhere else in the text."""
-        self.at = min(max(to, 0), len(self.text))
-        return "" if self.secret else self.repaint()
+        before, self.at = self.at, min(max(to, 0), len(self.text))
+        if self.secret:
+            return ""
+        return "\b" * (before - self.at) or self.text[before : self.at]
 
     def _visible(self) -> str:
         whole = self.prompt + ("*" * len(self.text) if self.secret else self.text)

@@ -92,7 +92,7 @@ class Session:
             self.say(f"\r\n{notice}\r\n")
             if self._mode == self._at_prompt:
                 self._line.prompt = self.talk.device.prompt(self.talk.caller)
-                self.say(self._line.paint())
+                self.say(self._line.afresh())
 
     def say(self, text: str) -> None:
         """Send to the terminal."""
@@ -181,8 +181,9 @@ class Session:
     async def _enter(self) -> None:
         """Run the line; a terminal that can is shown it once more before its output."""
         line = self._line.text
-        again = "" if self.screen.dumb or not line.strip() else self._line.move(len(line))
-        self.say(again + "\r\n")
+        ahead = self._line.move(len(line))
+        again = ahead if self.screen.dumb or not line.strip() else self._line.repaint()
+        self.say(f"{again}\r\n")
         if not line.strip():
             await self._prompted()
             return

@@ -34,12 +34,15 @@ class Sftp(asyncssh.SFTPServer):
 
     def __init__(self, chan: asyncssh.SSHServerChannel[bytes], connection: SshConnection) -> None:
         super().__init__(chan)
+        self._channel = chan
         self._connection = connection
         self._device: Device = connection.device
         self._caller = self._connection.caller()
 
     def exit(self) -> None:
-        """The channel is closed."""
+        """The channel is done with."""
+        if not self._channel.is_closing():
+            self._channel.exit(0)
         self._connection.left(self._caller)
 
     async def open(self, path: bytes, pflags: int, attrs: asyncssh.SFTPAttrs) -> _Handle:
@@ -83,7 +86,7 @@ class Sftp(asyncssh.SFTPServer):
         """Size and time; the root is the only folder."""
         name = _name(path)
         if name in ("", "."):
-            return asyncssh.SFTPAttrs(permissions=stat.S_IFDIR | 0o755, size=0)
+            return asyncssh.SFTPAttrs(type=asyncssh.FILEXFER_TYPE_DIRECTORY, permissions=stat.S_IFDIR | 0o755, size=0)
         files = self._files()
         if name not in files:
             raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
@@ -99,7 +102,12 @@ class Sftp(asyncssh.SFTPServer):
         """Times and modes are not kept."""
 
     def fsetstat(self, file_obj: object, attrs: asyncssh.SFTPAttrs) -> None:
-        """Times and modes are not kept."""
+        """Cut a file at a size; times and modes are not kept."""
+        if attrs.size is not None:
+            del _handle(file_obj).data[attrs.size :]
+
+    def fsync(self, file_obj: object) -> None:
+        """Flash is always in sync."""
 
     async def scandir(self, path: bytes) -> AsyncIterator[asyncssh.SFTPName]:
         """All files."""
@@ -157,4 +165,5 @@ def _handle(file_obj: object) -> _Handle:
 
 def _attributes(data: bytes) -> asyncssh.SFTPAttrs:
     now = int(time.time())
-    return asyncssh.SFTPAttrs(size=len(data), permissions=stat.S_IFREG | 0o644, atime=now, mtime=now)
+    kind, mode = asyncssh.FILEXFER_TYPE_REGULAR, stat.S_IFREG | 0o644
+    return asyncssh.SFTPAttrs(type=kind, size=len(data), permissions=mode, atime=now, mtime=now)

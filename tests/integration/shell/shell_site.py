@@ -1,0 +1,85 @@
+"""A router twin in a thread of its own, for clients that block."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import paramiko
+
+from atlantis_netcfg.twin import Knobs, Link, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+NAME, PASSWORD = "router", "open sesame"
+
+
+class Twin:
+    """The running twin, and how to talk to it from another thread."""
+
+    def __init__(self, site: RunningSite) -> None:
+        self._site = site
+
+    @property
+    def info(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.do("info")
+        return found
+
+    @property
+    def port(self) -> int:
+        return int(self.info["ssh"])
+
+    def do(self, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
+        return self._site.do(NAME, command, **arguments)
+
+    def export(self, **options: Any) -> str:  # noqa: ANN401 (passed on)
+        text: str = self.do("export", **options)
+        return text
+
+    def rows(self, *words: str) -> list[list[str]]:
+        answers: list[list[str]] = self.do("console", words=list(words))
+        return [answer for answer in answers if answer[0] == "!re"]
+
+
+@contextmanager
+def twin(tmp_path: Path, *, link: Link | None = None, knobs: Knobs | None = None, **spec: Any) -> Iterator[Twin]:  # noqa: ANN401
+    users = (User(name="admin", password=PASSWORD), User(name="guest", password=PASSWORD, group="read"))
+    router = RouterSpec.model_validate({"name": NAME, "users": users, **spec})
+    wire = TwinSpec(router=router, link=link or Link(), knobs=knobs or Knobs(boot_s=0.2))
+    with RunningSite(SiteSpec(name="site", twins=(wire,)), tmp_path) as site:
+        yield Twin(site)
+
+
+class Known(paramiko.MissingHostKeyPolicy):
+    """Lets the twin's own key through and no other."""
+
+    def __init__(self, box: Twin) -> None:
+        self._wanted = box.info["host_key"]
+
+    def missing_host_key(self, client: paramiko.SSHClient, hostname: str, key: paramiko.PKey) -> None:
+        del client, hostname
+        assert key.fingerprint == self._wanted
+
+
+@contextmanager
+def paramiko_on(box: Twin, user: str = "admin", password: str = PASSWORD) -> Iterator[paramiko.SSHClient]:
+    client = paramiko.SSHClient()
+    client.set_missing_host_key_policy(Known(box))
+    try:
+        client.connect(
+            "127.0.0.1", box.port, user, password, look_for_keys=False, allow_agent=False, timeout=30, banner_timeout=30
+        )
+        yield client
+    finally:
+        client.close()
+
+
+def run(client: paramiko.SSHClient, command: str) -> tuple[str, int]:
+    """Output and exit status of one command."""
+    stdin, stdout, stderr = client.exec_command(command, timeout=30)
+    text, status = stdout.read().decode(), stdout.channel.recv_exit_status()
+    assert stderr.read() == b""
+    stdin.close()
+    return text, status
