@@ -172,9 +172,9 @@ def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
 
 
 def _show(standing: str, steps: tuple[str, ...]) -> None:
-    print(f"the router is {standing}; the steps:")
+    print(f"the router is {standing}; the steps:", flush=True)
     for number, step in enumerate(steps, start=1):
-        print(f"  {number}. {step}")
+        print(f"  {number}. {step}", flush=True)
 
 
 def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
@@ -191,4 +191,6 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
         print(f"  {'':<18} note: {note}")
     if result.run:
         print(f"  recorded as {result.run}")
+    if arguments.flag("rehearse"):
+        print("  rehearsed with an emulated router: nothing real was contacted, and no cable was moved")
     return result.exit

@@ -40,7 +40,7 @@ NOT_REHEARSED = (
     "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
     "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",
     "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
-    "certificates: names and fingerprints only, nothing is signed or imported",
+    "certificates: the twin signs and imports them, without revocation lists, SCEP or passphrases",
     "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
     "what a package contains: names, versions and architectures only; the configuration is not converted",
     "button presses",
