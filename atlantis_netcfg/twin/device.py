@@ -42,6 +42,7 @@ NOT_REHEARSED = (
     "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
     "certificates: the twin signs and imports them, without revocation lists, SCEP or passphrases",
     "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
+    "the console: no completion, no colours, no scripts beyond single commands; what print looks like is approximate",
     "what a package contains: names, versions and architectures only; the configuration is not converted",
     "button presses",
 )

@@ -104,6 +104,8 @@ class SshConnection:
         except (OSError, asyncssh.Error, TimeoutError):
             self.hang_up()
         finally:
+            if self._ssh is None:
+                far.close()
             self._abort()
 
     def _options(self) -> dict[str, Any]:
