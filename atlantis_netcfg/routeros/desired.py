@@ -76,22 +76,29 @@ def _once(item: Item, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
 
 
 def from_export(text: str, only: Iterable[str], source: str = "export") -> Desired:
-    """Read a saved export as the state to go back to, in the menus of `only`, each of them entirely.
+    """Read a saved export as the state to go back to, in the menus of `only`.
 
     What an export leaves out is at its default, but for what it hides: secrets, and menus that it never prints, stay
-    as they are on the device. `notes` says what cannot be restored. Raises RscError if the text is no export.
+    as they are on the device. A menu with a row that we cannot tell from others is not gone back to entirely: that row
+    could be the one that is removed. `notes` says what cannot be restored. Raises RscError if the text is no export.
     """
     wanted = [known_menu(path) for path in dict.fromkeys(only)]
     restored = [menu for menu in wanted if menu.exported and not menu.readonly]
     notes = [f"{menu.title} is not part of an export: it stays as it is" for menu in wanted if menu not in restored]
     items: dict[str, list[Item]] = {menu.path: [] for menu in restored}
+    gaps: dict[str, None] = {}
     for statement in parse(text, source).statements:
         if statement.menu in items:
-            items[statement.menu] += _restored(MENUS[statement.menu], statement, source, notes)
+            menu = MENUS[statement.menu]
+            found = _restored(menu, statement, source, notes)
+            items[menu.path] += found
+            if not found and _is_a_row(menu, statement):
+                gaps[menu.path] = None
+    notes += [f"{MENUS[path].title}: for that reason, rows that are not in the export stay there" for path in gaps]
     return Desired(
         source,
         {menu: tuple(rows) for menu, rows in items.items()},
-        frozenset(items),
+        frozenset(items) - set(gaps),
         restores=True,
         notes=tuple(notes),
     )
@@ -110,9 +117,23 @@ def _restored(menu: Menu, statement: Statement, source: str, notes: list[str]) -
     return (Item(item.menu, item.values, item.line, item.exists, hidden),)
 
 
+def _is_a_row(menu: Menu, statement: Statement) -> bool:
+    """Tell whether the statement is about a row that would be removed, or put back to its defaults, if it is not known.
+
+    `set 0` is about a row of the system, which the device does not let go; what tells it from others is not put back.
+    """
+    told = any(name in menu.by_name and name not in menu.keys for name, _ in statement.values)
+    return told or statement.verb == "add" or statement.find is not None or menu.shape is Shape.FIXED
+
+
 def _understood(menu: Menu, statement: Statement) -> Statement:
-    """Leave out arguments that the table lacks, and call rows of the system (`set 3`) by their names."""
-    target = statement.target
+    """Leave out arguments that the table lacks, and call rows of the system by their names.
+
+    An export calls them by number (`set 3`), or, where there is one, `[ find default=yes ]`.
+    """
+    target, find = statement.target, statement.find
+    if find == (("default", "yes"),) and len(menu.stock) == len(menu.keys) == 1:
+        find = ((menu.keys[0], menu.stock[0][0]),)
     if target is not None and target.isdecimal() and len(menu.keys) == 1 and int(target) < len(menu.stock):
         target = menu.stock[int(target)][0]
     values = tuple((name, value) for name, value in statement.values if name in menu.by_name)
@@ -120,7 +141,7 @@ def _understood(menu: Menu, statement: Statement) -> Statement:
         menu=statement.menu,
         verb=statement.verb,
         values=values,
-        find=statement.find,
+        find=find,
         target=target,
         line=statement.line,
         comments=statement.comments,
