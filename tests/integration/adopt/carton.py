@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ROUTER = "scc-router"
+CHANGES = re.compile(" (add|set|remove|sign|disable|enable) ")
+"""In a console line that changes something."""
 QUICK = {"unroll_delay_s": 0.05, "silent_timeout_s": 2.0}
 
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from carton import ROUTER, Carton, adopted_export, carton
+from carton import CHANGES, ROUTER, Carton, adopted_export, carton
 
 from atlantis_netcfg.console import ConsoleLost
 from atlantis_netcfg.console._terminal import Terminal
@@ -13,15 +19,14 @@ from atlantis_netcfg.errors import NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
     from typing import Any
 
 pytestmark = pytest.mark.slow
 
 COMMANDS = 62
 """At least as many as first contact types that change something."""
-CHANGES = ("add", "set", "remove", "sign", "disable", "enable")
-SAMPLE = [(number, when) for number in (0, 2, 3, 5, 8, 30, 60) for when in ("before", "after")]
+SAMPLE = [(0, "after"), (3, "before"), (3, "after"), (5, "after"), (30, "before"), (60, "after"), (61, "after")]
+KILLED = [(2, "after"), (8, "before"), (40, "after")]
 ALL = [(number, when) for number in range(COMMANDS) for when in ("before", "after")]
 
 
@@ -33,15 +38,15 @@ class Scissors:
         self.typed: list[str] = []
 
     def run(self, terminal: Terminal, command: str, **options: Any) -> str:  # noqa: ANN401 - passed on
-        if not any(f" {word} " in command for word in CHANGES) or command.startswith(":put"):
+        if CHANGES.search(command) is None or command.startswith(":put"):
             return RUN(terminal, command, **options)
         self.typed.append(command)
         here, self.left = self.left == 0, self.left - 1
         if here and self.when == "before":
-            self._snip()
+            self._snip(terminal)
         said = RUN(terminal, command, **options)
         if here and self.when == "after":
-            self._snip()
+            self._snip(terminal)
         return said
 
     def held(self) -> Callable[..., str]:
@@ -52,17 +57,21 @@ class Scissors:
 
         return run
 
-    def _snip(self) -> None:
+    def _snip(self, terminal: Terminal) -> None:
+        """SSH is reset under both ends; a serial line is pulled out, and whoever is logged in there stays so."""
         self.cut = True
-        self.box.site.do(ROUTER, "drop")
+        if self.box.serial:
+            terminal._wire.close()
+        else:
+            self.box.site.do(ROUTER, "drop")
 
 
 RUN = Terminal.run
 
 
-@pytest.fixture
-def box(tmp_path: Path) -> Iterator[Carton]:
-    with carton(tmp_path) as opened:
+@pytest.fixture(params=[False, True], ids=["ssh", "serial"])
+def box(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Carton]:
+    with carton(tmp_path, serial=request.param) as opened:
         yield opened
 
 
@@ -73,10 +82,26 @@ def cut_and_repeat(box: Carton, number: int, when: str, monkeypatch: pytest.Monk
         box.adopt()
     assert scissors.cut
     monkeypatch.setattr(Terminal, "run", RUN)
+    repeated(box)
+    return scissors
+
+
+def kill_and_repeat(box: Carton, number: int, when: str) -> None:
+    info = dict(box.site.do(ROUTER, "info"))
+    via = f"serial:{info['serial']}" if box.serial else "ssh"
+    child = Path(__file__).with_name("adopt_child.py")
+    typed = [sys.executable, "-P", str(child), json.dumps(info), str(box.state), via, str(number), when]
+    paths = [str(child.parent), os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    done = subprocess.run(typed, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    repeated(box)
+
+
+def repeated(box: Carton) -> None:
     assert box.adopt().status in {"changed", "unchanged"}
     assert box.export() == adopted_export()
     assert box.adopt().status == "unchanged"
-    return scissors
 
 
 @pytest.mark.parametrize(("number", "when"), SAMPLE)
@@ -88,6 +113,17 @@ def test_a_cut_is_repeated(box: Carton, number: int, when: str, monkeypatch: pyt
 @pytest.mark.parametrize(("number", "when"), ALL)
 def test_every_cut_is_repeated(box: Carton, number: int, when: str, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_and_repeat(box, number, when, monkeypatch)
+
+
+@pytest.mark.parametrize(("number", "when"), KILLED)
+def test_a_killed_laptop_repeats(box: Carton, number: int, when: str) -> None:
+    kill_and_repeat(box, number, when)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("number", "when"), ALL)
+def test_every_killed_laptop_repeats(box: Carton, number: int, when: str) -> None:
+    kill_and_repeat(box, number, when)
 
 
 def test_the_campaign_cuts_every_command(box: Carton, monkeypatch: pytest.MonkeyPatch) -> None:
