@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import JSON, UNPROTECTED, VERBOSE, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -28,11 +28,12 @@ COMMAND = Command(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same on an emulated device, fresh from `provision adopt`", harmless=True),
         Flag("yes", "do not ask before changing the device"),
+        UNPROTECTED,
         JSON,
         VERBOSE,
     ),
     details=(
-        "The replacement must have been met first: `provision adopt` gives it our user and a certificate of its own.\n"
+        "The replacement must have been met first: `provision adopt --replaced` gives it our user and its own certificate.\n"
         "Secrets are not in a saved state: they are taken from the declaration, and what it lacks is named."
     ),
     changes=True,

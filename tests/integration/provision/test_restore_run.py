@@ -100,14 +100,44 @@ def test_a_box_without_the_ports_is_refused_with_all_of_them(at: Quay) -> None:
 
 
 def test_an_older_routeros_is_refused_with_what_it_lacks(at: Quay) -> None:
-    provisioned(at)
-    at.do("console", words=["/ip/firewall/nat/add", "=chain=srcnat", "=action=masquerade"])
+    at.provision("site=coastal", "--yes", code=0)
+    words = ["=name=siem", "=target=remote", "=remote=10.99.1.9", "=remote-log-format=cef"]
+    at.do("console", words=["/system/logging/action/add", *words])
+    at.provision("site=coastal", "--yes", code=0)
     at.replace("old", version="7.16")
     at.adopt()
     before = at.export()
     done = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=4)
-    assert "7.18" in done["devices"][ROUTER]["message"]
+    assert (
+        "has `remote-log-format` from RouterOS 7.18 on, and this device has 7.16" in done["devices"][ROUTER]["message"]
+    )
     assert at.export() == before
+
+
+def test_a_person_agrees_to_what_is_put_on_the_box(at: Quay) -> None:
+    lost = provisioned(at)
+    at.replace("spare")
+    at.adopt()
+    fresh = at.export()
+    assert "not agreed, so nothing was changed" in at.typed(
+        "restore", f"device={ROUTER}", "to=latest", answer="no", code=4
+    )
+    assert at.export() == fresh
+    assert "--yes" in at.provision("restore", f"device={ROUTER}", "to=latest", code=3).stderr
+    at.typed("restore", f"device={ROUTER}", "to=latest", answer="yes", code=0)
+    assert of_any_box(at.export()) == lost
+
+
+def test_a_secret_that_nobody_declares_is_named(at: Quay) -> None:
+    at.provision("site=coastal", "--yes", code=0)
+    words = ["=name=own", "=connect-to=10.99.1.9", "=user=bob", "=password=his own"]
+    at.do("console", words=["/interface/ovpn-client/add", *words])
+    at.provision("site=coastal", "--yes", code=0)
+    at.replace("spare")
+    at.adopt()
+    told = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]
+    assert "/interface ovpn-client: `password` of own is not in the saved export: enter it by hand" in told["notes"]
+    assert "his own" not in str(at.do("export", show_sensitive=True))
 
 
 def test_names_that_are_nearly_right_are_told(at: Quay) -> None:
@@ -146,20 +176,36 @@ def test_a_killed_restore_is_resumed_towards_the_same_state(at: Quay) -> None:
     at.replace("spare")
     at.adopt()
     at.do("link", delay_s=0.15)
-    asked = ["restore", f"device={ROUTER}", "to=latest", "--yes", f"inventory={at.inventory}"]
-    with subprocess.Popen(
-        [PROVISION, *asked],
-        env=at.environment(),
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    ) as running:
-        await_record(at.state, '"kind":"layer-sent"', run=2)
-        os.killpg(running.pid, signal.SIGKILL)
-        kill_workers(at.state)
+    killed(at, ["restore", f"device={ROUTER}", "to=latest", "--yes"], run=2)
     at.do("link", delay_s=0.0)
     assert at.runs()[-1]["unfinished"] is True
     said = at.provision("resume", "site=coastal", code=0).stdout
     assert "it goes on towards the saved state of run" in said
     assert of_any_box(at.export()) == lost
     assert at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]["planned"] == 0
+
+
+def test_a_killed_rollback_is_resumed_backwards(at: Quay) -> None:
+    before = at.export()
+    at.provision("site=coastal", "--yes", code=0)
+    (run,) = at.runs()
+    at.do("link", delay_s=0.15)
+    killed(at, ["rollback", "site=coastal", f"to={run['run']}", "--yes"], run=1)
+    assert at.export() != before
+    at.do("link", delay_s=0.0)
+    at.provision("resume", "site=coastal", code=0)
+    assert at.export() == before
+
+
+def killed(at: Quay, typed: list[str], run: int) -> None:
+    """Type a command, and kill it and its workers as soon as the run of that number has sent something."""
+    with subprocess.Popen(
+        [PROVISION, *typed, f"inventory={at.inventory}"],
+        env=at.environment(),
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as running:
+        await_record(at.state, '"kind":"layer-sent"', run=run)
+        os.killpg(running.pid, signal.SIGKILL)
+        kill_workers(at.state)
