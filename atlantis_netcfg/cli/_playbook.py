@@ -91,6 +91,7 @@ def _command(playbook: Path, inventory: Path, limit: Sequence[str], variables: P
         *("--inventory", str(inventory)),
         *("--limit", ",".join(limit)),
         *("--extra-vars", f"@{variables}"),
+        *("--skip-tags", "recap"),
         str(playbook),
     ]
 

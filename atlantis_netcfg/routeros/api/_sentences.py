@@ -23,6 +23,8 @@ __all__ = ["MAX_SENTENCE", "Answer", "Decoder", "GarbageError", "encode", "parse
 MAX_SENTENCE: Final = 16 * 1024 * 1024
 """Bytes; far more than any row, so that a garbled length is noticed before memory is."""
 
+_LONGER: Final = 0x80
+"""From this first byte on a length has more than one byte."""
 _FIVE_BYTES: Final = 0xF0
 _FIVE_BYTES_FROM: Final = 0x10000000
 _REPLIES: Final = frozenset({"!re", "!done", "!empty", "!trap", "!fatal"})
@@ -86,11 +88,12 @@ class Decoder:
         """Find the word whose length prefix is at `start`, if all of it is there: offsets of its begin and end."""
         if start >= len(self._buffer):
             return None
-        prefix = _prefix_size(self._buffer[start])
-        begin = start + prefix
-        if begin > len(self._buffer):
-            return None
-        size = _decode_size(bytes(self._buffer[start:begin]))
+        size, begin = self._buffer[start], start + 1
+        if size >= _LONGER:
+            begin = start + _prefix_size(size)
+            if begin > len(self._buffer):
+                return None
+            size = _decode_size(bytes(self._buffer[start:begin]))
         if self._size + size > self.limit:
             raise GarbageError(f"a word of {size} bytes, where {self.limit} bytes are the most for a whole answer")
         end = begin + size

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from enum import Enum, auto
+from functools import lru_cache
 from ipaddress import ip_interface
 
 __all__ = ["Kind", "canonical"]
@@ -58,8 +59,12 @@ _KIB = {"": 1, "KiB": 1, "MiB": 1024, "GiB": 1024 * 1024}
 
 def canonical(kind: Kind, text: str) -> str:
     """Return the one form that all spellings of a value share; a text that is not of the kind is itself."""
-    if kind is Kind.TEXT:
-        return text
+    return text if kind is Kind.TEXT else _canonical(kind, text)
+
+
+@lru_cache(maxsize=16384)
+def _canonical(kind: Kind, text: str) -> str:
+    """Remembered, because a menu has few different values, and hundreds of routers have the same."""
     if text.startswith("!") and kind is not Kind.POLICY:
         return "!" + canonical(kind, text[1:])
     return _FORMS[kind](text)
