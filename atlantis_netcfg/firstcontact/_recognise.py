@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.firstcontact._menus import is_default, is_foreign
 from atlantis_netcfg.firstcontact._steps import factory_users, prepare
-from atlantis_netcfg.firstcontact._wish import CERTIFICATE, FACTORY_USER, TEMPORARY, Standing
+from atlantis_netcfg.firstcontact._wish import FACTORY_USER, TEMPORARY, Standing
 from atlantis_netcfg.rsc import console_path
 
 if TYPE_CHECKING:
@@ -49,4 +49,4 @@ def foreign(facts: Facts, wish: Wish) -> tuple[str, ...]:
     users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, wish.user)]
     found += [f"user {name}" for name in users]
     certificates = [one.get("name", "") for one in facts.certificates]
-    return (*found, *(f"certificate {name}" for name in certificates if name != CERTIFICATE))
+    return (*found, *(f"certificate {name}" for name in certificates if name not in wish.certificates))

@@ -49,6 +49,8 @@ class Wish:
     """Features of device-mode that the declared text needs, each with the menu that needs it."""
     radio: bool = False
     """Whether the declared text configures a wireless interface."""
+    certificates: tuple[str, ...] = (CERTIFICATE,)
+    """Certificates that the declared text refers to; somebody may have imported them already."""
 
     @property
     def host(self) -> str:

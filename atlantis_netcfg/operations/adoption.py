@@ -229,5 +229,6 @@ def wish_of(declaration: Declaration, host: Host) -> Wish:
         model=device.model,
         api_port=device.access.port,
         features=features_of(desired),
+        certificates=tuple(one.name for one in prerequisites(declaration, host) if one.menu == "/certificate"),
         radio=any(one.menu.startswith(_WIRELESS) for one in desired.statements),
     )

@@ -135,6 +135,12 @@ def test_whose_it_is(found: object, standing: Standing) -> None:
     assert recognise(found, WISH, NOW) is standing  # type: ignore[arg-type]
 
 
+def test_a_declared_certificate_may_be_there_already() -> None:
+    found = facts(certificates=({"name": "atlantis-vpn"},))
+    assert recognise(found, WISH, NOW) is Standing.SOMEONES
+    assert recognise(found, replace(WISH, certificates=("atlantis-api", "atlantis-vpn")), NOW) is Standing.FACTORY
+
+
 def test_what_is_somebodys_is_named_without_its_values() -> None:
     export = DEFAULTS + "/ppp secret\nadd name=a password=hunter2\nadd name=b\n/system identity\nset name=boat\n"
     said = foreign(facts(export, users=({"name": "boss"},), certificates=({"name": "webfig"},)), WISH)
