@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import JSON, UNPROTECTED, VERBOSE, Command, Word
 from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ COMMAND = Command(
         Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
         Word("inventory", "folder of the declaration; the checkout's own if left out"),
     ),
-    flags=(JSON, VERBOSE),
+    flags=(UNPROTECTED, JSON, VERBOSE),
     changes=True,
 )
 

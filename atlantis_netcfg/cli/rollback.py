@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import JSON, UNPROTECTED, VERBOSE, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -21,7 +21,7 @@ COMMAND = Command(
         Word("only", "only these hosts of it", many=True, example="coastal-router"),
         Word("inventory", "folder of the declaration; the checkout's own if left out"),
     ),
-    flags=(Flag("yes", "do not ask before changing devices"), JSON, VERBOSE),
+    flags=(Flag("yes", "do not ask before changing devices"), UNPROTECTED, JSON, VERBOSE),
     details="Secrets are not in the saved state: what the device holds of them stays.",
     changes=True,
 )
