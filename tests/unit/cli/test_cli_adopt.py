@@ -1,0 +1,52 @@
+"""What `provision adopt` refuses before it contacts anything."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.adopt import _from
+from atlantis_netcfg.errors import UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SITE = ("adopt", "site=scc", "device=scc-router")
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "said"),
+    [
+        ((*SITE, "--rehearse", "via=telnet"), 3, "`via=telnet` is no way to a router"),
+        ((*SITE, "--rehearse", "via=serial:"), 3, "`via=serial:` is no way to a router"),
+        ((*SITE, "--rehearse", "wait=soon"), 3, "`wait=soon` is no number of seconds"),
+        (SITE, 3, "the inventory still holds example values"),
+        (("adopt", "site=scc", "device=scc-vpn", "--rehearse"), 7, "scc-vpn is a vpn server: only routers are adopted"),
+        (("adopt", "site=scc", "device=scc-rooter", "--rehearse"), 7, "scc-rooter"),
+    ],
+)
+def test_what_is_refused_at_once(
+    typed: tuple[str, ...], code: int, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    del tmp_path
+    assert main(typed) == code
+    assert said in capsys.readouterr().err
+
+
+def test_a_password_file_is_for_its_owner_only(tmp_path: Path) -> None:
+    file = tmp_path / "sticker.txt"
+    file.write_text("5TICKER \n")
+    file.chmod(0o644)
+    with pytest.raises(UsageError, match="others may read the password file") as refused:
+        _from(file)
+    assert refused.value.hint == f"type `chmod 600 {file}`"
+    file.chmod(0o600)
+    assert _from(file).reveal() == "5TICKER "
+    assert "5TICKER" not in str(_from(file))
+
+
+def test_a_password_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="the password file cannot be read"):
+        _from(tmp_path / "sticker.txt")
