@@ -144,6 +144,7 @@ def test_two_commands_from_the_box_to_the_declared_state(at: Bench, serial: bool
     after = at.export()
     assert at.json(*RUN, "--yes", code=0)["devices"][ROUTER]["status"] == "unchanged"
     assert at.json(*RUN, "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    at.provision("drift", *RUN, code=0)
     assert at.json(*ADOPT, *at.via(serial), code=0)["status"] == "unchanged"
     assert at.export() == after
 
