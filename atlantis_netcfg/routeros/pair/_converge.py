@@ -12,6 +12,7 @@ from atlantis_netcfg.routeros.apply._contact import Contact
 from atlantis_netcfg.routeros.observe import MenuMissing
 from atlantis_netcfg.routeros.pair import _safe
 from atlantis_netcfg.routeros.pair._agreement import disagreements
+from atlantis_netcfg.routeros.pair._alone import follow
 from atlantis_netcfg.routeros.pair._back import back
 from atlantis_netcfg.routeros.pair._end import End
 from atlantis_netcfg.routeros.pair._transaction import BUDGET, SAFE_MODE_S, Transaction
@@ -98,10 +99,27 @@ async def _read(work: Transaction, mode: Mode) -> Results | None:
     if not any(problems):
         return None
     near, far = problems
+    if mode is Mode.RESUME and near is None and far is not None and work.near.changes_radio:
+        return await _alone(work, far)
     return (
         near or _left(work.near, f"its other end {work.far.name} could not be looked at"),
         far or _left(work.far, f"its other end {work.near.name} could not be looked at"),
     )
+
+
+async def _alone(work: Transaction, gone: DeviceResult) -> Results:
+    """The far end is not to be seen, and may have been kept alone: follow it, then go on with both."""
+    near = work.near
+    refused = "; ".join(near.refusals())
+    if refused:
+        return near.result(Status.REFUSED, f"refused, nothing was changed: {refused}"), gone
+    ended = await follow(work)
+    if ended is not None:
+        return ended, gone
+    far = await _problem(work.far)
+    if far is None:
+        far = _left(work.far, "run the same command again") if work.far.actions else _unchanged(work.far)
+    return _kept(near), far
 
 
 async def _wait(work: Transaction) -> None:

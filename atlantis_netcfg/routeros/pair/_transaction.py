@@ -78,7 +78,7 @@ class Transaction:
             await self._save(end)
         await self._protect()
         await self._change_far()
-        await self._change_near()
+        await self.change_near()
         await self._prove()
         await self._keep()
 
@@ -97,9 +97,18 @@ class Transaction:
             await self._arm()
         for end in self.ends:
             if end.actions:
-                end.owner = await _safe.take(end.channel, end.name)
-                end.protection = "safe-mode"
-                self._protected(end)
+                await self._take(end)
+
+    async def protect_near(self) -> None:
+        """Save the near end and take its safe mode: for a change of that end alone."""
+        self.near.announce()
+        await self._save(self.near)
+        await self._take(self.near)
+
+    async def _take(self, end: End) -> None:
+        end.owner = await _safe.take(end.channel, end.name)
+        end.protection = "safe-mode"
+        self._protected(end)
 
     async def _arm(self) -> None:
         """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
@@ -148,7 +157,8 @@ class Transaction:
         else:
             far.say(Stage.WAITING, "its radio was changed, the link is gone")
 
-    async def _change_near(self) -> None:
+    async def change_near(self) -> None:
+        """Write the near end, whose answers come over the cable."""
         await self._write(self.near, self.near.actions)
 
     async def _write(self, end: End, actions: Sequence[Action]) -> None:

@@ -21,12 +21,17 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("near_mode", ["bridge", "station-bridge"])
-@pytest.mark.parametrize("family", ["legacy", "wifi"])
-@pytest.mark.parametrize("change", CHANGES)
+SIDES = [
+    *(("legacy", "bridge", change) for change in CHANGES),
+    *(("legacy", "station-bridge", change) for change in ("name", "frequency", "all")),
+    *(("wifi", "bridge", change) for change in ("name", "key", "frequency")),
+    *(("wifi", "station-bridge", change) for change in ("key", "frequency")),
+]
+"""The technician stands at the access point, or at the station."""
+
+
+@pytest.mark.parametrize(("family", "near_mode", "change"), SIDES)
 def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> None:
-    if family == "wifi" and change == "protocol":
-        change = "name"
     words = CHANGES[change]
 
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, ...], tuple[DeviceResult, ...], bool, tuple[str, str]]:
