@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.drift._model import DriftKind, Since
-from atlantis_netcfg.routeros.drift._raw import content, marked
+from atlantis_netcfg.routeros.drift._raw import alone, content, marked
 from atlantis_netcfg.routeros.menus import Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Hashable, Iterable, Mapping, Sequence
     from datetime import datetime
 
     from atlantis_netcfg.routeros._types import Row
@@ -25,6 +25,19 @@ _NO_SECRETS = (Since.UNKNOWN, "a confirmed state holds no secrets")
 
 
 @dataclass(frozen=True, slots=True)
+class _Index:
+    """The rows of one menu: by their keys, or by their content where they have none, and by our words about them."""
+
+    by_self: Mapping[tuple[str, ...], Mapping[str, str]]
+    by_mark: Mapping[Hashable, Mapping[str, str]]
+
+    @classmethod
+    def of(cls, menu: Menu, rows: Sequence[Mapping[str, str]]) -> _Index:
+        key = menu.identity if menu.keys else lambda values: content(menu, values)
+        return cls({key(row): row for row in reversed(rows)}, alone(marked, rows))
+
+
+@dataclass(frozen=True, slots=True)
 class Past:
     """A confirmed state."""
 
@@ -32,6 +45,8 @@ class Past:
     at: datetime
     rows: Mapping[str, tuple[Mapping[str, str], ...]]
     """By menu; only what is not at its default."""
+    indices: dict[str, _Index] = field(default_factory=dict)
+    """By menu, made when a menu is asked for."""
 
     @classmethod
     def read(cls, run: str, at: datetime, text: str) -> Past:
@@ -60,18 +75,13 @@ class Past:
         there = self.rows[menu.path]
         if menu.shape is Shape.SINGLETON:
             return there[0] if there else {}
-        if menu.keys:
-            found = _first(row for row in there if menu.identity(row) == menu.identity(values))
-            if found is None and (menu.shape is Shape.FIXED or menu.is_stock(values)):
-                return {key: values[key] for key in menu.keys if key in values}
-        else:
-            found = _first(row for row in there if content(menu, row) == content(menu, values))
-        return found or self._by_mark(there, values)
-
-    def _by_mark(self, there: Sequence[Mapping[str, str]], values: Mapping[str, str]) -> Mapping[str, str] | None:
-        comment = marked(values)
-        alike = [row for row in there if comment is not None and marked(row) == comment]
-        return alike[0] if len(alike) == 1 else None
+        if menu.path not in self.indices:
+            self.indices[menu.path] = _Index.of(menu, there)
+        index = self.indices[menu.path]
+        found = index.by_self.get(menu.identity(values) if menu.keys else content(menu, values))
+        if found is None and menu.keys and (menu.shape is Shape.FIXED or menu.is_stock(values)):
+            return {key: values[key] for key in menu.keys if key in values}
+        return found if found is not None else index.by_mark.get(marked(values))
 
     def _order(self, menu: Menu, found: Row, rows: Sequence[Row]) -> _Verdict:
         """Compare the order of what stood in the row's list then and stands there now."""
@@ -90,10 +100,6 @@ def _changed(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
     found = raw.found or {}
     same = all(menu.form(name, found) == menu.form(name, then) for name in names)
     return (Since.ALREADY if same else Since.AFTER), ""
-
-
-def _first(rows: Iterable[Mapping[str, str]]) -> Mapping[str, str] | None:
-    return next(iter(rows), None)
 
 
 def _chain(menu: Menu, rows: Iterable[Mapping[str, str]], chain: str) -> list[tuple[str, ...]]:

@@ -6,20 +6,25 @@ packet may meet a half of it. Whoever reads about drift wants to hear that it wa
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.drift._model import DriftKind
 from atlantis_netcfg.routeros.menus import MARK
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from atlantis_netcfg.routeros._types import Action, Row
     from atlantis_netcfg.routeros.menus import Menu
 
-__all__ = ["Raw", "content", "marked", "raw_differences"]
+__all__ = ["Raw", "alone", "content", "marked", "raw_differences"]
+
+_Values = Mapping[str, str]
+_Key = Callable[[_Values], Hashable]
+_T = TypeVar("_T", bound=Mapping[str, str])
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +53,8 @@ def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) 
     """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new."""
     by_id = {row.get(".id", ""): row for row in rows}
     found: list[Raw] = []
-    missing: list[Mapping[str, str]] = []
-    gone: list[Row] = []
+    missing: list[_Values] = []
+    gone: list[_Values] = []
     for action in actions:
         there = [by_id[each] for each in action.ids]
         if action.verb is Verb.ADD:
@@ -88,7 +93,15 @@ def _together(menu: Menu, declared: Mapping[str, str], row: Row) -> Raw:
     return raw if raw.differing(menu) else Raw(DriftKind.ORDER, declared, row)
 
 
-def _pairs(menu: Menu, missing: list[Mapping[str, str]], gone: list[Row]) -> list[tuple[Mapping[str, str], Row]]:
+def alone(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
+    """Return the rows by a key, where it stands for one row only; None stands for none."""
+    found: dict[Hashable, list[_T]] = {}
+    for row in rows:
+        found.setdefault(key(row), []).append(row)
+    return {value: alike[0] for value, alike in found.items() if value is not None and len(alike) == 1}
+
+
+def _pairs(menu: Menu, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
     """Take out of both lists what is one row: by its whole content, by its keys, then by our own words about it."""
     pairs = _paired_by(lambda values: content(menu, values), missing, gone)
     if menu.keys:
@@ -96,16 +109,10 @@ def _pairs(menu: Menu, missing: list[Mapping[str, str]], gone: list[Row]) -> lis
     return pairs + _paired_by(marked, missing, gone)
 
 
-def _paired_by(
-    key: Callable[[Mapping[str, str]], Hashable], missing: list[Mapping[str, str]], gone: list[Row]
-) -> list[tuple[Mapping[str, str], Row]]:
-    """Pair where a key stands for one row of each list; None stands for none."""
-    pairs = []
-    for values in list(missing):
-        wanted = key(values)
-        alike = [row for row in gone if key(row) == wanted]
-        if wanted is not None and len(alike) == 1 and sum(key(each) == wanted for each in missing) == 1:
-            pairs.append((values, alike[0]))
-            missing.remove(values)
-            gone.remove(alike[0])
+def _paired_by(key: _Key, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
+    wanted, there = alone(key, missing), alone(key, gone)
+    pairs = [(values, there[value]) for value, values in wanted.items() if value in there]
+    taken = {id(row) for pair in pairs for row in pair}
+    for rows in (missing, gone):
+        rows[:] = [row for row in rows if id(row) not in taken]
     return pairs

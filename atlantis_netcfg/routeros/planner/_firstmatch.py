@@ -17,6 +17,7 @@ callers stay as they are.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
@@ -36,7 +37,7 @@ __all__ = ["plan_first_match"]
 _Content = tuple[tuple[str, str], ...]
 
 
-@dataclass(slots=True)
+@dataclass
 class _Lists:
     """Both lists, and where the work stands."""
 
@@ -58,6 +59,16 @@ class _Lists:
         """Return the chain of a row; a menu without chains is one chain."""
         return self.menu.form(self.menu.chain, values) if self.menu.chain else ""
 
+    @cached_property
+    def unknown(self) -> frozenset[str]:
+        """Properties by which no two rows can be told apart: a saved state, or the device, does not show them."""
+        hidden = frozenset() if self.context.sensitive else self.menu.secrets
+        return hidden.union(*(item.unknown for item in self.new))
+
+    def content(self, values: Mapping[str, str], *, whole: bool = False) -> _Content:
+        """Return what of a row matches or decides, and can be compared; `whole` adds what does neither."""
+        return _content(self.menu, {name: values[name] for name in values if name not in self.unknown}, whole=whole)
+
     def standing(self, place: int) -> int:
         """Return the first old place from `place` on whose row was not moved away."""
         while place in self.moved:
@@ -72,8 +83,8 @@ class _Lists:
 def plan_first_match(menu: Menu, items: Iterable[Item], rows: Iterable[Row], context: Context) -> MenuPlan:
     """Plan one first-match menu. Dynamic rows stand where the device puts them and do not count."""
     lists = _Lists(menu, context, MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
-    old = [_content(menu, row) for row in lists.old]
-    new = [_content(menu, item.given) for item in lists.new]
+    old = [lists.content(row) for row in lists.old]
+    new = [lists.content(item.given) for item in lists.new]
     _keep(lists, old, new)
     _insert(lists, new)
     _remove(lists)
@@ -117,8 +128,8 @@ def _pairs(
     Rows that are equal to the last comment come first: of several rows of one content the right one is known by that.
     """
     pairs = common(
-        [_content(lists.menu, lists.old[place], whole=True) for place in olds],
-        [_content(lists.menu, lists.new[place].given, whole=True) for place in news],
+        [lists.content(lists.old[place], whole=True) for place in olds],
+        [lists.content(lists.new[place].given, whole=True) for place in news],
     )
     if len(pairs) < len(news):
         pairs = common([old[place] for place in olds], [new[place] for place in news])
