@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
-from dataclasses import dataclass
-from ipaddress import ip_address, ip_network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.twin.access import admit
@@ -19,9 +17,11 @@ from atlantis_netcfg.twin.console.side import ConsoleSide
 from atlantis_netcfg.twin.console.typed import Printed
 from atlantis_netcfg.twin.core import Core, File
 from atlantis_netcfg.twin.listen import emit, listen
+from atlantis_netcfg.twin.not_rehearsed import NOT_REHEARSED
 from atlantis_netcfg.twin.path import path_open
 from atlantis_netcfg.twin.scheduler import next_run, run_due
 from atlantis_netcfg.twin.sentence import Sentence
+from atlantis_netcfg.twin.services import Service, services_of
 from atlantis_netcfg.twin.software import boot_with
 from atlantis_netcfg.twin.storage import FileSide
 from atlantis_netcfg.twin.store import Store
@@ -32,40 +32,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.spec import RouterSpec
 
 __all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
-
-NOT_REHEARSED = (
-    "throughput, latency and load of the real board",
-    "every enabled port has a link; of radio only the agreement of two ends and a free-space level are emulated",
-    "PoE: nothing is fed, nothing is short-circuited",
-    "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
-    "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",
-    "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
-    "certificates: the twin signs and imports them, without revocation lists, SCEP or passphrases",
-    "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
-    "the console: no completion, no colours, no scripts beyond single commands; what print looks like is approximate",
-    "what a package contains: names, versions and architectures only; the configuration is not converted",
-    "button presses",
-)
-"""What a run against router twins says nothing about; the rehearsal's report prints it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Service:
-    """A row of `/ip/service` as the wire needs it; `certificate` is None where none is set."""
-
-    name: str
-    port: int
-    enabled: bool
-    certificate: str | None
-    max_sessions: int
-    tls_version: str
-    address: str = ""
-    """Networks that it talks to, as `/ip/service` has them; empty is everybody."""
-
-    def admits(self, caller: str) -> bool:
-        """Does it talk to this address; others learn it from a connection that is closed (Manual, Services)."""
-        networks = [ip_network(part) for part in self.address.split(",") if part]
-        return not networks or any(ip_address(caller) in network for network in networks)
 
 
 class Device(ConsoleSide, FileSide):
@@ -275,22 +241,7 @@ class Device(ConsoleSide, FileSide):
 
     def services(self) -> Mapping[str, Service]:
         """The services by name, as they are configured now."""
-        store = self._core.store
-        table = store.table("/ip/service")
-        found = {}
-        for item in table.items:
-            name = store.text(table, item, "name") or ""
-            certificate = store.text(table, item, "certificate")
-            found[name] = Service(
-                name=name,
-                port=int(store.text(table, item, "port") or 0),
-                enabled=store.text(table, item, "disabled") != "yes",
-                certificate=None if certificate in (None, "none") else certificate,
-                max_sessions=int(store.text(table, item, "max-sessions") or 20),
-                tls_version=store.text(table, item, "tls-version") or "any",
-                address=store.text(table, item, "address") or "",
-            )
-        return found
+        return services_of(self._core)
 
     def export(
         self,

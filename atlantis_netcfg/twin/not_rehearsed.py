@@ -1,0 +1,20 @@
+"""What router twins do not stand for."""
+
+from __future__ import annotations
+
+__all__ = ["NOT_REHEARSED"]
+
+NOT_REHEARSED = (
+    "throughput, latency and load of the real board",
+    "every enabled port has a link; of radio only the agreement of two ends and a free-space level are emulated",
+    "PoE: nothing is fed, nothing is short-circuited",
+    "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
+    "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",
+    "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
+    "certificates: the twin signs and imports them, without revocation lists, SCEP or passphrases",
+    "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
+    "the console: no completion, no colours, no scripts beyond single commands; what print looks like is approximate",
+    "what a package contains: names, versions and architectures only; the configuration is not converted",
+    "button presses",
+)
+"""What a run against router twins says nothing about; the rehearsal's report prints it."""
