@@ -26,4 +26,6 @@ def test_what_is_said_to_both_ends_is_in_the_tree(family: str, tmp_path: Path) -
     tree = Tree("7.18.2")
     assert heard.unknown(tree) == {}
     menu = "/interface/wireless" if family == "legacy" else "/interface/wifi"
-    assert {(menu, "set"), (menu, "monitor")} <= {(one.menu, one.command) for one in heard.said(tree)}
+    assert {(menu, "set"), (f"{menu}/registration-table", "print")} <= {
+        (one.menu, one.command) for one in heard.said(tree)
+    }

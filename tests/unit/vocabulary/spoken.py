@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from trees import Tree
 
 _FOLDED = re.compile(r"\\\r?\n *")
+_BLOCK = re.compile(r"\s*(?::do \{|\} on-error=\{|\}|)\s*")
+"""Lines that only open or close a block."""
+_WITHIN = re.compile(r"(?:[a-z-]+=)?\{(.*)\}", re.DOTALL)
 _NAME = re.compile(r"!?([a-z][a-z0-9.-]*)(=|$)")
 _OF_THE_API = {".proplist", ".tag"}
 """Words that the protocol adds to a command (manual, API)."""
@@ -53,21 +56,26 @@ def lines(text: str, tree: Tree) -> Iterator[Said]:
     """Read lines of the console: an export, a script, what was typed."""
     menu: list[str] = []
     for line in _FOLDED.sub("", text).splitlines():
-        if not line.strip() or line.lstrip().startswith("#"):
+        if _BLOCK.fullmatch(line) or line.lstrip().startswith("#"):
             continue
-        words = tokens(line)
-        path, rest = _walked(words, menu, tree)
-        if not rest:
-            menu = path
-            continue
-        yield from _command(path, rest, line, tree)
+        for statement in _cut(line, ";"):
+            words = tokens(statement)
+            path, rest = _walked(words, menu, tree)
+            if not rest:
+                menu = path
+                continue
+            yield from _command(path, rest, statement, tree)
 
 
 def tokens(line: str) -> list[str]:
     """Cut at spaces outside of quotes and brackets."""
+    return _cut(line, " ")
+
+
+def _cut(line: str, at: str) -> list[str]:
     found: list[str] = []
     word, depth, quoted, escaped = "", 0, False, False
-    for sign in line.strip() + " ":
+    for sign in line.strip() + at:
         if quoted:
             quoted = sign != '"' or escaped
             escaped = sign == "\\" and not escaped
@@ -77,8 +85,8 @@ def tokens(line: str) -> list[str]:
             depth += 1
         elif sign in "])}":
             depth -= 1
-        elif sign == " " and not depth:
-            found += [word] if word else []
+        elif sign == at and not depth:
+            found += [word.strip()] if word.strip() else []
             word = ""
             continue
         word += sign
@@ -107,6 +115,8 @@ def _command(path: list[str], rest: list[str], line: str, tree: Tree) -> Iterato
     for word in given:
         for inner in re.findall(r"\[\s*(.*?)\s*\]", word) if word.startswith("[") else ():
             yield from lines(f"/{'/'.join(path)} {inner}" if not inner.startswith((":", "/")) else inner, tree)
+        if block := _WITHIN.fullmatch(word):
+            yield from lines(block[1], tree)
         match = _NAME.match(word)
         if match and (match[2] or match[1] in known):
             names.add(match[1])

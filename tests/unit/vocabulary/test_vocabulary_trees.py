@@ -97,3 +97,10 @@ def test_words_are_cut_as_the_console_cuts_them() -> None:
 )
 def test_what_is_misspelt_is_seen(text: str, unknown: int) -> None:
     assert sum(bool(said.unknown(TREES[0])) for said in lines(text, TREES[0])) == unknown
+
+
+def test_blocks_and_several_commands_on_a_line_are_read() -> None:
+    text = ':do {\n/ip address/add address=1.2.3.4/8; :put "a;b"\n} on-error={\n}\n'
+    text += ":do { /ip route/remvoe [find] } on-error={}\n"
+    said = [(one.menu, one.command) for one in lines(text, TREES[0])]
+    assert said == [("/ip/address", "add"), ("/", "put"), ("/ip/route", "find"), ("/ip/route", ""), ("/", "do")]
