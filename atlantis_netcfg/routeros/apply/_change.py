@@ -68,6 +68,7 @@ async def change(work: Work) -> None:
         await _finish(work, writer)
     if farewell := work.farewell():
         await work.channel.flight(farewell)
+        work.signed_off(farewell)
     work.confirmed = len(work.aim.actions)
     work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
 
@@ -200,6 +201,7 @@ async def _release(work: Work, hold: Hold, *, last: bool = False) -> None:
     answers = await work.shield.release(work.channel, [*map(printing, witness), *farewell])
     answers = answers[: len(witness)]
     work.holding = False
+    work.signed_off(farewell)
     if work.after is not None and differing(work.after, merged(work.after, witness, answers)):
         raise ProtectionLost("somebody took the change back before it was released")
     work.record(Released(device=work.job.name))
@@ -212,10 +214,11 @@ async def _confirm(work: Work) -> None:
     if work.protection is Protection.DEAD_MAN:
         work.record(Releasing(device=work.job.name))
     witness = _witness(work)
-    job, work.dead_man = work.dead_man, None
     farewell = () if work.stages.finish else work.farewell()
-    in_time, answers = await disarm(work.channel, job, [*map(printing, witness), *farewell])
+    in_time, answers = await disarm(work.channel, work.dead_man, [*map(printing, witness), *farewell])
     answers = answers[: len(witness)]
+    work.dead_man = None
+    work.signed_off(farewell)
     if not in_time or (work.after is not None and differing(work.after, merged(work.after, witness, answers))):
         raise ProtectionLost("the dead-man job has run before it could be taken away")
     if work.protection is Protection.DEAD_MAN:
@@ -244,6 +247,7 @@ async def _finish(work: Work, writer: Writer) -> None:
     for number, turn in enumerate(turns, start=1):
         farewell = work.farewell() if number == len(turns) else ()
         answers = await _send(work, writer, turn, (*map(printing, menus), *farewell))
+        work.signed_off(farewell)
     answers = answers[: len(menus)]
     work.after = merged(seen, menus, answers)
     try:

@@ -44,6 +44,8 @@ class ConsoleShield(NoShield):
 
     opener: OpenConsole
     endpoint: SshEndpoint
+    patience_s: float
+    """For a console that has fallen silent."""
     beside: tuple[Command, ...] = field(default=(), init=False)
     _console: Console | None = field(default=None, init=False)
 
@@ -67,7 +69,7 @@ class ConsoleShield(NoShield):
         if console is None:
             return Hold(taken=False)
         try:
-            await in_thread(lambda: console.run(_LOOK))
+            await in_thread(lambda: console.run(_LOOK, timeout_s=self.patience_s))
         except DeviceFailed:
             await self.drop()
             return Hold(taken=False)

@@ -28,4 +28,4 @@ def console_of(job: DeviceJob) -> Shield:
         return NoShield()
     from atlantis_netcfg.routeros.apply._console import ConsoleShield  # noqa: PLC0415 - the SSH client is heavy
 
-    return ConsoleShield(job.console, job.ssh)
+    return ConsoleShield(job.console, job.ssh, job.patience.verify_s)

@@ -20,6 +20,8 @@ from atlantis_netcfg.routeros.apply._state import plan_hash
 from atlantis_netcfg.secret import MASK
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from atlantis_netcfg.journal import Record
     from atlantis_netcfg.routeros._types import Observed, Plan
     from atlantis_netcfg.routeros.api import Command
@@ -174,9 +176,13 @@ class Work:
             self.job.journal.confirm(self.job.name, partial(snapshot.write, self.job.name, self.job.desired, read))
 
     def farewell(self) -> tuple[Command, ...]:
-        """What takes the sign down, beside the last thing that is sent."""
-        sign, self.sign = self.sign, None
-        return () if sign is None else (withdrawing(sign),)
+        """What takes the sign down, beside the last thing that is sent; `signed_off` once it is answered."""
+        return () if self.sign is None else (withdrawing(self.sign),)
+
+    def signed_off(self, farewell: Sequence[Command]) -> None:
+        """The sign is down, if that was asked."""
+        if farewell:
+            self.sign = None
 
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
