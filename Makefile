@@ -3,11 +3,12 @@
 SHELL := /bin/sh
 SITE ?= coastal
 ARGS ?=
+BENCH_ARGS ?=
 
 # Programs of .venv first, for us and for the programs that they start.
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help rehearse test lint campaign clean
+.PHONY: help rehearse test lint campaign bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -34,6 +35,11 @@ campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
 	python -P -m pytest -n auto -m campaign --timeout 0 $(ARGS)
+
+bench: ## measure us and our peers on slow links, write docs/benchmarks.md (BENCH_ARGS='--only ours librouteros'; --help)
+	@tools/develop system
+	@tools/strangers
+	python -m bench --write docs/benchmarks.md $(BENCH_ARGS)
 
 clean: ## remove .venv and everything that tools left behind
 	rm -rf .venv .venv-setup .venv-strangers .ansible .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist *.egg-info

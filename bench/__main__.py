@@ -1,0 +1,70 @@
+"""`python -m bench`: measure us and our peers, print the figures as they come, write `docs/benchmarks.md`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from bench.contenders import ALL
+from bench.crowd import crowds
+from bench.declared import CHECKOUT
+from bench.job import Scenario
+from bench.page import page
+from bench.race import Plan, line, race
+from bench.world import World
+
+_CROWD = "crowd"
+
+
+def main() -> int:
+    """Measure what is asked for; 1 if somebody who was there has failed."""
+    given = _parser().parse_args()
+    rtts, sizes = ([0], [1, 2]) if given.smoke else (given.rtt, given.crowd)
+    runs = 1 if given.smoke else given.runs
+    only = set(given.only) or {contender.name for contender in ALL} | {_CROWD}
+    contenders = [contender for contender in ALL if contender.name in only]
+    with tempfile.TemporaryDirectory(prefix="bench-") as place:
+        folder = Path(place)
+        world = World(folder)
+        plan = Plan(contenders, given.scenario or list(Scenario), rtts, runs, given.rate)
+        figures = []
+        for figure in race(world, plan):
+            print(line(figure), flush=True)
+            figures.append(figure)
+        many = []
+        for crowd in crowds(sizes, folder) if _CROWD in only else ():
+            print(f"{crowd.routers:>5} routers  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
+            many.append(crowd)
+    versions = {one.name: one.version() for one in contenders if one.missing() is None}
+    notes = [f"not the real command: {world.excuse}"] if world.excuse else []
+    notes += [] if given.rate is None else [f"the link carries {given.rate[0]:g} bit/s up, {given.rate[1]:g} down"]
+    text = page(figures, many, versions, notes)
+    if given.write is not None:
+        given.write.write_text(text, encoding="utf-8")
+    print(text[text.index("## Marks") :])
+    failed = [one for one in figures if one.samples and one.failure] + [one for one in many if one.failure]
+    return 1 if failed else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
+    names = [contender.name for contender in ALL]
+    parser.add_argument("--only", nargs="+", choices=[*names, _CROWD], default=[], help="these contenders only")
+    parser.add_argument("--scenario", nargs="+", type=Scenario, choices=list(Scenario), default=[])
+    parser.add_argument("--rtt", nargs="+", type=int, default=[0, 100, 700], help="round-trip times in ms")
+    parser.add_argument("--runs", type=int, default=3, help="how often; peers run once from 300 ms on")
+    parser.add_argument("--rate", nargs=2, type=float, metavar=("UP", "DOWN"), help="of the link, in bit/s")
+    parser.add_argument("--crowd", nargs="+", type=int, default=[1, 50, 500], help="numbers of routers for one no-op")
+    parser.add_argument(
+        "--smoke", action="store_true", help="everything once, as small as possible: does it still run?"
+    )
+    parser.add_argument("--write", type=Path, help="file for the page", default=None)
+    return parser
+
+
+if __name__ == "__main__":
+    if not (CHECKOUT / "inventory").is_dir():
+        sys.exit("the bench runs from a checkout")
+    sys.exit(main())

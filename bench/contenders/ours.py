@@ -1,0 +1,47 @@
+"""Us: the command that a technician types."""
+
+from __future__ import annotations
+
+import sys
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.journal import Store
+from bench.declared import ROUTER, SITE
+from bench.job import Command, Job, Scenario
+
+__all__ = ["Ours"]
+
+
+class Ours:
+    """`provision site=coastal --yes`: loading and validating the pilot, Ansible's start, safe mode and reading back."""
+
+    name = "ours"
+    title = "provision"
+
+    def missing(self) -> str | None:
+        """We are always here."""
+        return None
+
+    def version(self) -> str:
+        """Our own."""
+        return f"provision {__version__}"
+
+    def command(self, job: Job) -> Command:
+        """Run the real command where the router stands at its declared address, else what that command runs."""
+        state = job.folder / "state"
+        Store(state, rehearsed=not job.real).pins.pin(ROUTER, job.pin)
+        environment = {
+            "ATLANTIS_STATE": str(state),
+            "ANSIBLE_VAULT_PASSWORD_FILE": str(job.declared.vault_password),
+        }
+        if job.real:
+            words = (f"site={SITE}", f"only={ROUTER}", "--yes", f"inventory={job.declared.inventory}")
+            return Command((sys.executable, "-P", "-m", "atlantis_netcfg", *words), environment)
+        target = f"{ROUTER}={job.host}:{job.port}:{job.pin}"
+        given = (str(job.declared.inventory), str(state), target)
+        note = "without root the router cannot stand at its declared address: the playbook is run without the command"
+        return Command((sys.executable, "-m", "bench.engine", *given), environment, (note,))
+
+    def heard(self, scenario: Scenario, said: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
+        """Nothing worth a note."""
+        return ()

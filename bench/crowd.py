@@ -1,0 +1,72 @@
+"""A no-op over many routers: twins in a few processes, one process of ours for all of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.render import router
+from atlantis_netcfg.site import load
+from atlantis_netcfg.twin import Link, SiteSpec, TwinSpec, spawn
+from bench import edits, measure
+from bench.declared import CHECKOUT
+from bench.figures import Crowd
+from bench.job import Command
+from bench.many import many, name
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration
+
+__all__ = ["crowds"]
+
+_PER_PROCESS = 125
+"""Twins in one process."""
+
+
+def crowds(sizes: Sequence[int], folder: Path) -> Iterator[Crowd]:
+    """Measure a no-op over so many routers each: ships that differ in names and addresses only.
+
+    The inventory is the same for every size, so that it is the number of routers that makes the difference.
+    """
+    inventory = many(CHECKOUT / "inventory", folder / "crowd-inventory", max(sizes))
+    declaration = load(inventory)
+    for size in sizes:
+        place = folder / f"crowd-{size}"
+        place.mkdir()
+        yield _crowd(declaration, inventory, size, place)
+
+
+def _crowd(declaration: Declaration, inventory: Path, size: int, place: Path) -> Crowd:
+    names = [f"{name(number)}-router" for number in range(size)]
+    with ExitStack() as stack:
+        targets = place / "targets"
+        lines = []
+        for start in range(0, size, _PER_PROCESS):
+            part = tuple(_finished(declaration, one) for one in names[start : start + _PER_PROCESS])
+            home = place / f"twins-{start}"
+            home.mkdir()
+            twins = stack.enter_context(spawn(SiteSpec(name=f"crowd-{start}", twins=part), home))
+            lines += [f"{one}={at['host']}:{at['api_ssl']}:{at['pin']}" for one, at in twins.ready.items()]
+        targets.write_text("\n".join(lines), encoding="utf-8")
+        argv = (sys.executable, "-m", "bench.engine", str(inventory), str(place / "state"), f"@{targets}")
+        ran = measure.run_command(Command(argv), place)
+    unchanged = ran.said.count("already so: nothing to change")
+    failure = "" if ran.code == 0 and unchanged == size else f"{size - unchanged} of {size} were not found as declared"
+    engine_s = json.loads(ran.said.splitlines()[-1])["engine_s"] if ran.code == 0 else 0.0
+    return Crowd(size, ran.cost, engine_s, failure)
+
+
+def _finished(declaration: Declaration, one: str) -> TwinSpec:
+    """A router that is as declared already, on a link without delay."""
+    host = declaration.hosts[one]
+    (twin,) = site_spec(declaration, [host]).twins
+    text = router(declaration, host)
+    seed = "\n".join(edits.first_script(text, twin.router.management.local))
+    ready = twin.router.model_copy(update={"seed": seed})
+    return twin.model_copy(update={"router": ready, "link": Link()})

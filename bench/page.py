@@ -1,0 +1,148 @@
+"""Writes `docs/benchmarks.md`: tables, ratios, what missed its mark, and the machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bench.job import Scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from bench.figures import Crowd, Figure
+
+__all__ = ["machine", "page"]
+
+_TITLES = {
+    Scenario.FIRST: "The first configuration of the coastal router",
+    Scenario.NOTHING: "Nothing to do",
+    Scenario.FIREWALL: "A change of twenty firewall rules",
+}
+_INTRO = """\
+# Benchmarks
+
+Written by `make bench`; do not edit. The same desired state, rendered from the pilot's inventory, is brought to the
+same emulated router by each contender in the way that its own documentation recommends, each as a process of its own,
+start included. Between both stands a proxy that shares no code with either: it delays and counts every byte. Round
+trips are TCP's handshake and every time that an answer comes to what the client has said; bytes are TCP's payload in
+both directions. All that speak the API use TLS and check the router's certificate. Figures are medians.
+
+An emulated router answers at once. A real one takes its own time for each command, the same for everybody.
+"""
+
+
+def page(figures: Sequence[Figure], crowds: Sequence[Crowd], versions: Mapping[str, str], notes: Sequence[str]) -> str:
+    """Return the whole page."""
+    parts = [_INTRO, *_machine_part(versions, notes)]
+    for scenario in Scenario:
+        chosen = [figure for figure in figures if figure.scenario is scenario]
+        if chosen:
+            parts += [f"## {_TITLES[scenario]}\n", "\n".join(_table(chosen)) + "\n", "\n".join(_remarks(chosen)) + "\n"]
+    if crowds:
+        parts += ["## Nothing to do, on many routers\n", "\n".join(_crowd(crowds)) + "\n"]
+    parts += ["## Marks\n", "\n".join(_marks(figures, crowds)) + "\n"]
+    return "\n".join(part.rstrip("\n") + "\n" for part in parts)
+
+
+def machine() -> str:
+    """Processor, cores, memory and system of this machine; not its name."""
+    model = "unknown processor"
+    for line in _lines("/proc/cpuinfo"):
+        if line.startswith("model name"):
+            model = line.partition(":")[2].strip()
+            break
+    memory = next((int(line.split()[1]) for line in _lines("/proc/meminfo") if line.startswith("MemTotal")), 0)
+    system = f"{platform.system()} {platform.release().partition('-')[0]}"
+    return f"{model}, {os.cpu_count()} cores, {memory / 2**20:.0f} GiB; {system}, Python {platform.python_version()}"
+
+
+def _lines(path: str) -> list[str]:
+    file = Path(path)
+    return file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+
+
+def _machine_part(versions: Mapping[str, str], notes: Sequence[str]) -> Iterator[str]:
+    yield f"Measured on {datetime.now(UTC):%Y-%m-%d}: {machine()}. Contenders, proxy and routers share it."
+    yield "\n".join([f"* {name}: {version}" for name, version in versions.items()] + [f"* {note}" for note in notes])
+
+
+def _table(figures: Sequence[Figure]) -> Iterator[str]:
+    ours = {figure.rtt_ms: figure for figure in figures if figure.contender == "ours" and figure.samples}
+    yield "| RTT | Contender | Wall s (min-max) | CPU s | Round trips | kB | Times our wall | Export afterwards |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for figure in figures:
+        if not figure.samples:
+            yield f"| {figure.rtt_ms} ms | {figure.contender} | not measured: {figure.failure} | | | | | |"
+            continue
+        low, high = figure.spread
+        spread = f" ({low:.1f}-{high:.1f})" if len(figure.samples) > 1 else ""
+        base = ours.get(figure.rtt_ms)
+        ratio = f"{figure.wall_s / base.wall_s:.1f}" if base is not None else ""
+        same = "as ours" if not figure.differences else f"{len(figure.differences)} lines differ"
+        yield (
+            f"| {figure.rtt_ms} ms | {figure.contender}{' FAILED' if figure.failure else ''} |"
+            f" {figure.wall_s:.1f}{spread} | {figure.cpu_s:.1f} | {figure.round_trips} | {figure.bytes / 1000:.0f} |"
+            f" {ratio} | {same} |"
+        )
+
+
+def _remarks(figures: Sequence[Figure]) -> Iterator[str]:
+    """Notes of each contender once, and what differs at its longest delay."""
+    last = {figure.contender: figure for figure in figures}
+    for name, figure in last.items():
+        yield from (f"* {name}: {note}." for note in dict.fromkeys(figure.notes))
+        if figure.failure:
+            yield f"* {name} did not succeed at {figure.rtt_ms} ms: {figure.failure}"
+        shown = figure.differences[:_SHOWN]
+        yield from (f"* {name} differs: `{line}`" for line in shown)
+        if len(figure.differences) > len(shown):
+            yield f"* {name} differs in {len(figure.differences) - len(shown)} more lines."
+
+
+_SHOWN = 6
+
+
+def _crowd(crowds: Sequence[Crowd]) -> Iterator[str]:
+    yield "One process of ours, by the playbook; the emulated routers run beside it on the same cores, without delay."
+    yield ""
+    yield "| Routers | Wall s | of it the engine s | Our CPU s | CPU ms each | Peak memory MiB | KiB each |"
+    yield "|---|---|---|---|---|---|---|"
+    for crowd in crowds:
+        cost = crowd.cost
+        yield (
+            f"| {crowd.routers}{' FAILED' if crowd.failure else ''} | {cost.wall_s:.1f} | {crowd.engine_s:.1f} |"
+            f" {cost.cpu_s:.1f} | {1000 * cost.cpu_s / crowd.routers:.0f} | {cost.memory_kib / 1024:.0f} |"
+            f" {crowd.memory_each_kib:.0f} |"
+        )
+
+
+def _marks(figures: Sequence[Figure], crowds: Sequence[Crowd]) -> Iterator[str]:
+    """Compare with what was promised: ten times quicker than community.routeros at 700 ms, and fewer bytes."""
+    at = {(figure.contender, figure.scenario): figure for figure in figures if figure.rtt_ms == _MARK_MS}
+    for scenario in Scenario:
+        ours, peer = at.get(("ours", scenario)), at.get(("community.routeros", scenario))
+        if ours is None or peer is None or not ours.samples or not peer.samples:
+            continue
+        ratio, size = peer.wall_s / ours.wall_s, peer.bytes / ours.bytes
+        promised = scenario is not Scenario.FIREWALL
+        quicker = _verdict(reached=ratio >= _TEN) if promised else ""
+        smaller = _verdict(reached=size > 1) if promised else ""
+        yield (
+            f"* {_TITLES[scenario]}, {_MARK_MS} ms, against community.routeros: {ratio:.1f} times less wall time"
+            f"{quicker}, {size:.1f} times fewer bytes{smaller}."
+        )
+    few, many = (next((crowd for crowd in crowds if crowd.routers == number), None) for number in (1, 500))
+    if few is not None and many is not None:
+        times = many.cost.wall_s / few.cost.wall_s
+        yield f"* 500 routers take {times:.1f} times as long as one{_verdict(reached=times <= _TEN)}."
+
+
+_MARK_MS, _TEN = 700, 10
+
+
+def _verdict(*, reached: bool) -> str:
+    return " (mark: reached)" if reached else " (mark: **missed**)"
