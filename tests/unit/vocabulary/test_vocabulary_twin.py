@@ -149,3 +149,25 @@ def test_arguments_of_elsewhere_are_refused(data: st.DataObject, version: str) -
     if not name or name in tree.arguments(menu, command):
         return
     assert BARE[version].says(f"{menu}/{command}", f"={name}=1") == f"unknown parameter {name}"
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_the_console_refuses_in_its_own_words(tree: Tree) -> None:
+    """Every seventh command of the tree, misspelt in three ways; the column is that of the wrong word."""
+    bare, odd, count = BARE[tree.version], {}, 0
+    for place, (menu, command, path) in enumerate(commands(tree)):
+        # The root's commands are words of the scripting language, with a grammar of their own.
+        if place % 7 or menu == "/":
+            continue
+        count += 1
+        wrong_menu = menu.rpartition("/")[2] + "zz"
+        expected = {
+            f"{path}zz": f"bad command name {command}zz (line 1 column {len(menu) + 2})",
+            f"{menu}zz/{command}": f"bad command name {wrong_menu} (line 1 column {len(menu) - len(wrong_menu) + 3})",
+        }
+        if command != "find":  # which takes names of properties, too
+            expected[f"{path} {STRANGE}=1"] = f"expected end of command (line 1 column {len(path) + 2})"
+        said = {line: bare.device.type(bare.caller, line).text.strip() for line in expected}
+        odd |= {line: words for line, words in said.items() if words != expected[line]}
+    assert odd == {}
+    assert count > 500
