@@ -143,7 +143,7 @@ class FirstContact:
         met = self.pins.get(self.wish.name) is not None
         if met and not first.serial:
             with suppress(ConsoleUnreachable, LoginFailed):
-                return final.open(self.wish.user, self.wish.password), final
+                return self._at_home(final), final
         self._tell(Stage.CONNECTING, f"to {first.shown}")
         try:
             return self._tried(first, ours_first=met), first
@@ -153,6 +153,13 @@ class FirstContact:
             with suppress(ConsoleUnreachable):
                 return self._tried(final, ours_first=True), final
             raise
+
+    def _at_home(self, final: Way) -> Console:
+        """The management address; a host key that is not known yet is believed where TLS has proved the device."""
+        pin = self.pins.get(self.wish.name)
+        if self.doorway.host_key is None and pin is not None:
+            final.prove(pin)
+        return final.open(self.wish.user, self.wish.password)
 
     def _tried(self, way: Way, *, ours_first: bool) -> Console:
         if ours_first:
@@ -263,14 +270,18 @@ class FirstContact:
             notes.append(f"api-ssl could not be tried at {way.shown}: {error}")
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
+        """After a serial line: the network may be within reach all the same."""
+        final = self.doorway.final
         try:
-            self.doorway.final.prove(pin)
+            final.prove(pin)
+            final.meet()
         except NetcfgError:
             notes.append(
                 f"not verified, because the laptop is on the serial line: that {self.wish.host} answers on "
                 f"{self.wish.port}; plug into {self.wish.port} with address {self.wish.laptop}, and "
                 "`provision site=...` verifies it"
             )
+        self._known()
 
     def _settled(self, facts: Facts) -> Facts:
         if recognise(facts, self.wish, self.now()) is not Standing.ADOPTED:

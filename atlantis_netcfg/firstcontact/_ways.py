@@ -22,7 +22,10 @@ class Way(Protocol):
         """Log in. Raises ConsoleUnreachable, LoginFailed, HostKeyChanged, ConsoleLost."""
 
     def prove(self, pin: str) -> None:
-        """Log in by api-ssl as our user, under this certificate alone. Raises NetcfgError."""
+        """Log in by api-ssl as our user, under this certificate alone. Raises ConsoleUnreachable, NetcfgError."""
+
+    def meet(self) -> None:
+        """Learn the SSH host key, without a login, if it is not known yet. Raises NetcfgError."""
 
 
 class Doorway(Protocol):

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import ConsoleUnreachable, UnknownHostKey, open_serial, open_ssh
-from atlantis_netcfg.routeros.api import Endpoint, Session
+from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
+from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.console import Console
     from atlantis_netcfg.firstcontact import Way, Wish
-    from atlantis_netcfg.secret import Secret
 
 __all__ = ["SSH_PORT", "HostKey", "SerialWay", "SshWay", "Ways"]
 
@@ -45,16 +45,26 @@ class SshWay:
 
     def open(self, user: str, password: Secret) -> Console:
         """Log in; a host key that nobody knows yet is taken from the first session, which sends no password."""
+        self.meet()
+        address, port = self.locate(SSH_PORT)
+        return open_ssh(address, port, user, password, pin=self.key.known, timeout_s=_CABLE_S)
+
+    def meet(self) -> None:
+        """See who is there, and remember the host key if none is known; nothing is logged in to."""
         address, port = self._knock()
+        if self.key.known is not None:
+            return
         try:
-            return open_ssh(address, port, user, password, pin=self.key.known, timeout_s=_CABLE_S)
+            open_ssh(address, port, self.wish.user, Secret(""), pin=None, timeout_s=_CABLE_S)
         except UnknownHostKey as unknown:
             self.key.known = unknown.fingerprint
-        return open_ssh(address, port, user, password, pin=self.key.known, timeout_s=_CABLE_S)
 
     def prove(self, pin: str) -> None:
         """Log in by api-ssl as our user under this certificate."""
-        asyncio.run(self._log_in(pin))
+        try:
+            asyncio.run(self._log_in(pin))
+        except Unreachable as nobody:
+            raise ConsoleUnreachable(str(nobody), hint=nobody.hint) from nobody
 
     async def _log_in(self, pin: str) -> None:
         host, port = self.locate(self.wish.api_port)
@@ -92,6 +102,9 @@ class SerialWay:
     def prove(self, pin: str) -> None:
         """Refuse: there is no TLS on a serial line."""
         raise ConsoleUnreachable(f"certificate {pin[:16]}… cannot be tried over {self.shown}")
+
+    def meet(self) -> None:
+        """Nothing: a serial line has no host key, and RouterOS does not print its own."""
 
 
 @dataclass(slots=True)

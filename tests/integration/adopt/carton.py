@@ -63,7 +63,7 @@ class Carton:
             **{"wait_s": 10.0, **options},
         )
         adoption.locate = self._locate
-        if self.serial:
+        if self.serial and "via" not in options:
             adoption.via = f"serial:{self.site.do(ROUTER, 'info')['serial']}"
         return adoption
 

@@ -183,7 +183,7 @@ def test_a_box_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
         assert box.export() == adopted_export()
         store = Store(box.state, rehearsed=True)
         assert store.pins.get(ROUTER) == box.site.do(ROUTER, "info")["pin"]
-        assert store.pins.host_key(ROUTER) is None
+        assert store.pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
         assert box.adopt().status == "unchanged"
 
 
@@ -195,6 +195,10 @@ def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path) -> None:
         assert result.status == "changed"
         (note,) = (note for note in result.notes if note.startswith("not verified"))
         assert "plug into ether8 with address 10.64.100.10/24, and `provision site=...` verifies it" in note
+        pins = Store(box.state, rehearsed=True).pins
+        assert pins.host_key(ROUTER) is None
+        assert box.adopt(via="ssh").status == "unchanged"
+        assert pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
 
 
 def test_a_box_that_was_reset_without_defaults(tmp_path: Path) -> None:
