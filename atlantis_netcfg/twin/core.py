@@ -87,6 +87,8 @@ class Core:
         """When each job was seen first: what should have run before will not."""
         self.menus: dict[int, str] = {}
         """Where in the tree of menus each console session stands, if not at its root."""
+        self.numbered: dict[tuple[int, str], list[str]] = {}
+        """Ids by row number, as a console session has last seen a menu printed."""
         self.notices: list[tuple[int, str]] = []
         """What the console has to tell a session without being asked: session, text."""
         self.greetings: tuple[str, ...] = GREETINGS if spec.factory else ()

@@ -110,6 +110,7 @@ class Device(ConsoleSide, FileSide):
         core = self._core
         core.sessions.pop(number, None)
         core.menus.pop(number, None)
+        core.numbered = {key: ids for key, ids in core.numbered.items() if key[0] != number}
         core.ended.discard(number)
         core.listeners = [one for one in core.listeners if one.caller.number != number]
         self._lost.pop(number, None)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Outcome", "check_syntax", "run_file", "run_line", "run_script"]
 
+_NUMBERS = frozenset({"destination", "number", "numbers"})
+
 
 @dataclass(slots=True)
 class Outcome:
@@ -146,6 +148,8 @@ class _Runner:
         from atlantis_netcfg.twin.commands.dispatch import dispatch  # noqa: PLC0415 - scripts run commands that run scripts
 
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
+        for name in _NUMBERS & set(arguments) if self.width is not None else ():
+            arguments[name] = self._numbered(command.menu, arguments[name])
         call = Call(self.caller, command.menu, command.name, arguments, tuple(command.unset), console=True)
         if command.name == "print":
             return self._print(call, command.where)
@@ -153,6 +157,14 @@ class _Runner:
         if "as-value" in arguments:
             return _as_value(result.rows), []
         return result.ret or "", [*result.text.splitlines(), *reported(call.command, result.rows)]
+
+    def _numbered(self, menu: str, value: str) -> str:
+        """Ids for the row numbers that this session has seen; scripts know none (Manual, Console: Item numbers)."""
+        seen = self.core.numbered.get((self.caller.number, menu), [])
+        parts = value.split(",")
+        if not all(part.isdecimal() and int(part) < len(seen) for part in parts):
+            return value
+        return ",".join(seen[int(part)] for part in parts)
 
     def _argument(self, value: str | Find | Command) -> str:
         if isinstance(value, str):
@@ -180,6 +192,8 @@ class _Runner:
         view = View(call.menu, words, wanted if wanted != ("",) else (), self.width)
         if "as-value" in words:
             return _as_value(summed(self.core, view, found)), []
+        if self.width is not None:
+            self.core.numbered[self.caller.number, call.menu] = [row.get(".id", "") for row in found]
         self.paged = self.paged or "without-paging" not in words
         return "", shown(self.core, view, found)
 

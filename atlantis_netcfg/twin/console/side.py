@@ -88,10 +88,19 @@ class ConsoleSide:
 
     # --- a first login ---------------------------------------------------------------------------------------------
 
-    @property
-    def greetings(self) -> tuple[str, ...]:
-        """What the console still has to ask whoever logs in: `licence`, `default-configuration`, `password`."""
-        return self._core.greetings
+    def greetings(self, caller: Caller) -> tuple[str, ...]:
+        """What the console still has to ask this one: `licence`, `default-configuration`, `password`.
+
+        Whoever has an empty password is asked for a new one at every login (tik4net, Docs/findings-cli.md).
+        """
+        left = self._core.greetings
+        users = self._core.store.table("/user")
+        empty = any(
+            self._core.store.text(users, item, "name") == caller.user
+            and not self._core.store.text(users, item, "password")
+            for item in users.items
+        )
+        return (*left, "password") if empty and "password" not in left else left
 
     def greeted(self, question: str) -> None:
         """The question needs not be asked again."""

@@ -26,7 +26,7 @@ class Greeting:
         self._session = session
         self._device = session.talk.device
         self._then = then
-        self._left = list(self._device.greetings)
+        self._left = list(self._device.greetings(session.talk.caller))
         self._wanted = ""
 
     async def next(self) -> None:

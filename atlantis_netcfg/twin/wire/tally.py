@@ -25,8 +25,12 @@ class Counters:
     connections: int = 0
     logins: int = 0
     turns: int = 0
-    """Round trips: how often the client began to speak, at first or after it had heard something; TLS not counted."""
+    """Round trips: how often the client began to speak, at first or after it had heard something.
+
+    TLS is not counted; SSH is, key exchange and all.
+    """
     sentences: int = 0
+    """Of the API; over SSH lines, keys that are commands, and files."""
     bytes_in: int = 0
     """From the client, above TLS."""
     bytes_out: int = 0

@@ -13,6 +13,7 @@ from atlantis_netcfg.twin.shell.talk import DirectTalk
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+PASSWORD = "open sesame"
 TECHNICIAN = "10.64.101.10"
 
 
@@ -30,7 +31,11 @@ class Bench:
     """A device, and terminals on it."""
 
     def __init__(self, **spec: object) -> None:
-        users = (User(name="admin"), User(name="guest", group="read"))
+        users = (
+            User(name="admin", password=PASSWORD),
+            User(name="guest", password=PASSWORD, group="read"),
+            User(name="fresh"),
+        )
         self.clock = Clock()
         self.device = Device(RouterSpec.model_validate({"name": "router", "users": users, **spec}), self.clock)
 
@@ -51,7 +56,7 @@ class Terminal:
     def __init__(self, bench: Bench, login: str, *, sized: bool) -> None:
         self._bench = bench
         user, screen = split_login(login)
-        self.caller = bench.device.login(user, "", via="ssh", address=TECHNICIAN)
+        self.caller = bench.device.login(user, "" if user == "fresh" else PASSWORD, via="ssh", address=TECHNICIAN)
         self._out = bytearray()
         self.session = Session(DirectTalk(bench.device, self.caller), screen, self._out.extend, sized=sized)
         asyncio.run(self.session.start())

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 T = TypeVar("T")
+PASSWORD = "open sesame"
 PATIENCE_S = 20.0
 ADD = "/ip pool add name=s ranges=10.0.0.1"
 
@@ -26,7 +27,12 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
 @asynccontextmanager
 async def router(tmp_path: Path, *, link: Link | None = None, **spec: Any) -> AsyncIterator[Router]:  # noqa: ANN401
-    wanted = {"name": "router", "users": (User(name="admin"), User(name="guest")), "unroll_delay_s": 0.0, **spec}
+    wanted = {
+        "name": "router",
+        "users": (User(name="admin", password=PASSWORD), User(name="guest", password=PASSWORD)),
+        "unroll_delay_s": 0.0,
+        **spec,
+    }
     knobs = Knobs(boot_s=0.05)
     async with Router(RouterSpec.model_validate(wanted), state_dir=tmp_path, link=link, knobs=knobs) as twin:
         yield twin
@@ -37,7 +43,7 @@ async def connect(twin: Router, user: str = "admin") -> asyncssh.SSHClientConnec
         twin.host,
         twin.ports["ssh"],
         username=f"{user}+cet200w",
-        password="",
+        password=PASSWORD,
         known_hosts=None,
         client_keys=None,
         config=None,

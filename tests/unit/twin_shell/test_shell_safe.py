@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from shell_bench import Bench
+from shell_bench import PASSWORD, TECHNICIAN, Bench
 
 CTRL_X = "\x18"
 HIJACK = "Hijacking Safe Mode from someone - unroll/release/don't take it [u/r/d]:"
@@ -102,7 +102,7 @@ def test_the_api_sees_the_console_s_safe_mode_and_the_other_way_round() -> None:
     bench = Bench()
     terminal = bench.terminal()
     terminal.type(CTRL_X)
-    caller = bench.device.login("admin", "", via="api", address="10.64.101.10")
+    caller = bench.device.login("admin", PASSWORD, via="api", address=TECHNICIAN)
     (row, _) = bench.device.run(caller, ["/safe-mode/print"])
     assert {"=enabled=true", "=current=false", "=owner=ssh:admin@10.64.101.10"} <= set(row.words)
     bench.device.run(caller, ["/safe-mode/release"])
@@ -127,7 +127,7 @@ def test_a_console_whose_hold_the_api_ends_is_told(command: str) -> None:
     bench = Bench()
     terminal = bench.terminal()
     terminal.type(CTRL_X)
-    caller = bench.device.login("admin", "", via="api", address="10.64.101.10")
+    caller = bench.device.login("admin", PASSWORD, via="api", address=TECHNICIAN)
     bench.device.run(caller, [f"/safe-mode/{command}"])
     assert terminal.shown() == "\r\n[Safe mode released by another user]\r\n[admin@MikroTik] > "
     assert terminal.shown() == ""

@@ -1,0 +1,37 @@
+"""The twins of a site as a process of their own: SSH and serial line are told, and work from outside."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import paramiko
+import serial
+from shell_site import PASSWORD
+
+from atlantis_netcfg.twin import RouterSpec, SiteSpec, TwinSpec, User, spawn
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_process_of_its_own(tmp_path: Path) -> None:
+    users = (User(name="admin", password=PASSWORD),)
+    spec = TwinSpec(router=RouterSpec(name="router", serial=True, users=users))
+    plain = TwinSpec(router=RouterSpec(name="plain", users=users))
+    with spawn(SiteSpec(name="site", twins=(spec, plain)), tmp_path) as site:
+        told = site.ready["router"]
+        assert site.do("router", "info") == told
+        assert told["ports"]["22"] == told["ssh"]
+        assert site.ready["plain"]["serial"] is None
+        with paramiko.Transport(("127.0.0.1", told["ssh"])) as transport:
+            transport.connect(username="admin", password=PASSWORD)
+            assert transport.get_remote_server_key().fingerprint == told["host_key"]
+            channel = transport.open_session()
+            channel.exec_command(':put "there"')
+            assert channel.makefile("rb").read() == b"there\r\n"
+        with serial.Serial(told["serial"], timeout=10) as line:
+            line.write(b"\r")
+            assert line.read_until(b"Login: ").endswith(b"Login: ")
+        again = site.do("router", "restart")
+        assert again["host_key"] == told["host_key"]
+        assert again["ssh"] == told["ssh"]
