@@ -42,7 +42,7 @@ async def converge_pair(pair: Pair, *, mode: Mode = Mode.APPLY) -> Results:
         End(job, Contact(job), radio, started)
         for job, radio in ((_patient(pair.near), pair.near_radio), (_patient(pair.far), pair.far_radio))
     )
-    work = Transaction(pair, near, far)
+    work = Transaction(pair, near, far, resumes=mode is Mode.RESUME)
     try:
         results = await _run(work, mode)
         if results is not None:

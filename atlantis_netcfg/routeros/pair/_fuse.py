@@ -19,11 +19,16 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Facts
     from atlantis_netcfg.routeros.apply import Channel
 
-__all__ = ["NAME", "arm", "disarm", "script", "why_not"]
+__all__ = ["NAME", "Armed", "arm", "disarm", "script", "why_not"]
 
 NAME = "atlantis-pair"
 _PATH = "/system/scheduler"
+_LOOK = Command(f"{_PATH}/print", queries=(f"?name={NAME}",))
 _FALSE, _TRUE = ("false", "no"), ("true", "yes")
+
+
+class Armed(DeviceFailed):
+    """Such a job is there already: somebody else's run is under way, or one has died."""
 
 
 def why_not(facts: Facts) -> str:
@@ -41,8 +46,12 @@ def script(menu: str, peer: str, way_back: str) -> str:
 
 
 async def arm(session: Channel, text: str, after_s: float) -> None:
-    """Make the job and see that the device will run it. Raises DeviceFailed if it will not."""
-    await disarm(session)
+    """Make the job and see that the device will run it. Raises Armed, and DeviceFailed if it will not run it."""
+    if (await session.command(_LOOK)).checked().rows:
+        raise Armed(
+            "another run changes this bridge, or has died in the middle of it",
+            hint="wait until it has ended; if it has died:  provision resume",
+        )
     start = await _moment(session, after_s)
     arguments = {
         "name": NAME,
@@ -52,7 +61,7 @@ async def arm(session: Channel, text: str, after_s: float) -> None:
         "on-event": text,
     }
     (await session.command(Command(f"{_PATH}/add", tuple(arguments.items())))).checked()
-    rows = (await session.command(Command(f"{_PATH}/print", queries=(f"?name={NAME}",)))).checked().rows
+    rows = (await session.command(_LOOK)).checked().rows
     if not rows or rows[0].get(".about") or rows[0].get("disabled") in _TRUE:
         await disarm(session)
         raise DeviceFailed(
@@ -73,10 +82,10 @@ async def _moment(session: Channel, after_s: float) -> datetime:
 
 async def disarm(session: Channel) -> None:
     """Take the job away, and see that it is away. Raises Refused, SessionLost."""
-    rows = (await session.command(Command(f"{_PATH}/print", queries=(f"?name={NAME}",)))).checked().rows
+    rows = (await session.command(_LOOK)).checked().rows
     if rows:
         ids = ",".join(row[".id"] for row in rows)
         await session.command(Command(f"{_PATH}/remove", ((".id", ids),)))
-        left = (await session.command(Command(f"{_PATH}/print", queries=(f"?name={NAME}",)))).checked().rows
+        left = (await session.command(_LOOK)).checked().rows
         if left:
             raise DeviceFailed(f"the job {NAME} could not be taken away")

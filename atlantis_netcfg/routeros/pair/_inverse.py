@@ -1,7 +1,8 @@
 """The way back as a script: what every action of a plan has changed, in the opposite order.
 
 It is run by the device when nobody is there any more, so each line stands for itself: one that fails (the action was
-never carried out) does not keep the others from running. It holds secrets in clear, as the rows themselves do.
+never carried out) does not keep the others from running. Unlike the way back of a single device it writes secrets, in
+clear as the rows themselves hold them: a key that stayed new at one end would keep the link away.
 """
 
 from __future__ import annotations

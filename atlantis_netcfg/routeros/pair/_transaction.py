@@ -57,6 +57,8 @@ class Transaction:
     pair: Pair
     near: End
     far: End
+    resumes: bool = False
+    """The job of a run that has died is taken away, not respected."""
     linked: bool = False
     """The far end was reached after its change."""
     deadline: float = 0.0
@@ -120,7 +122,11 @@ class Transaction:
             why = why or f"there is no script for the way back ({reason})"
         if not why and radio is not None and near is not None:
             try:
+                if self.resumes:
+                    await _fuse.disarm(far.channel)
                 await _fuse.arm(far.channel, _fuse.script(radio.menu, near.mac, way_back), self.pair.link_timeout_s)
+            except _fuse.Armed:
+                raise
             except DeviceFailed as failed:
                 why = str(failed)
             else:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
 
-from engine_bench import PASSWORD, run, without_header
+from engine_bench import PASSWORD as ENGINE_PASSWORD
+from engine_bench import run, without_header
 
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, desired
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.events import Event
 
 T = TypeVar("T")
+PASSWORD = ENGINE_PASSWORD
 TECHNICIAN = "10.10.0.10"
 ADDRESSES = {"near": "10.10.0.1/24", "far": "10.10.0.2/24"}
 LINK_TIMEOUT_S = 300.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from pair_bench import PairBench, Words, on
+from pair_bench import PairBench, Words, on, without_job
 
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.twin import Air
@@ -58,3 +58,25 @@ def test_a_far_end_that_has_gone_for_good_is_not_followed(tmp_path: Path) -> Non
     assert [result.status for result in results] == [Status.ROLLED_BACK, Status.LEFT_AS_FOUND]
     assert "did not answer after near had followed it" in results[0].message
     assert as_before
+
+
+@pytest.mark.parametrize(("mode", "status"), [(Mode.APPLY, Status.LEFT_AS_FOUND), (Mode.RESUME, Status.CHANGED)])
+def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, mode: Mode, status: Status) -> None:
+    async def act(bench: PairBench) -> tuple[Results, bool, str]:
+        before = bench.exports()
+        job = [
+            "/system/scheduler/add",
+            "=name=atlantis-pair",
+            "=interval=1h",
+            "=start-time=startup",
+            "=on-event=:put 1",
+        ]
+        await bench.router("far").console(job)
+        results = await bench.converge(NEW, mode)
+        near, far = bench.exports()
+        return results, (near, without_job(far)) == before, far
+
+    results, as_before, far = on(PairBench(tmp_path), act)
+    assert {result.status for result in results} == {status}, [result.message for result in results]
+    assert as_before == (status is Status.LEFT_AS_FOUND)
+    assert ("atlantis-pair" in far) == (status is Status.LEFT_AS_FOUND)
