@@ -266,5 +266,9 @@ def _encoded(replies: Sequence[Reply]) -> bytes:
 
 
 def _words(tag: str | None, answer: Answer) -> tuple[str, ...]:
+    """The tag stands right after the reply word: mikronode's grammar of tagged answers has it only there.
+
+    The examples of the manual (API, "/cancel, simultaneous commands") put it last, and leave the order open.
+    """
     tagged = tag is not None and answer.kind != "!fatal"
-    return (answer.kind, *answer.words, *((f".tag={tag}",) if tagged else ()))
+    return (answer.kind, *((f".tag={tag}",) if tagged else ()), *answer.words)

@@ -77,7 +77,7 @@ def test_traffic_flows_again_when_somebody_opens_the_path(tmp_path: Path) -> Non
             await asyncio.sleep(60)
             assert client.silent
             await twin.console(["/ip/firewall/filter/disable", "=numbers=*1"])
-            assert [(await client.answer())[-1][1][-1] for _ in range(2)] == [".tag=1", ".tag=2"]
+            assert [(await client.answer())[-1][1][0] for _ in range(2)] == [".tag=1", ".tag=2"]
             assert (await client.talk(PRINT))[-1] == ("!done", ())
 
     run(main())

@@ -114,10 +114,10 @@ def test_every_reply_carries_its_tag(tmp_path: Path) -> None:
             client.write((PRINT, ".tag=a b"), ("/nonsense", ".tag=2"))
             answer = await client.answer()
             assert [kind for kind, _ in answer] == ["!re", "!done"]
-            assert all(words[-1] == ".tag=a b" for _, words in answer)
+            assert all(words[0] == ".tag=a b" for _, words in answer)
             refusal = await client.answer()
             assert [kind for kind, _ in refusal] == ["!trap", "!done"]
-            assert all(words[-1] == ".tag=2" for _, words in refusal)
+            assert all(words[0] == ".tag=2" for _, words in refusal)
 
     run(main())
 
@@ -176,12 +176,12 @@ def test_listen_goes_on_until_it_is_cancelled(tmp_path: Path) -> None:
             ((_, (ret,)),) = await other.talk("/ip/pool/add", "=name=p", "=ranges=10.0.0.2-10.0.0.9")
             seen = await client.read()
             assert row(seen)["name"] == "p"
-            assert seen[1][-1] == ".tag=7"
+            assert seen[1][0] == ".tag=7"
             await other.talk("/ip/pool/remove", f"=.id={ret.removeprefix('=ret=')}")
             assert row(await client.read())[".dead"] in ("yes", "true")
             client.write(("/cancel", "=tag=7", ".tag=8"))
             assert [await client.read() for _ in range(3)] == [
-                ("!trap", ("=category=2", "=message=interrupted", ".tag=7")),
+                ("!trap", (".tag=7", "=category=2", "=message=interrupted")),
                 ("!done", (".tag=8",)),
                 ("!done", (".tag=7",)),
             ]
@@ -221,7 +221,7 @@ def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
             tags, done = [], 0
             while done < 3:
                 kind, words = await client.read()
-                tags.append(words[-1])
+                tags.append(words[0])
                 done += kind == "!done"
             changes = sum(one != other for one, other in pairwise(tags))
             assert changes > 2
