@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from librouteros.protocol import (  # type: ignore[import-untyped]
+from librouteros.protocol import (
     decode_length,
     determine_length,
     encode_length,

@@ -1,0 +1,35 @@
+"""librouteros 4.2 against the emulated router."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from conversation import Conversation
+from intent import CALLS, PINGS
+
+if TYPE_CHECKING:
+    from stand import Stand
+
+
+class TestLibrouteros(Conversation):
+    client = "librouteros_client.py"
+
+    def test_queries_are_answered_as_it_builds_them(self, at: Stand) -> None:
+        assert at.ask(self.client, do="queries") == {
+            "and": PINGS,
+            "or": ["log", "return", "return", "return", "log", "log"],
+            "in": ["atlantis: satellite, the terminal itself", "atlantis: satellite, allow-list"],
+            "none": [],
+            "fields": ["action", "chain"],
+            "raw": ["bridge-lan"],
+            "len": 30,
+        }
+
+    def test_it_takes_refusals_for_traps_with_their_category(self, at: Stand) -> None:
+        told = at.ask(self.client, do="refused", calls=CALLS)
+        assert {one[0] for one in told} == {"TrapError"}
+        assert [one[1] for one in told] == [0, 0, 1, 1, 0, None, None]
+
+    def test_both_ways_to_log_in(self, at: Stand) -> None:
+        told = at.ask(self.client, do="login")
+        assert told == {"wrong": "invalid user name or password (6)", "old": "coastal-router"}

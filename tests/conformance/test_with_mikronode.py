@@ -1,0 +1,35 @@
+"""mikronode 2.3 against an emulated router of before 7.18: it does not know `!empty`, and waits for ever."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from conversation import Conversation
+from stand import PRESENT, stand
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stand import Stand
+
+
+class TestMikronode(Conversation):
+    client = "mikronode_client.js"
+    version = "7.17"
+    provisioned = False
+
+    def test_a_wrong_password_by_the_way_of_before_6_43(self, at: Stand) -> None:
+        assert at.ask(self.client, do="login") == {"wrong": "cannot log in"}
+
+    def test_a_print_without_rows(self, at: Stand) -> None:
+        assert at.ask(self.client, do="nothing") == {"rows": []}
+
+
+@PRESENT
+@pytest.mark.slow
+def test_since_7_18_a_print_without_rows_never_ends(tmp_path: Path) -> None:
+    """The router's doing, not the twin's: from that version it says `!empty` (Manual, API)."""
+    with stand(tmp_path, version="7.18.2") as at:
+        told = at.ask("mikronode_client.js", do="nothing")
+    assert any("Error processing sentence" in line for line in told["failed"]), told

@@ -1,0 +1,35 @@
+"""node-routeros 1.6 against an emulated router of before 7.18: it does not survive `!empty`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from conversation import Conversation
+from stand import PRESENT, stand
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stand import Stand
+
+
+class TestNodeRouteros(Conversation):
+    client = "node_routeros_client.js"
+    version = "7.17"
+    provisioned = False
+
+    def test_a_wrong_password(self, at: Stand) -> None:
+        assert at.ask(self.client, do="login") == {"wrong": "Username or password is invalid"}
+
+    def test_a_print_without_rows(self, at: Stand) -> None:
+        assert at.ask(self.client, do="nothing") == {"rows": []}
+
+
+@PRESENT
+@pytest.mark.slow
+def test_since_7_18_a_print_without_rows_ends_it(tmp_path: Path) -> None:
+    """The router's doing, not the twin's: from that version it says `!empty` (Manual, API)."""
+    with stand(tmp_path, version="7.18.2") as at:
+        told = at.ask("node_routeros_client.js", do="nothing")
+    assert told == {"failed": "RosException: Tried to process unknown reply: !empty"}
