@@ -6,16 +6,23 @@ import argparse
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bench.contenders import ALL
 from bench.crowd import crowds
 from bench.declared import CHECKOUT
 from bench.job import Scenario
 from bench.page import page
-from bench.race import Plan, line, race
-from bench.world import World
+from bench.race import LONG_MS, Plan, line, race
+
+if TYPE_CHECKING:
+    from bench.figures import Figure
 
 _CROWD = "crowd"
+_BESIDE = (
+    f"from {LONG_MS} ms on the peers run side by side, each with a router of its own, since they do little but wait;"
+    " we run alone"
+)
 
 
 def main() -> int:
@@ -27,18 +34,22 @@ def main() -> int:
     contenders = [contender for contender in ALL if contender.name in only]
     with tempfile.TemporaryDirectory(prefix="bench-") as place:
         folder = Path(place)
-        world = World(folder)
         plan = Plan(contenders, given.scenario or list(Scenario), rtts, runs, given.rate)
-        figures = []
-        for figure in race(world, plan):
+        figures: list[Figure] = []
+
+        def tell(figure: Figure) -> None:
             print(line(figure), flush=True)
             figures.append(figure)
+
+        excuse = race(folder, plan, tell) if contenders else None
+        figures.sort(key=lambda one: (one.rtt_ms, [contender.name for contender in ALL].index(one.contender)))
         many = []
         for crowd in crowds(sizes, folder) if _CROWD in only else ():
             print(f"{crowd.routers:>5} routers  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
             many.append(crowd)
     versions = {one.name: one.version() for one in contenders if one.missing() is None}
-    notes = [f"not the real command: {world.excuse}"] if world.excuse else []
+    notes = [f"not the real command: {excuse}"] if excuse else []
+    notes += [_BESIDE] if max(rtts) >= LONG_MS and len(contenders) > 1 else []
     notes += [] if given.rate is None else [f"the link carries {given.rate[0]:g} bit/s up, {given.rate[1]:g} down"]
     text = page(figures, many, versions, notes)
     if given.write is not None:
@@ -54,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--only", nargs="+", choices=[*names, _CROWD], default=[], help="these contenders only")
     parser.add_argument("--scenario", nargs="+", type=Scenario, choices=list(Scenario), default=[])
     parser.add_argument("--rtt", nargs="+", type=int, default=[0, 100, 700], help="round-trip times in ms")
-    parser.add_argument("--runs", type=int, default=3, help="how often; peers run once from 300 ms on")
+    parser.add_argument("--runs", type=int, default=3, help="how often; peers run once on a delayed link")
     parser.add_argument("--rate", nargs=2, type=float, metavar=("UP", "DOWN"), help="of the link, in bit/s")
     parser.add_argument("--crowd", nargs="+", type=int, default=[1, 50, 500], help="numbers of routers for one no-op")
     parser.add_argument(

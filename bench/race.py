@@ -1,23 +1,25 @@
-"""Runs contenders through scenarios and delays, one after the other, so that none takes the processor from another."""
+"""Runs contenders through scenarios and delays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bench import measure
 from bench.figures import Figure, Sample
 from bench.proxy import Shape
+from bench.world import World
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
 
     from bench.job import Contender, Scenario
-    from bench.world import World
 
-__all__ = ["Plan", "line", "race"]
+__all__ = ["LONG_MS", "Plan", "line", "race"]
 
-_LONG_MS = 300
+LONG_MS = 300
 """From this delay on, peers need minutes for a run."""
 
 
@@ -34,12 +36,48 @@ class Plan:
     """Up and down; None is unlimited."""
 
     def repeat(self, contender: Contender, rtt_ms: int) -> int:
-        """How often: peers that take minutes at a long delay run once there."""
-        return self.runs if rtt_ms < _LONG_MS or contender.name == "ours" else 1
+        """How often: on a delayed link peers run once, for they take minutes."""
+        return self.runs if rtt_ms == 0 or contender.name == "ours" else 1
+
+    def only(self, contenders: Sequence[Contender], rtts_ms: Sequence[int]) -> Plan:
+        """Return a part of the plan."""
+        return replace(self, contenders=contenders, rtts_ms=rtts_ms)
 
 
-def race(world: World, plan: Plan) -> Iterator[Figure]:
-    """Measure everything that the plan asks for; each figure as soon as it is there."""
+def race(folder: Path, plan: Plan, tell: Callable[[Figure], object]) -> str | None:
+    """Measure everything that the plan asks for, and `tell` each figure as soon as it is there.
+
+    One after the other, so that none takes the processor from another; but from LONG_MS on the peers run side by side,
+    each with a router and a network of its own, since there they do nothing but wait. Returns why routers do not stand
+    at their declared addresses; None if they do.
+    """
+    world = World(_home(folder, "all"))
+    short = [rtt_ms for rtt_ms in plan.rtts_ms if rtt_ms < LONG_MS]
+    long = [rtt_ms for rtt_ms in plan.rtts_ms if rtt_ms >= LONG_MS]
+    ours = [contender for contender in plan.contenders if contender.name == "ours"]
+    peers = [contender for contender in plan.contenders if contender.name != "ours"]
+    for part in (plan.only(plan.contenders, short), plan.only(ours, long)):
+        for figure in _measured(world, part):
+            tell(figure)
+    if long and peers:
+        with ThreadPoolExecutor(len(peers)) as beside:
+            list(beside.map(lambda peer: _beside(folder, plan.only([peer], long), tell), peers))
+    return world.excuse
+
+
+def _beside(folder: Path, plan: Plan, tell: Callable[[Figure], object]) -> None:
+    world = World(_home(folder, plan.contenders[0].name))
+    for figure in _measured(world, plan):
+        tell(figure)
+
+
+def _home(folder: Path, name: str) -> Path:
+    home = folder / name
+    home.mkdir()
+    return home
+
+
+def _measured(world: World, plan: Plan) -> Iterator[Figure]:
     for rtt_ms in plan.rtts_ms:
         for scenario in plan.scenarios:
             for contender in plan.contenders:
