@@ -179,22 +179,25 @@ def _cost(result: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def session(
+def session(  # noqa: PLR0913 - each is a choice of the command's
     arguments: Arguments,
     *,
     rehearse: bool = False,
     via: str | None = None,
     site: str | None = None,
     only: Sequence[str] | None = None,
+    unsealed: bool = False,
 ) -> Iterator[Session]:
     """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
 
-    `site` and `only` are those of the words, unless the command finds them in another way.
+    `site` and `only` are those of the words, unless the command finds them in another way. `unsealed`: the command
+    logs in to devices by itself, without a play.
     """
     named = arguments.optional("inventory")
     # Emulated devices get the passwords of the real ones; real ones are opened by the play, which decrypts for itself.
     declaration = load(
-        Path(named) if named else paths.checkout() / "inventory", decrypt=decrypter() if rehearse else None
+        Path(named) if named else paths.checkout() / "inventory",
+        decrypt=decrypter() if rehearse or unsealed else None,
     )
     if only is None:
         only = arguments.many("only") if arguments.command.word("only") else ()

@@ -59,6 +59,7 @@ def run(arguments: Arguments) -> ExitCode:
             rehearse=arguments.flag("rehearse"),
             via=arguments.optional("via"),
             only=[arguments.word("device")],
+            unsealed=True,
         ) as opened,
         progress(quiet=opened.as_json) as notify,
     ):

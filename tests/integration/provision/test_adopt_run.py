@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -22,7 +24,6 @@ from atlantis_netcfg.twin import SiteSpec, SpawnedSite, spawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
@@ -164,6 +165,16 @@ def test_a_killed_adoption_is_repeated(at: Bench, serial: bool) -> None:  # noqa
     assert "defconf" not in at.export()
     assert at.json(*ADOPT, *via, code=0)["status"] == "unchanged"
     at.provision(*RUN, "--yes", code=0)
+
+
+def test_an_adopted_router_is_asked_for_its_packages(at: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vaulted password, the certificate and the host key of first contact serve the next command."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "upgrade")
+    npk_files = importlib.import_module("npk_files")
+    at.provision(*ADOPT, code=0)
+    file = npk_files.write(at.state, "routeros", "7.21.5", "arm64")
+    typed = ("upgrade", "site=scc", f"device={ROUTER}", f"packages={file}", "--plan")
+    assert "planned: RouterOS 7.18.2 -> 7.21.5" in at.provision(*typed, code=2)
 
 
 def test_nobody_there_to_agree_means_nothing_is_changed(at: Bench) -> None:
