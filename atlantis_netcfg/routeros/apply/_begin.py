@@ -58,11 +58,12 @@ async def begin(work: Work) -> Writer:
     work.job.journal.save(work.job.name, text)
     if not work.restores:
         _nobody_else(work, signs, work.shield.seen(seen) if seen else None)
+        if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
+            await _look_again(work)
+        # Only now: the job would take back to what was read, which has to be what is there.
         await _arm(work)
         if protection is Protection.CONSOLE:
             await take(work)
-        if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
-            await _look_again(work)
     return found.writer
 
 

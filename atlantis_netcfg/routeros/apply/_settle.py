@@ -40,7 +40,7 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
     """End a run that failed for `reason`, as honestly as the device lets us."""
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.touched:
-        free = await _let_go(work)
+        free = await _let_go(work) and await _stood_down(work)
         return work.result(
             Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=reason.hint if free else _stale(work)
         )
@@ -76,6 +76,18 @@ async def _let_go(work: Work) -> bool:
         await work.contact.leave(session)
         return False
     work.holding = False
+    return True
+
+
+async def _stood_down(work: Work) -> bool:
+    """Take the dead-man job away where nothing was written; False if it may still run: in vain."""
+    if work.dead_man is None or work.session is None:
+        return work.dead_man is None
+    try:
+        await disarm(work.session, work.dead_man)
+    except NetcfgError:
+        return False
+    work.dead_man = None
     return True
 
 

@@ -70,7 +70,7 @@ set allowed-interface-list=none
 """A first configuration: every layer, every kind of menu."""
 
 
-_STILL_S = 5.0
+_STILL_S = 30.0
 
 
 class _Selector(selectors.DefaultSelector):

@@ -1,0 +1,218 @@
+"""What takes a change back below RouterOS 7.18: safe mode of a console, a dead-man job, or nobody."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import TEXT, Bench, Meddler, leases, on
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import Protected
+from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status
+from atlantis_netcfg.routeros.apply import _executor
+from atlantis_netcfg.twin import DeviceMode, Fault, FaultKind, Knobs
+from atlantis_netcfg.twin import Mode as TwinMode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+HOME = DeviceMode(mode=TwinMode.HOME)
+LAST = '/tool mac-server ping\nset enabled=no\n/ip ssh\nset host-key-type="ed25519 of another kind"\n'
+"""A value that the router refuses, in the last layer."""
+SHUT = TEXT.replace("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl disabled=yes\n")
+JOB, CONSOLE = "dead-man", "console-safe-mode"
+
+
+async def left_behind(bench: Bench) -> tuple[int, bool]:
+    """Jobs and signs of ours that are still on the router."""
+    jobs = await bench.router.console(["/system/scheduler/print"])
+    lists = await bench.router.console(["/ip/firewall/address-list/print"])
+    return str(jobs).count("atlantis-dead-man"), "atlantis-run" in str(lists)
+
+
+async def twice(bench: Bench, **changes: Any) -> list[Any]:  # noqa: ANN401 - fields of DeviceJob
+    planned = await bench.converge(Mode.PLAN, **changes)
+    return [planned, await bench.converge(**changes), await bench.converge(**changes), await left_behind(bench)]
+
+
+def converged(bench: Bench, protection: str, words: str, *, ssh: bool) -> None:
+    """Converge twice, under the protection that the plan has told."""
+
+    async def act(bench: Bench) -> list[Any]:
+        return await twice(bench, **({"ssh": bench.ssh} if ssh else {}))
+
+    planned, first, second, left = on(bench, act)
+    assert (planned.status, planned.protection_words) == (Status.PLANNED, words)
+    assert (first.status, first.protection) == (Status.CHANGED, protection), first.message
+    assert (second.status, second.planned) == (Status.UNCHANGED, 0)
+    assert left == (0, False)
+    run = bench.store.runs("coastal")[1]
+    assert [record.how.split()[0] for record in run.log.records if isinstance(record, Protected)][:1] == [protection]
+    assert first.as_dict()["protection_words"] == words
+
+
+NO_SSH = "no safe mode: RouterOS before 7.18 has it on a console only, and no SSH is declared for this device"
+
+
+def test_safe_mode_of_the_api_session(tmp_path: Path) -> None:
+    converged(Bench(tmp_path), "safe-mode", "safe mode of the API session", ssh=True)
+
+
+@pytest.mark.parametrize("version", ["7.16", "7.17.1", "6.49.19"])
+def test_safe_mode_of_a_console_and_a_job(tmp_path: Path, version: str) -> None:
+    words = "safe mode of an SSH session and a dead-man job, 22 min"
+    converged(Bench(tmp_path, spec={"version": version}), CONSOLE, words, ssh=True)
+
+
+def test_safe_mode_of_a_console_alone_in_device_mode_home(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
+    words = "safe mode of an SSH session (no dead-man job: device-mode home forbids the scheduler)"
+    converged(bench, CONSOLE, words, ssh=True)
+
+
+@pytest.mark.parametrize("version", ["7.9", "7.12.2", "7.16", "7.17.1", "6.49.19"])
+def test_a_job_alone(tmp_path: Path, version: str) -> None:
+    bench = Bench(tmp_path, spec={"version": version})
+    converged(bench, JOB, f"a dead-man job, 10 min ({NO_SSH})", ssh=False)
+
+
+def test_a_plan_of_several_pieces(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, text=TEXT + leases(90), spec={"version": "7.16"})
+    converged(bench, CONSOLE, "safe mode of an SSH session and a dead-man job, 22 min", ssh=True)
+
+
+def test_a_host_key_that_was_never_pinned(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
+
+    async def act(bench: Bench) -> DeviceResult:
+        return await bench.converge(ssh=replace(bench.ssh, pin=None))
+
+    result = on(bench, act)
+    assert (result.status, result.exit) == (Status.REFUSED, ExitCode.FAILED)
+    assert "and its SSH host key is not pinned" in result.message
+
+
+def test_another_host_key(tmp_path: Path) -> None:
+    """No password is sent to it, and nothing is changed."""
+    bench = Bench(tmp_path, spec={"version": "7.16"})
+
+    async def act(bench: Bench) -> tuple[DeviceResult, bool, tuple[int, bool]]:
+        before, ssh = bench.export(), bench.ssh
+        bench.router.rekey()
+        result = await bench.converge(ssh=ssh)
+        return result, bench.export() == before, await left_behind(bench)
+
+    result, same, left = on(bench, act)
+    assert (result.status, same, left) == (Status.LEFT_AS_FOUND, True, (0, False))
+    assert "the SSH host key is not the one of this device" in result.message
+
+
+# --- what goes wrong -----------------------------------------------------------------------------------------------
+
+
+async def tried(bench: Bench, **changes: Any) -> tuple[DeviceResult, bool, tuple[int, bool], DeviceResult]:  # noqa: ANN401
+    """Converge; whether the router is as before, what is left on it; and the next run, resumed."""
+    before = bench.export()
+    result = await bench.converge(**changes)
+    same, left = bench.export() == before, await left_behind(bench)
+    bench.router.disarm()
+    resumed = await bench.converge(Mode.RESUME, **changes)
+    return result, same, left, resumed
+
+
+@pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
+@pytest.mark.parametrize("version", ["7.16", "6.49.19"])
+def test_a_line_that_the_router_refuses(tmp_path: Path, version: str, ssh: bool) -> None:  # noqa: FBT001
+    bench = Bench(tmp_path, text=TEXT + LAST, spec={"version": version})
+
+    async def act(bench: Bench) -> Any:  # noqa: ANN401
+        return await tried(bench, **({"ssh": bench.ssh} if ssh else {}))
+
+    result, same, left, again = on(bench, act)
+    assert (result.status, same, left) == (Status.ROLLED_BACK, True, (0, False)), result.message
+    assert again.status is Status.ROLLED_BACK
+
+
+@pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
+def test_new_sessions_are_shut_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ssh: bool) -> None:  # noqa: FBT001
+    monkeypatch.setattr(_executor, "objections", lambda *_: ())
+    bench = Bench(tmp_path, text=SHUT, spec={"version": "7.16"})
+
+    async def act(bench: Bench) -> Any:  # noqa: ANN401
+        return await tried(bench, **({"ssh": bench.ssh} if ssh else {}))
+
+    result, same, left, _ = on(bench, act)
+    assert (result.status, same, left) == (Status.ROLLED_BACK, True, (0, False)), result.message
+
+
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT])
+@pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
+@pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/ip/address/print", 3), ("/system/scheduler/remove", 1)])
+def test_the_session_is_cut(tmp_path: Path, kind: FaultKind, ssh: bool, path: str, nth: int) -> None:  # noqa: FBT001
+    # A console that is opened again waits for a reboot in real time.
+    bench = Bench(tmp_path, spec={"version": "7.16"}, knobs=Knobs(boot_s=2.0))
+
+    async def act(bench: Bench) -> Any:  # noqa: ANN401
+        bench.router.arm(Fault(do=kind, match=path, sentence=nth, when="after"))
+        return await tried(bench, **({"ssh": bench.ssh} if ssh else {}))
+
+    result, same, left, resumed = on(bench, act)
+    assert result.status in (Status.ROLLED_BACK, Status.CHANGED, Status.LEFT_AS_FOUND), result.message
+    assert same == (result.status is not Status.CHANGED)
+    assert left[0] == 0
+    assert resumed.status is (Status.UNCHANGED if result.status is Status.CHANGED else Status.CHANGED), resumed.message
+
+
+def _consoles(bench: Bench) -> list[Any]:
+    return [each for each in bench.router._board.connections if type(each).__name__ == "SshConnection"]
+
+
+@pytest.mark.parametrize(("how", "nth"), [("drop", 2), ("drop", 3), ("drop", 4), ("vanish", 3)])
+def test_the_console_dies_while_the_api_lives(tmp_path: Path, how: str, nth: int) -> None:
+    bench = Bench(tmp_path, spec={"version": "7.16"})
+
+    async def act(bench: Bench) -> Any:  # noqa: ANN401
+        async def die() -> None:
+            for connection in _consoles(bench):
+                getattr(connection, how)()
+
+        meddler = Meddler("/ip/pool/print", die, nth=nth)
+        patience = Patience(verify_s=2.0)  # a silent console is waited for in real time
+        return await tried(bench, ssh=bench.ssh, connect=meddler.connect, patience=patience)
+
+    result, same, left, resumed = on(bench, act)
+    assert result.status in (Status.ROLLED_BACK, Status.CHANGED, Status.LEFT_AS_FOUND), result.message
+    assert (same, left) == (result.status is not Status.CHANGED, (0, False))
+    assert resumed.status is (Status.UNCHANGED if result.status is Status.CHANGED else Status.CHANGED)
+
+
+def test_a_job_that_nobody_takes_away_runs(tmp_path: Path) -> None:
+    """The laptop dies after its script: the router returns by itself, and a later run is told before that."""
+    bench = Bench(tmp_path, spec={"version": "7.16"})
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult, bool, float]:
+        before = bench.export()
+        bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+        dead = await bench.converge(patience=Patience(reach_s=0, undo_s=0))
+        bench.router.disarm()
+        told = await bench.converge(Mode.PLAN)
+        refused = await bench.converge(run="another")
+        clock = asyncio.get_running_loop().time
+        begun = clock()
+        resumed = await bench.converge(Mode.RESUME)
+        waited = clock() - begun
+        assert told.notes
+        assert bench.export() != before
+        return dead, refused, resumed, resumed.status is Status.CHANGED, waited
+
+    dead, refused, resumed, changed, waited = on(bench, act)
+    assert dead.status is Status.UNKNOWN
+    assert dead.hint is not None
+    assert "the dead-man job takes everything back within 10 minutes" in dead.hint
+    assert refused.status is Status.LEFT_AS_FOUND
+    assert "provision@10.64.101.10" in refused.message
+    assert changed, resumed.message
+    assert 300 < waited < 700
