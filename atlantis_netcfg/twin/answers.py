@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-__all__ = ["DONE", "EMPTY", "Answer", "Caller", "Category", "Trap"]
+__all__ = ["DISK_FULL", "DONE", "EMPTY", "Answer", "Caller", "Category", "Trap"]
 
 
 class Category(IntEnum):
@@ -49,6 +49,8 @@ class Answer:
         return cls("!fatal", (text,))
 
 
+DISK_FULL = "failure: disk full"
+"""What a command says that would write more than the flash can take; the words are inferred."""
 DONE = Answer("!done")
 EMPTY = Answer("!empty")
 

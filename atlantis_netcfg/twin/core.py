@@ -136,6 +136,11 @@ class Core:
         new = self.schema.at_least("7.10")
         return moment.strftime("%Y-%m-%d %H:%M:%S") if new else moment.strftime("%b/%d/%Y %H:%M:%S").lower()
 
+    def free_space(self, *, besides: str = "") -> int:
+        """Bytes that a file could take which replaces the one called `besides`."""
+        used = sum(len(file.contents) for name, file in self.files.items() if name != besides)
+        return max(0, self.spec.disk_bytes - used)
+
     def note(self, topics: str, message: str) -> None:
         """Write to the log."""
         self.log.append(Record(self.number(), self.stamp(), topics, message))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.twin.answers import DISK_FULL, Trap
 from atlantis_netcfg.twin.console.run import run_file
 from atlantis_netcfg.twin.core import File
 
@@ -35,8 +35,7 @@ class FileSide:
 
     def free_space(self, *, besides: str = "") -> int:
         """Bytes that a file could take which replaces the one called `besides`."""
-        used = sum(len(file.contents) for name, file in self._core.files.items() if name != besides)
-        return max(0, self._core.spec.disk_bytes - used)
+        return self._core.free_space(besides=besides)
 
     def store_file(self, caller: Caller, name: str, data: bytes) -> None:
         """Write a file anew. Raises Trap."""
@@ -44,7 +43,7 @@ class FileSide:
         if not {"ftp", "write"} <= core.policies(caller):
             raise Trap("not enough permissions (9)")
         if len(data) > self.free_space(besides=name):
-            raise Trap("failure: disk full")
+            raise Trap(DISK_FULL)
         number = core.files[name].number if name in core.files else core.number()
         core.files[name] = File(number, data.decode(errors="surrogateescape"), core.stamp())
 

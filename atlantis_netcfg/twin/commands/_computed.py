@@ -22,6 +22,9 @@ __all__ = ["COMPUTED"]
 
 Rows = list[dict[str, str]]
 
+_DISK = 1073741824
+"""Of an RB5009UPr+S+, in bytes."""
+
 
 def _truth(value: object) -> str:
     return "true" if value else "false"
@@ -66,8 +69,8 @@ def _resource(core: Core, _call: Call) -> Rows:
             "cpu-count": "4",
             "cpu-frequency": "700",
             "cpu-load": "1",
-            "free-hdd-space": "1041235968",
-            "total-hdd-space": "1073741824",
+            "free-hdd-space": str(core.free_space()),
+            "total-hdd-space": str(max(spec.disk_bytes, _DISK)),
             "architecture-name": spec.architecture,
             "board-name": spec.board,
             "platform": "MikroTik",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.twin.answers import Category, Trap
+from atlantis_netcfg.twin.answers import DISK_FULL, Category, Trap
 from atlantis_netcfg.twin.commands._call import Call, MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.twin.console.export import Form, export_text
 from atlantis_netcfg.twin.console.run import check_syntax, run_file, run_script
@@ -45,6 +45,8 @@ def _named(core: Core, text: str) -> str:
 
 
 def _write(core: Core, name: str, contents: str) -> File:
+    if len(contents) > core.free_space(besides=name):
+        raise Trap(DISK_FULL)
     number = core.files[name].number if name in core.files else core.number()
     core.files[name] = File(number, contents, core.stamp())
     return core.files[name]

@@ -113,6 +113,8 @@ def test_a_full_disk_refuses(tmp_path: Path) -> None:
     with twin(tmp_path, disk_bytes=1000) as box, paramiko_on(box) as client:
         files = client.open_sftp()
         files.putfo(io.BytesIO(b"x" * 900), "fits")
+        assert box.rows("/system/resource/print", "=.proplist=free-hdd-space") == [["!re", "=free-hdd-space=100"]]
+        assert run(client, "/export file=neither") == ("failure: disk full\r\n", 1)
         with pytest.raises(OSError, match="size mismatch"):
             files.putfo(io.BytesIO(b"x" * 200), "does-not")
         with files.open("does-not", "w") as file, pytest.raises(OSError, match="disk full"):

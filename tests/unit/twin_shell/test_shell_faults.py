@@ -161,6 +161,23 @@ def test_a_fault_at_a_line(tmp_path: Path, when: str) -> None:
     run(main())
 
 
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_fault_at_an_upload(tmp_path: Path, when: str) -> None:
+    async def main() -> None:
+        async with router(tmp_path / "state") as twin, await connect(twin) as connection:
+            (tmp_path / "package").write_bytes(bytes(range(256)) * 1000)
+            twin.arm(Fault.model_validate({"do": FaultKind.POWER, "match": "sftp put package", "when": when}))
+            files = await connection.start_sftp_client()
+            with pytest.raises((asyncssh.Error, OSError, TimeoutError)):
+                await asyncio.wait_for(files.put(tmp_path / "package", "package"), 0.5)
+            connection.abort()
+            async with await connect(twin) as again:
+                there = await (await again.start_sftp_client()).listdir("/")
+            assert ("package" in there) is (when == "after")
+
+    run(main())
+
+
 def test_an_answer_that_stops_in_the_middle(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, await connect(twin) as connection:
