@@ -14,7 +14,7 @@ CASES = {
     ),
     "nothing to rescue": (":do { /ip/pool/remove [find] } on-error={}", ""),
     "what was done stays": (
-        ":do { /ip/pool add name=p ranges=10.0.0.1; /ip/pool remove [find name=q] } on-error={}\n:put [/ip/pool/get p name]",
+        ":do { /ip/pool add name=p ranges=10.0.0.1; /ip/pool remove q } on-error={}\n:put [/ip/pool/get p name]",
         "p",
     ),
     "no rescue": (':do { :put "a" }', "syntax error (line 1 column 17)"),
