@@ -219,10 +219,11 @@ def _table6(rows: Sequence[Row], flags: tuple[str, ...], view: View, columns: Se
     lines = [f"{line} " for line in _legend(rows, flags, upper=False, all_flags=True)]
     cells = _cells(rows, names)
     widths = [max(len(name), *(len(line[at]) for line in cells), 1) for at, name in enumerate(names)]
-    space = " " * (max((len(flag_letters(row, flags)) for row in rows), default=0) + 1) if flags else ""
+    most = max(1, *(len(flag_letters(row, flags)) for row in rows)) if rows else 1
+    space = " " * (most + 1) if flags else ""
     lines.append(" # " + space + " ".join(name.upper().ljust(width) for name, width in zip(names, widths, strict=True)))
     for number, (row, line) in enumerate(zip(rows, cells, strict=True)):
-        start = f"{number:>2} " + (f"{flag_letters(row, flags):<{len(space) - 1}} " if flags else "")
+        start = f"{number:>2} " + (f"{flag_letters(row, flags):<{most}} " if flags else "")
         if row.get("comment"):
             lines.append(f"{start}{';;; ' + row['comment']}")
             start = " " * len(start)
