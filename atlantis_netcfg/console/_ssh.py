@@ -7,6 +7,7 @@ channel is taken over as soon as it is open.
 from __future__ import annotations
 
 import contextlib
+import logging
 from typing import TYPE_CHECKING
 
 import paramiko
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.secret import Secret
 
 __all__ = ["connected", "open_ssh"]
+
+# Without a handler Python prints paramiko's tracebacks on the technician's screen; what failed is said by our errors.
+logging.getLogger("paramiko").addHandler(logging.NullHandler())
 
 _CHUNK = 65536
 _GONE = (OSError, EOFError, paramiko.SSHException)

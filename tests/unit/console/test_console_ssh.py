@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import subprocess
+import sys
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -103,6 +105,23 @@ def test_a_dropped_connection(site: RunningSite) -> None:
 def test_nobody_there() -> None:
     with pytest.raises(ConsoleUnreachable, match="no SSH session came about"):
         open_ssh("127.0.0.1", 1, "provision", WORD, pin="SHA256:x", timeout_s=1)
+
+
+def test_a_server_that_is_none_leaves_no_traceback_on_the_screen() -> None:
+    program = """
+import socket, threading
+from atlantis_netcfg.console import ConsoleUnreachable, open_ssh
+from atlantis_netcfg.secret import Secret
+door = socket.create_server(("127.0.0.1", 0))
+threading.Thread(target=lambda: door.accept()[0].close(), daemon=True).start()
+try:
+    open_ssh("127.0.0.1", door.getsockname()[1], "admin", Secret(""), pin="SHA256:x", timeout_s=10)
+except ConsoleUnreachable as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "no SSH session came about" in done.stdout
+    assert done.stderr == ""
 
 
 def test_a_file_is_copied(site: RunningSite, tmp_path: Path) -> None:
