@@ -173,7 +173,15 @@ class Work:
         """Keep what was read back at the end of a run, for drift to be dated by and for a replacement."""
         read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(status)
         if read is not None and self.plan is not None:
-            self.job.journal.confirm(self.job.name, partial(snapshot.write, self.job.name, self.job.desired, read))
+            self.job.journal.confirm(self.job.name, partial(self._state, read))
+
+    def _state(self, read: Observed) -> str:
+        """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
+        try:
+            return snapshot.write(self.job.name, self.job.desired, read)
+        except Exception as fault:
+            why = f"provision itself failed ({type(fault).__name__})"
+            raise JournalFailed(f"the confirmed state cannot be written: {why}") from fault
 
     def farewell(self) -> tuple[Command, ...]:
         """What takes the sign down, beside the last thing that is sent; `signed_off` once it is answered."""

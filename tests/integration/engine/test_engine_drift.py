@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on
@@ -139,5 +139,20 @@ def test_a_full_disk_is_told_and_the_outcome_stays(tmp_path: Path) -> None:
     result = on(bench, act)
     assert result.status is Status.CHANGED
     assert any("the confirmed state cannot be written" in note for note in result.notes)
+    (run,) = bench.store.runs("coastal")
+    assert run.outcomes["router"].status == "changed"
+
+
+def test_a_fault_of_ours_in_keeping_the_state_leaves_the_outcome(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> NoReturn:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("atlantis_netcfg.routeros.snapshot.write", broken)
+    bench = Bench(tmp_path)
+    result = on(bench, lambda bench: bench.converge())
+    assert (result.status, result.exit) == (Status.CHANGED, 0)
+    assert result.notes[-1].endswith("cannot be written: provision itself failed (ZeroDivisionError)")
     (run,) = bench.store.runs("coastal")
     assert run.outcomes["router"].status == "changed"
