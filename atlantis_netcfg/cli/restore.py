@@ -33,7 +33,7 @@ COMMAND = Command(
         VERBOSE,
     ),
     details=(
-        "The replacement must have been met first: `provision adopt --replaced` gives it our user and its own certificate.\n"
+        "Meet the replacement first: `provision adopt --replaced` gives it our user and a certificate of its own.\n"
         "Secrets are not in a saved state: they are taken from the declaration, and what it lacks is named."
     ),
     changes=True,
