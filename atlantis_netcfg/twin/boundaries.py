@@ -121,7 +121,7 @@ _BETWEEN = (
     _row("7.20", "/ip/dhcp-server/network", _ADD, "ntp-none"),
     _row("7.20", "/ip/firewall/nat", _ADD, "socks5-port socks5-server socksify-service"),
     _row("7.20", "/tool/netwatch", _ADD, "early-failure-detection early-success-detection"),
-    Boundary("/user/active", ("add", "remove"), since="7.20"),
+    _row("7.20", "/user/active", ("remove",), "numbers"),
     _gone("7.20", "/user/active", ("request-logout",)),
     _row("7.21", "/certificate", ("add", "import", "set"), "trust-store"),
     _row("7.21", "/ip/dhcp-server", _ADD, "dynamic-lease-identifiers support-broadband-tr101"),

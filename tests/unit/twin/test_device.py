@@ -225,3 +225,36 @@ def test_routeros_6_has_no_routing_tables() -> None:
     rows = device.run(caller, ["/ip/route/print"])
     assert not [word for row in rows for word in row.words if word.startswith("=routing-table=")]
     assert len(rows) > 1
+
+
+@pytest.mark.parametrize(
+    ("version", "command", "other"),
+    [
+        ("7.19.6", "request-logout", "remove"),
+        ("7.20", "remove", "request-logout"),
+        ("7.21.5", "remove", "request-logout"),
+    ],
+)
+def test_another_session_is_ended_by_the_command_of_its_version(version: str, command: str, other: str) -> None:
+    device = Device(RouterSpec(name="router", version=version), lambda: 0.0)
+    address = device.spec.management.technician
+    caller, victim = (device.login("provision", "", via="api", address=address) for _ in range(2))
+    named = f"=.id=*{victim.number:X}"
+    assert device.run(caller, [f"/user/active/{other}", named])[0].words == ("=category=0", "=message=no such command")
+    assert device.run(caller, [f"/user/active/{command}", named, "=zz=1"])[0].words == (
+        "=message=unknown parameter zz",
+    )
+    assert device.ended == frozenset()
+    assert device.run(caller, [f"/user/active/{command}", named])[-1].kind == "!done"
+    assert device.ended == {victim.number}
+
+
+def test_device_mode_of_before_7_17_has_its_old_name_and_fewer_features() -> None:
+    found = {}
+    for version in ("7.16", "7.17"):
+        device = Device(RouterSpec(name="router", version=version), lambda: 0.0)
+        caller = device.login("provision", "", via="api", address=device.spec.management.technician)
+        words = device.run(caller, ["/system/device-mode/print"])[0].words
+        found[version] = dict(word[1:].split("=") for word in words)
+    assert (found["7.16"]["mode"], found["7.17"]["mode"]) == ("enterprise", "advanced")
+    assert set(found["7.17"]) - set(found["7.16"]) == {"install-any-version", "partitions", "routerboard"}
