@@ -23,6 +23,8 @@ __all__ = ["LEGACY", "WIFI", "inherited", "radio_item", "radio_spec", "settings_
 LEGACY, WIFI = "/interface/wireless", "/interface/wifi"
 _CONFIGURATION = "configuration"
 _PARTS = ("channel", "security", "datapath")
+_IDLE = ("comment", "name", "arp", "arp-timeout")
+"""With these a radio goes on; that everything else makes it start anew is inferred, the cautious reading."""
 _USUAL_REACH_KM = 2.0
 """Without `configuration.distance` (Manual, Configuring outdoor CPE to AP links)."""
 
@@ -91,7 +93,12 @@ def _legacy(core: Core, table: Table, item: Item) -> Settings:
         gain_dbi=card.gain_dbi,
         refuses=refuses,
         admits=admits,
+        rest=_rest(item.values),
     )
+
+
+def _rest(values: Mapping[str, str]) -> frozenset[tuple[str, str]]:
+    return frozenset((name, value) for name, value in values.items() if name not in _IDLE)
 
 
 def _keys(store: Store, table: Table, profile: Item) -> Mapping[str, str]:
@@ -158,6 +165,7 @@ def _wifi(core: Core, table: Table, item: Item) -> Settings:
         gain_dbi=card.gain_dbi,
         refuses=frozenset(),
         admits=frozenset(),
+        rest=_rest(given),
     )
 
 

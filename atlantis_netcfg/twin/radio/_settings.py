@@ -55,6 +55,8 @@ class Settings:
     refuses: frozenset[str]
     """MAC addresses that its access list or connect list turns away; `*` is everybody whom it does not name."""
     admits: frozenset[str]
+    rest: frozenset[tuple[str, str]] = frozenset()
+    """Everything else that its row says: no matter of the other end, but a change makes the radio start anew."""
 
     @property
     def is_ap(self) -> bool:
