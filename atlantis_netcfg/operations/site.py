@@ -40,7 +40,7 @@ def perform(
     plan_only: bool,
     decrypt: Callable[[str], str],
 ) -> dict[str, Any]:
-    """Do what is asked and give `changed`, `per_host` and `diff` as Ansible shows them. Raises NetcfgError."""
+    """Do what is asked and give `per_host`, each device's result as Ansible shows it. Raises NetcfgError."""
     asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
     if plan_only:
         asked = asked.model_copy(update={"mode": Mode.PLAN})
@@ -118,13 +118,18 @@ def _made(job: DeviceJob) -> DeviceJob:
 
 
 def _for_ansible(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, Any]:
-    named = list(zip(names, results, strict=True))
+    """Each device's result in the words of Ansible; the action `recap` gives it to the device's own host."""
+    return {"per_host": {name: _of_host(name, result) for name, result in zip(names, results, strict=True)}}
+
+
+def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    fine = result["exit"] in _FINE
     return {
-        "changed": any(result["planned"] and result["exit"] in _FINE for result in results),
-        "per_host": {
-            name: {**result, "ok": result["exit"] in _FINE, "message": _words(result)} for name, result in named
-        },
-        "diff": [{"prepared": _shown(name, result)} for name, result in named if _shown(name, result)],
+        **result,
+        "ok": fine,
+        "changed": bool(result["planned"]) and fine,
+        "message": _words(result),
+        "shown": _shown(name, result),
     }
 
 

@@ -1,8 +1,8 @@
 """Action `atlantis.netcfg.apply`: all network devices of the play in one process, one task for the whole play.
 
 It runs once for the whole play (`BYPASS_HOST_LOOP`), because a device's session, its safe mode and its verification
-must live in one process. `per_host` of its result holds one entry a device. `failed` is left to an ordinary assert per
-host, so that one dead device does not stop the play for the others.
+must live in one process. `per_host` of its result holds one entry a device. `changed` and `failed` are left to the
+action `recap`, which runs on each host, so that one dead device does not stop the play for the others.
 """
 
 from __future__ import annotations
@@ -20,6 +20,15 @@ from atlantis_netcfg.errors import NetcfgError
 def _decrypt(text: str) -> str:
     secrets = VaultSecretsContext.current().secrets
     return str(VaultLib(secrets).decrypt(text.encode()).decode())
+
+
+def _inventory(variables: dict[str, Any]) -> Path:
+    """The folder of the declaration: the inventory that was given, or the one beside the playbooks.
+
+    AWX hands the hosts to a job in a file of its own; what they are to be stands in the project.
+    """
+    given = Path(str(variables.get("inventory_dir") or "."))
+    return given if (given / "group_vars").is_dir() else Path(str(variables["playbook_dir"])).parent / "inventory"
 
 
 class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
@@ -40,7 +49,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         variables = task_vars or {}
         try:
             outcome = perform(
-                Path(variables["inventory_dir"]),
+                _inventory(variables),
                 tuple(variables["ansible_play_hosts"]),
                 self._task.args.get("request") or None,
                 plan_only=bool(self._task.check_mode),
