@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
 from atlantis_netcfg.journal._log import Entry, line
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, converge, desired
+from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
@@ -53,15 +54,24 @@ def journal(asked: Mapping[str, Any]) -> Journal:
     return deadly
 
 
+def _console(asked: Mapping[str, Any]) -> SshEndpoint | None:
+    if "ssh" not in asked:
+        return None
+    return SshEndpoint(asked["host"], asked["ssh"], "provision", Secret(asked["password"]), asked["host_key"])
+
+
 def main(asked: Mapping[str, Any]) -> None:
+    opened = journal(asked)
     job = DeviceJob(
         name="router",
         site="coastal",
         address="10.64.101.1",
         endpoint=Endpoint(asked["host"], asked["port"], "provision", Secret(asked["password"]), asked["pin"]),
         desired=desired.read(Path(asked["text"]).read_text(encoding="utf-8")),
-        journal=journal(asked),
-        patience=Patience(first_poll_s=0.05, last_poll_s=0.2),
+        journal=opened,
+        patience=Patience(**{"first_poll_s": 0.05, "last_poll_s": 0.2, **asked.get("patience", {})}),
+        ssh=_console(asked),
+        run=opened.run,
     )
     if "bytes" in asked:
         resource.setrlimit(resource.RLIMIT_FSIZE, (asked["bytes"], asked["bytes"]))

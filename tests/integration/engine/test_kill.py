@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,13 +34,24 @@ class Quay:
     site: RunningSite
     folder: Path
     text: str
+    console: bool = False
+    patience: dict[str, float] = field(default_factory=dict)
 
     def run(self, mode: str = "apply", **asked: Any) -> subprocess.CompletedProcess[str]:  # noqa: ANN401 - JSON
         text = self.folder / "desired.rsc"
         text.write_text(self.text, encoding="utf-8")
         ready = self.site.ready["router"]
         endpoint = {"host": ready["host"], "port": ready["api_ssl"], "pin": ready["pin"], "password": PASSWORD}
-        request = {**endpoint, "state": str(self.folder / "state"), "text": str(text), "mode": mode, **asked}
+        if self.console:
+            endpoint |= {"ssh": ready["ssh"], "host_key": ready["host_key"]}
+        request = {
+            **endpoint,
+            "patience": self.patience,
+            "state": str(self.folder / "state"),
+            "text": str(text),
+            "mode": mode,
+            **asked,
+        }
         arguments = [sys.executable, str(CHILD), json.dumps(request)]
         return subprocess.run(arguments, capture_output=True, text=True, check=False)
 
@@ -61,9 +72,9 @@ class Quay:
 
 
 @contextmanager
-def quay(folder: Path, text: str = TEXT) -> Iterator[Quay]:
+def quay(folder: Path, text: str = TEXT, **spec: Any) -> Iterator[Quay]:  # noqa: ANN401 - fields of RouterSpec
     users = (User(name="provision", password=PASSWORD), User(name="watch", password="w"))
-    router = RouterSpec(name="router", users=users, unroll_delay_s=0.05)
+    router = RouterSpec(name="router", users=users, unroll_delay_s=0.05, **spec)
     (folder / "twins").mkdir()
     with RunningSite(SiteSpec(name="coastal", twins=(TwinSpec(router=router),)), folder / "twins") as site:
         yield Quay(site, folder, text)
@@ -119,6 +130,42 @@ def test_killed_at_each_record_at_each_moment(tmp_path: Path, moment: str, text:
         folder.mkdir()
         went_on = kill_and_resume(folder, record, moment, text)
     assert record > RECORDS - 2
+
+
+def kill_below_safe_mode(folder: Path, record: int, *, console: bool) -> bool:
+    """Kill a run on a router before 7.18, then resume it; False if the run ended before."""
+    with quay(folder, version="7.16") as there:
+        there.console = console
+        there.patience = {"dead_man_s": 63.0, "undo_s": 3.0}  # a job is not trusted in its last minute
+        before = there.export()
+        killed = there.run(record=record, moment="after")
+        if killed.returncode == 0:
+            return False
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        if not there.journal.unsettled:
+            return True
+        resumed = there.run("resume")
+        assert resumed.returncode == 0, resumed.stderr
+        result = json.loads(resumed.stdout)
+        again = json.loads(there.run().stdout)
+        after = there.export()
+    assert result["status"] in ("changed", "unchanged"), result["message"]
+    assert after != before
+    assert "/system scheduler" not in after
+    assert (again["status"], again["planned"]) == ("unchanged", 0), again["message"]
+    return True
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("console", [True, False], ids=["console", "job"])
+@pytest.mark.parametrize("record", [3, 4, 5, 6, 7, 8, 9])
+def test_killed_below_safe_mode(tmp_path: Path, record: int, console: bool) -> None:  # noqa: FBT001
+    """The router returns by itself before the resumed run begins; in real time, a minute each."""
+    assert kill_below_safe_mode(tmp_path, record, console=console)
+
+
+def test_killed_before_a_job_is_armed(tmp_path: Path) -> None:
+    assert kill_below_safe_mode(tmp_path, 3, console=False)
 
 
 @pytest.mark.parametrize("share", [0, 0.05, 0.5, 0.8, 0.9, 0.97])
