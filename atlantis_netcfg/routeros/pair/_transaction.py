@@ -109,7 +109,7 @@ class Transaction:
 
     async def _take(self, end: End) -> None:
         end.owner = await _safe.take(end.channel, end.name)
-        end.protection = "safe-mode"
+        end.protection = "safe-mode and a job of the scheduler" if end.fused else "safe-mode"
         self._protected(end)
 
     async def _arm(self) -> None:
@@ -140,7 +140,7 @@ class Transaction:
 
     def _protected(self, end: End) -> None:
         job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.fused else ""
-        end.record(Protected(device=end.name, how=end.protection + (" and scheduler" if end.fused else "")))
+        end.record(Protected(device=end.name, how=end.protection))
         end.say(Stage.PROTECTED, f"the end returns by itself: safe mode{job}")
 
     # --- changing --------------------------------------------------------------------------------------------------

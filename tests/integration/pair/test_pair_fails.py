@@ -107,6 +107,7 @@ def test_where_the_scheduler_is_forbidden_the_far_end_needs_its_own_time(tmp_pat
     assert [result.status for result in results] == [Status.ROLLED_BACK] * 2, [result.message for result in results]
     assert after == before
     assert any("needs about nine minutes to return by itself" in note for note in results[1].notes)
+    assert results[1].protection == "safe-mode"
 
 
 LEVELS: Mapping[str, tuple[Signal, Status]] = {
@@ -130,6 +131,7 @@ def test_levels_are_proved_before_anything_is_kept(tmp_path: Path, family: str, 
     assert {result.status for result in results} == {expected}, [result.message for result in results]
     assert as_before == (expected is Status.ROLLED_BACK)
     assert expected is Status.CHANGED or "dBm, not between" in results[0].message
+    assert [result.protection for result in results] == ["safe-mode", "safe-mode and a job of the scheduler"]
 
 
 def test_a_far_end_that_is_gone_is_left_alone_and_so_is_the_near_one(tmp_path: Path) -> None:
