@@ -1,0 +1,64 @@
+"""A run over every site: each has its own lock and journal, and one on which somebody works fails alone."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from quay import CHECKOUT
+from test_rehearsal import provision
+
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
+from atlantis_netcfg.operations.site import perform
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ROUTERS = ["coastal-router", "scc-router", "te4sea-router"]
+INVENTORY = CHECKOUT / "inventory"
+
+
+def run(state: Path, twins: Rehearsal) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Give what Ansible gets, and what was told on the way."""
+    heard = state.with_name("events.jsonl")
+    targets = {name: target.model_dump(mode="json") for name, target in twins.targets.items()}
+    with heard.open("w", encoding="utf-8") as events:
+        request = {"state": str(state), "rehearsed": True, "targets": targets, "events_fd": events.fileno()}
+        outcome = perform(INVENTORY, ROUTERS, request, plan_only=False, decrypt=str)
+    return outcome["per_host"], [json.loads(line) for line in heard.read_text(encoding="utf-8").splitlines()]
+
+
+@pytest.mark.slow
+def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(tmp_path: Path) -> None:
+    declaration = load(INVENTORY)
+    store = Store(tmp_path / "state", rehearsed=True)
+    with rehearsal(declaration, [declaration.hosts[name] for name in ROUTERS], via="lan") as twins:
+        with store.lock("coastal", "somebody else's provision"):
+            first, told = run(tmp_path / "state", twins)
+        again, _ = run(tmp_path / "state", twins)
+        third, _ = run(tmp_path / "state", twins)
+    assert [first[name]["status"] for name in ROUTERS] == ["left-as-found", "changed", "changed"]
+    assert "coastal is being worked on by" in first["coastal-router"]["message"]
+    assert [again[name]["status"] for name in ROUTERS] == ["changed", "unchanged", "unchanged"]
+    assert [third[name]["status"] for name in ROUTERS] == ["unchanged"] * 3
+    ends = [place for place, line in enumerate(told) if "devices" in line]
+    assert len(ends) == len(ROUTERS)
+    assert list(told[ends[0]]["devices"]) == ["coastal-router"]
+    assert any("event" in line for line in told[ends[0] :])
+    assert [len(store.runs(site)) for site in ("coastal", "scc", "te4sea")] == [2, 3, 3]
+    assert store.unfinished("scc") == ()
+
+
+@pytest.mark.slow
+def test_a_program_reads_each_device_on_a_line_of_its_own(tmp_path: Path) -> None:
+    typed = ("site=all", "--rehearse", "--plan", "--json")
+    *lines, last = provision(tmp_path, *typed, "--stream", code=2).stdout.splitlines()
+    assert sorted(json.loads(line)["device"] for line in lines) == ROUTERS
+    document = json.loads(last)
+    assert document["exit"] == 2
+    assert {name for name, told in document["devices"].items() if told["status"] == "planned"} == set(ROUTERS)
+    (only,) = provision(tmp_path, *typed, code=2).stdout.splitlines()
+    assert set(json.loads(only)["devices"]) == set(document["devices"])
