@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["COMPUTED"]
 
 Rows = list[dict[str, str]]
+_CPUS = "4"
+_TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
+"""Counters of an interface (Manual, CLI reference, `/interface print stats`); nothing passes through a twin."""
 
 _DISK = 1073741824
 """Of an RB5009UPr+S+, in bytes."""
@@ -52,7 +55,17 @@ def _interface(core: Core, table: Table, item: Item, interface: Interface) -> di
     flags = {"running": interface.running, "disabled": not interface.enabled}
     if interface.master is not None:
         flags["slave"] = True
-    return row | {name: _truth(value) for name, value in flags.items()}
+    return row | dict.fromkeys(_TRAFFIC, "0") | {name: _truth(value) for name, value in flags.items()}
+
+
+def _update(core: Core, _call: Call) -> Rows:
+    """Nobody has asked the vendor yet: channel and what runs (Manual, Upgrading and installation)."""
+    return [{"channel": "stable", "installed-version": core.spec.version}]
+
+
+def _cpus(_core: Core, _call: Call) -> Rows:
+    load = {"load": "1", "irq": "0", "disk": "0"}
+    return [{".id": id_text(number), "cpu": f"cpu{number}", **load} for number in range(int(_CPUS))]
 
 
 def _resource(core: Core, _call: Call) -> Rows:
@@ -66,7 +79,7 @@ def _resource(core: Core, _call: Call) -> Rows:
             "free-memory": "917504000",
             "total-memory": "1073741824",
             "cpu": spec.architecture.upper(),
-            "cpu-count": "4",
+            "cpu-count": _CPUS,
             "cpu-frequency": "700",
             "cpu-load": "1",
             "free-hdd-space": str(core.free_space()),
@@ -209,7 +222,9 @@ COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
     "/system/device-mode": _device_mode,
     "/system/history": _history,
     "/system/package": _packages,
+    "/system/package/update": _update,
     "/system/resource": _resource,
+    "/system/resource/cpu": _cpus,
     "/system/routerboard": _routerboard,
     "/user/active": _active,
 }

@@ -179,9 +179,10 @@ def save(core: Core, call: Call) -> Result:
 
 
 def load(core: Core, call: Call) -> Result:
-    """Load a backup, which reboots the router."""
+    """Load a backup, which reboots the router; the ending of its name may be left out, as `save` lets one."""
     _arguments(core, call)
-    contents = core.files[_named(core, _needed(call, "name"))].contents
+    name = _needed(call, "name")
+    contents = core.files[_named(core, name if name in core.files else f"{name}.backup")].contents
     core.history.clear()
     core.store.load(json.loads(contents))
     core.wants_reboot = True

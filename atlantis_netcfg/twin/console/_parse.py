@@ -199,6 +199,8 @@ class Parser:
     def _plain_arguments(self, command: Command) -> None:
         known = self._known(command)
         positional = list(_POSITIONAL.get(command.name, ()))
+        if command.name == "get" and "number" not in self.core.schema.arguments(command.menu, "get"):
+            positional.remove("number")  # settings have no rows: `get name`
         while self._more():
             start = self.text.at
             if (unset := self.text.match(_UNSET)) is not None:
