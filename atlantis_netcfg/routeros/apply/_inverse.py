@@ -9,6 +9,7 @@ Paths are written with spaces, which versions 6 and 7 both read.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -64,7 +65,7 @@ def _changes(back: Sequence[Action], seen: Observed, then: Observed) -> Iterator
         if action.verb is Verb.REMOVE:
             yield from (_removed(action, row_id, seen, then) for row_id in action.ids)
         elif action.verb is Verb.ADD:
-            yield _added_again(action, lost[action.menu])
+            yield _added_again(action, lost[action.menu], (*seen.rows[action.menu], *then.rows[action.menu]))
         elif action.verb is Verb.SET:
             yield _tried(_line(action))
 
@@ -80,12 +81,15 @@ def _removed(action: Action, row_id: str, seen: Observed, then: Observed) -> str
     return _tried(f"{menu.title} remove [find {found}]")
 
 
-def _added_again(action: Action, lost: list[Row]) -> str:
-    """Add a row again that the plan removes, unless it is still there."""
+def _added_again(action: Action, lost: list[Row], known: Sequence[Row]) -> str:
+    """Add a row again that the plan removes, unless it is still there, or again."""
     menu, values = MENUS[action.menu], dict(action.values)
     gone = next(row for row in lost if all(menu.form(name, row) == menu.form(name, values) for name in values))
     lost.remove(gone)
     adding = _tried(_line(replace(action, before=None)))
+    with suppress(CannotInvert):
+        again = _condition(menu, gone, [row for row in known if row is not gone])
+        adding = f":do {{ {menu.title} get [find {again}] comment }} on-error={{ {adding} }}"
     return f":do {{ {menu.title} get {gone['.id']} comment }} on-error={{ {adding} }}"
 
 
