@@ -18,11 +18,23 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.menus import Arg
     from atlantis_netcfg.twin.store import Item, Store, Table
 
-__all__ = ["HIDDEN", "applies", "configured", "factory_value", "item_row", "made_rows", "rows", "without_counters"]
+__all__ = [
+    "HIDDEN",
+    "TRAFFIC",
+    "applies",
+    "configured",
+    "factory_value",
+    "item_row",
+    "made_rows",
+    "rows",
+    "without_counters",
+]
 
 HIDDEN = "*****"
 """What a group without policy `sensitive` sees of a secret."""
-_COUNTERS = ("bytes", "packets")
+TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
+"""Counters of an interface (Manual, CLI reference, `/interface`); nothing passes through a twin, so they stay 0."""
+_COUNTERS = ("bytes", "packets", *TRAFFIC)
 
 
 def applies(store: Store, table: Table, item: Item, arg: Arg) -> bool:

@@ -9,6 +9,7 @@ from atlantis_netcfg.twin.derived import type_of
 from atlantis_netcfg.twin.devicemode import FEATURES, allowed
 from atlantis_netcfg.twin.software import package_file
 from atlantis_netcfg.twin.values import id_text, interval
+from atlantis_netcfg.twin.views import TRAFFIC
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,8 +23,6 @@ __all__ = ["COMPUTED"]
 
 Rows = list[dict[str, str]]
 _CPUS = "4"
-_TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
-"""Counters of an interface (Manual, CLI reference, `/interface print stats`); nothing passes through a twin."""
 
 _DISK = 1073741824
 """Of an RB5009UPr+S+, in bytes."""
@@ -55,7 +54,7 @@ def _interface(core: Core, table: Table, item: Item, interface: Interface) -> di
     flags = {"running": interface.running, "disabled": not interface.enabled}
     if interface.master is not None:
         flags["slave"] = True
-    return row | dict.fromkeys(_TRAFFIC, "0") | {name: _truth(value) for name, value in flags.items()}
+    return row | dict.fromkeys(TRAFFIC, "0") | {name: _truth(value) for name, value in flags.items()}
 
 
 def _update(core: Core, _call: Call) -> Rows:

@@ -47,3 +47,7 @@ def test_a_backup_that_is_not_there() -> None:
     except Trap as trap:
         said = [f"!trap =message={trap.message}"]
     assert "no such item" in said[0]
+
+
+def test_counters_of_interfaces_are_shown_when_asked_for() -> None:
+    assert "rx-byte" not in make().say("/interface/print", "?name=ether1")[0]
