@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import tomllib
 from importlib import metadata
@@ -76,3 +77,24 @@ def test_each_of_run_is_imported() -> None:
         for distribution in distributions:
             provided.setdefault(normal(distribution), set()).add(module)
     assert [name for name in sorted(DECLARED["run"]) if not provided[name] & imported] == []
+
+
+WITNESSES = ROOT / "tests" / "conformance"
+
+
+def test_witnesses_are_pinned_and_nothing_of_the_product_needs_them() -> None:
+    """Clients of others live in an environment of their own; docs/dependencies.md names them."""
+    told = (ROOT / "docs" / "dependencies.md").read_text().partition("## Clients of others")[2].partition("\n## ")[0]
+    pinned = dict(re.findall(r"^([\w.-]+)==(\S+)$", (WITNESSES / "requirements.txt").read_text(), re.MULTILINE))
+    node = json.loads((WITNESSES / "package.json").read_text())["dependencies"]
+    for name in ("ansible", "librouteros", "RouterOS-api", "napalm-ros", "netmiko"):
+        assert name in told
+        assert name in pinned
+    assert all(name in told and re.fullmatch(r"[\d.]+", version) for name, version in node.items())
+    assert {"ansible", "napalm", "napalm-ros", "routeros-api"}.isdisjoint(map(normal, PINS))
+
+
+def test_the_lock_of_node_names_no_registry() -> None:
+    lock = json.loads((WITNESSES / "package-lock.json").read_text())
+    assert all("resolved" not in package for package in lock["packages"].values())
+    assert all("integrity" in package for path, package in lock["packages"].items() if path)
