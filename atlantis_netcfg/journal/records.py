@@ -38,7 +38,9 @@ __all__ = [
     "Verified",
 ]
 
-SETTLED = frozenset({"unchanged", "changed", "planned", "drifted", "refused", "rolled-back", "left-as-found", "half-adopted"})
+SETTLED = frozenset(
+    {"unchanged", "changed", "planned", "drifted", "refused", "rolled-back", "left-as-found", "half-adopted"}
+)
 """Outcomes after which nothing is open on the device; the other one is `unknown`."""
 
 

@@ -62,7 +62,7 @@ async def begin(work: Work) -> Writer:
             await _look_again(work)
         # Only now: the job would take back to what was read, which has to be what is there.
         await _arm(work)
-        if protection is Protection.CONSOLE:
+        if protection is Protection.CONSOLE and not stages.prepare:
             await take(work)
     return found.writer
 

@@ -70,7 +70,9 @@ def _tunnel(core: Core, values: dict[str, str], _changed: frozenset[str] | None)
 
 
 def _clock(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
-    """Date and time are the clock's, not the configuration's."""
+    """Date and time are the clock's, not the configuration's; without them it goes on as it went."""
+    if not {"date", "time"} & values.keys():
+        return
     now = core.time()
     form = "%Y-%m-%d" if core.schema.at_least("7.10") else "%b/%d/%Y"
     date = values.pop("date", now.strftime(form).lower())

@@ -28,10 +28,10 @@ def declaration() -> Declaration:
     return load(Path(__file__).parents[3] / "inventory")
 
 
-def bench(tmp_path: Path, name: str, extra: str = "") -> Bench:
+def bench(tmp_path: Path, name: str, extra: str = "", **more: Any) -> Bench:  # noqa: ANN401 - fields of RouterSpec
     host = declaration().hosts[name]
     (twin,) = site_spec(declaration(), [host]).twins
-    spec = {**dict(twin.router), "users": (User(name="provision", password=PASSWORD),)}
+    spec = {**dict(twin.router), "users": (User(name="provision", password=PASSWORD),), **more}
     return Bench(tmp_path, text=router(declaration(), host) + extra, spec=spec)
 
 
@@ -119,3 +119,22 @@ def test_what_is_sent_and_kept_holds_no_secret(tmp_path: Path) -> None:
     for secret in ("EXAMPLE-vpn-coastal", PASSWORD):
         assert secret not in told
         assert secret.encode() not in kept
+
+
+@pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
+@pytest.mark.parametrize("version", ["7.16", "7.17.1"])
+@pytest.mark.parametrize("name", ROUTERS)
+def test_a_declared_router_converges_twice_below_7_18(tmp_path: Path, name: str, version: str, ssh: bool) -> None:  # noqa: FBT001
+    """Under the protection that there is: safe mode of a console and a dead-man job, or the job alone."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, str]:
+        keys: dict[str, Any] = {"ssh": bench.ssh} if ssh else {}
+        first, second = await bench.converge(**keys), await bench.converge(**keys)
+        return first, second, str(await bench.router.console(["/system/scheduler/print"]))
+
+    first, second, jobs = on(bench(tmp_path, name, version=version), act)
+    assert (first.status, first.protection) == (Status.CHANGED, "console-safe-mode" if ssh else "dead-man"), (
+        first.message
+    )
+    assert (second.status, second.planned) == (Status.UNCHANGED, 0), second.message
+    assert "atlantis-dead-man" not in jobs

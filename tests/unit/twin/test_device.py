@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from datetime import UTC, datetime
 
 import pytest
 from twin_bench import make
@@ -258,3 +259,13 @@ def test_device_mode_of_before_7_17_has_its_old_name_and_fewer_features() -> Non
         found[version] = dict(word[1:].split("=") for word in words)
     assert (found["7.16"]["mode"], found["7.17"]["mode"]) == ("enterprise", "advanced")
     assert set(found["7.17"]) - set(found["7.16"]) == {"install-any-version", "partitions", "routerboard"}
+
+
+def test_a_time_zone_does_not_set_the_clock() -> None:
+    router = make(clock=datetime(2026, 1, 1, 8, 0, 0, 500_000, tzinfo=UTC))
+    router.say("/system/scheduler/add", "=name=later", "=interval=20m", "=on-event=:put x")
+    router.now += 0.7
+    router.say("/system/clock/set", "=time-zone-name=Europe/Lisbon")
+    assert router.value("/system/scheduler", "run-count") == "0"
+    router.now += 0.4
+    assert router.value("/system/clock", "time") == "08:00:01"
