@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from librouteros.protocol import encode_length as peer_length  # type: ignore[import-untyped]
+from librouteros.protocol import encode_length as peer_length
 from librouteros.protocol import encode_sentence as peer_sentence
 
 from atlantis_netcfg.twin.wire.codec import Decoder, ReservedLength, WordTooLong, encode_length, encode_sentence

@@ -4,7 +4,7 @@ import asyncio
 from typing import TYPE_CHECKING, Literal
 
 import pytest
-from librouteros.exceptions import ConnectionClosed  # type: ignore[import-untyped]
+from librouteros.exceptions import ConnectionClosed
 from wire_helpers import Client, now, router, run
 
 from atlantis_netcfg.twin import Fault, FaultKind, Knobs, Router

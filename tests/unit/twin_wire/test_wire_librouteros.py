@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import librouteros  # type: ignore[import-untyped]
+import librouteros
 import pytest
-from librouteros.exceptions import FatalError, TrapError  # type: ignore[import-untyped]
+from librouteros.exceptions import FatalError, TrapError
 from wire_helpers import PASSWORD, router_spec, trusting
 
 from atlantis_netcfg.twin import RunningSite, SiteSpec, TwinRefused, TwinSpec

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
 
-import librouteros  # type: ignore[import-untyped]
+import librouteros
 import pytest
 from pydantic import ValidationError
 from wire_helpers import PASSWORD, router_spec

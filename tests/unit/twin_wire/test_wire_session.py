@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import pytest
-from librouteros.protocol import encode_word  # type: ignore[import-untyped]
+from librouteros.protocol import encode_word
 from wire_helpers import PASSWORD, Client, router, row, run
 
 from atlantis_netcfg.twin import Knobs

@@ -7,8 +7,8 @@ import selectors
 import ssl
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from librouteros import async_create_transport  # type: ignore[import-untyped]
-from librouteros.protocol import AsyncApiProtocol, encode_sentence  # type: ignore[import-untyped]
+from librouteros import async_create_transport
+from librouteros.protocol import AsyncApiProtocol, encode_sentence
 
 from atlantis_netcfg.twin import Knobs, Link, Router, RouterSpec, User
 

@@ -154,7 +154,8 @@ def test_arguments_of_elsewhere_are_refused(data: st.DataObject, version: str) -
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_the_console_refuses_in_its_own_words(tree: Tree) -> None:
     """Every seventh command of the tree, misspelt in three ways; the column is that of the wrong word."""
-    bare, odd, count = BARE[tree.version], {}, 0
+    odd: dict[str, str] = {}
+    bare, count = BARE[tree.version], 0
     for place, (menu, command, path) in enumerate(commands(tree)):
         # The root's commands are words of the scripting language, with a grammar of their own.
         if place % 7 or menu == "/":
