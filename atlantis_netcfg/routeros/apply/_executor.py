@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Stage
-from atlantis_netcfg.journal import DeviceObserved, Planned, PlannedAction
+from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros.apply._change import change
 from atlantis_netcfg.routeros.apply._claim import other
 from atlantis_netcfg.routeros.apply._contact import Contact
@@ -25,6 +25,7 @@ from atlantis_netcfg.routeros.apply._shield import HOLD, ApiShield
 from atlantis_netcfg.routeros.apply._shields import console_of, shield_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
+from atlantis_netcfg.routeros.apply._telling import planned
 from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
@@ -33,7 +34,6 @@ from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.routeros._types import Action
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
 __all__ = ["converge"]
@@ -223,7 +223,7 @@ def _path(work: Work) -> ManagementPath:
 
 async def _change(work: Work) -> DeviceResult:
     actions = work.aim.actions
-    work.record(Planned(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(_planned, actions))))
+    work.record(Planned(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(planned, actions))))
     await change(work)
     return work.result(Status.CHANGED, f"{_actions(work)} read back and kept")
 
@@ -237,18 +237,6 @@ async def _backup(work: Work) -> DeviceResult:
     work.job.journal.save(work.job.name, text)
     lines = text.count("\n")
     return work.result(Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")
-
-
-def _planned(action: Action) -> PlannedAction:
-    return PlannedAction(
-        number=action.number,
-        layer=action.layer.name.lower(),
-        menu=action.menu,
-        verb=action.verb.value,
-        subject=action.subject,
-        ids=action.ids,
-        values=action.shown(),
-    )
 
 
 def _actions(work: Work) -> str:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.journal import JournalFailed, Outcome
-from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.journal import JournalFailed
 from atlantis_netcfg.routeros.apply._claim import claimant, withdrawing
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Protection
 from atlantis_netcfg.routeros.apply._shield import NoShield
 from atlantis_netcfg.routeros.apply._stages import Stages
 from atlantis_netcfg.routeros.apply._state import plan_hash
-from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.routeros.apply._telling import cleaned, ended
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -137,11 +135,7 @@ class Work:
 
     def clean(self, text: str) -> str:
         """Mask secrets of the plan in a text of the device, should it ever repeat one."""
-        for action in self.plan.actions if self.plan is not None else ():
-            for name, value in action.values:
-                if name in action.secrets and value:
-                    text = text.replace(value, MASK)
-        return text
+        return cleaned(text, self.plan.actions if self.plan is not None else ())
 
     def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
         """Say how it ended."""
@@ -169,20 +163,6 @@ class Work:
             facts=self.before.facts if self.before is not None else None,
         )
 
-    def _confirm(self, status: Status) -> None:
-        """Keep what was read back at the end of a run, for drift to be dated by and for a replacement."""
-        read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(status)
-        if read is not None and self.plan is not None:
-            self.job.journal.confirm(self.job.name, partial(self._state, read))
-
-    def _state(self, read: Observed) -> str:
-        """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
-        try:
-            return snapshot.write(self.job.name, self.job.desired, read)
-        except Exception as fault:
-            why = f"provision itself failed ({type(fault).__name__})"
-            raise JournalFailed(f"the confirmed state cannot be written: {why}") from fault
-
     def farewell(self) -> tuple[Command, ...]:
         """What takes the sign down, beside the last thing that is sent; `signed_off` once it is answered."""
         return () if self.sign is None else (withdrawing(self.sign),)
@@ -194,12 +174,7 @@ class Work:
 
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
-        outcome = Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
-        for step in (partial(self._confirm, result.status), partial(self.record, outcome)):
-            try:
-                step()
-            except JournalFailed as failure:
-                if str(failure) not in result.message:
-                    result = replace(result, notes=(*result.notes, str(failure)))
+        read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
+        result = ended(self.job, result, read if self.plan is not None else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result

@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     DeviceObserved,
     JournalFailed,
-    Outcome,
     Planned,
-    PlannedAction,
     Unrolled,
 )
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._prerequisites import missing
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
+from atlantis_netcfg.routeros.apply._telling import cleaned, ended, planned
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
-from atlantis_netcfg.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,6 +56,8 @@ class End:
     """The first session, which holds safe mode; None once it is known to be dead."""
     before: Observed | None = None
     plan: Plan | None = None
+    after: Observed | None = None
+    """The device as it was read back, with nothing left to do."""
     owner: str = ""
     """What the device calls us while we hold its safe mode; empty: we do not."""
     fused: bool = False
@@ -165,6 +165,7 @@ class End:
         unused = [row for row in invalid(now) if row not in invalid(self.seen)]
         if unused:
             raise NotAsDeclared(f"{self.name} took these rows, but does not use them: {'; '.join(unused[:_SHOWN])}")
+        self.after = now
 
     def same(self, now: Observed) -> tuple[str, ...]:
         """Return the menus in which the device is not as it was before."""
@@ -188,7 +189,7 @@ class End:
     def announce(self) -> None:
         """Put the plan into the journal."""
         if self.plan is not None:
-            actions = tuple(map(_planned, self.actions))
+            actions = tuple(map(planned, self.actions))
             self.record(Planned(device=self.name, plan=plan_hash(self.plan), actions=actions))
 
     def changed(self, message: str) -> DeviceResult:
@@ -227,31 +228,11 @@ class End:
 
     def clean(self, text: str) -> str:
         """Mask secrets of the plan in a text of the device, should it ever repeat one."""
-        for action in self.actions:
-            for name, value in action.values:
-                if name in action.secrets and value:
-                    text = text.replace(value, MASK)
-        return text
+        return cleaned(text, self.actions)
 
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
-        try:
-            self.record(
-                Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
-            )
-        except NetcfgError as failure:
-            result = replace(result, notes=(*result.notes, str(failure)))
+        read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
+        result = ended(self.job, result, read if self.plan is not None else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result
-
-
-def _planned(action: Action) -> PlannedAction:
-    return PlannedAction(
-        number=action.number,
-        layer=action.layer.name.lower(),
-        menu=action.menu,
-        verb=action.verb.value,
-        subject=action.subject,
-        ids=action.ids,
-        values=action.shown(),
-    )

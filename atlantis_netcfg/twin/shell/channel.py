@@ -75,7 +75,8 @@ class Shell:
         patience: float | None = self._connection.host.knobs.probe_s
         while not session.over:
             try:
-                data = await asyncio.wait_for(self._stdin.read(_MOST), None if session.begun else patience)
+                async with asyncio.timeout(None if session.begun else patience):
+                    data = await self._stdin.read(_MOST)
             except TimeoutError:
                 await session.give_up()
             except asyncssh.TerminalSizeChanged as size:

@@ -190,7 +190,8 @@ class SerialLine:
         while not session.over:
             patience = None if session.begun else self._host.knobs.probe_s
             try:
-                data = await asyncio.wait_for(self._typed.get(), patience)
+                async with asyncio.timeout(patience):
+                    data = await self._typed.get()
             except TimeoutError:
                 await session.give_up()
             else:

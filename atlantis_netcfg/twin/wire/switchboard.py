@@ -242,11 +242,12 @@ class Switchboard:
 
     async def _run_clock(self) -> None:
         """Let the device do what is due, as long as it is up."""
-        loop = asyncio.get_running_loop()
         while True:
             due = None if self.booting else self._device.due()
             try:
-                await asyncio.wait_for(self._alarm.wait(), None if due is None else max(0.0, due - loop.time()))
+                # Not wait_for: in Python 3.11 it forgets that it was cancelled if the alarm comes in the same moment.
+                async with asyncio.timeout_at(due):
+                    await self._alarm.wait()
             except TimeoutError:
                 self._device.tick()
                 for connection in self.connections:

@@ -240,7 +240,13 @@ def test_two_first_starts_at_once(tmp_path: Path, offline: dict[str, str]) -> No
 def test_ctrl_c_is_told_and_undone_by_the_next_start(tmp_path: Path, offline: dict[str, str]) -> None:
     checkout = small_checkout(tmp_path / "checkout")
     with subprocess.Popen(
-        [checkout / "provision"], env=offline, stderr=subprocess.PIPE, text=True, start_new_session=True
+        [checkout / "provision"],
+        env=offline,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Tests that a shell runs in the background hand on that Ctrl+C is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no thread of ours forks here
     ) as process:
         assert process.stderr is not None
         said = ""

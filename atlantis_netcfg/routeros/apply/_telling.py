@@ -1,0 +1,68 @@
+"""What a run says at its end and of its plan, the same for one device and for the two ends of a bridge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction
+from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.secret import MASK
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from atlantis_netcfg.routeros._types import Action, Observed
+    from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
+
+__all__ = ["cleaned", "ended", "planned"]
+
+
+def planned(action: Action) -> PlannedAction:
+    """Write an action for the journal, secrets masked."""
+    return PlannedAction(
+        number=action.number,
+        layer=action.layer.name.lower(),
+        menu=action.menu,
+        verb=action.verb.value,
+        subject=action.subject,
+        ids=action.ids,
+        values=action.shown(),
+    )
+
+
+def cleaned(text: str, actions: Iterable[Action]) -> str:
+    """Mask secrets of a plan in a text of the device, should it ever repeat one."""
+    for action in actions:
+        for name, value in action.values:
+            if name in action.secrets and value:
+                text = text.replace(value, MASK)
+    return text
+
+
+def ended(job: DeviceJob, result: DeviceResult, read: Observed | None) -> DeviceResult:
+    """Record the outcome, and keep what was `read` back for drift to be dated by and for a replacement.
+
+    A journal that cannot be written is said in the result.
+    """
+    outcome = Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
+    steps = [partial(job.journal.write, outcome)]
+    if read is not None:
+        steps.insert(0, partial(job.journal.confirm, job.name, partial(_state, job, read)))
+    for step in steps:
+        try:
+            step()
+        except JournalFailed as failure:
+            if str(failure) not in result.message:
+                result = replace(result, notes=(*result.notes, str(failure)))
+    return result
+
+
+def _state(job: DeviceJob, read: Observed) -> str:
+    """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
+    try:
+        return snapshot.write(job.name, job.desired, read)
+    except Exception as fault:
+        why = f"provision itself failed ({type(fault).__name__})"
+        raise JournalFailed(f"the confirmed state cannot be written: {why}") from fault
