@@ -20,7 +20,7 @@ rehearse: ## run a site against its emulated devices (SITE=coastal)
 test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 	@tools/develop system
 	@tools/strangers
-	python -P -m pytest -n auto -m "not campaign" $(ARGS)
+	python -P -m pytest -n auto --dist worksteal -m "not campaign" $(ARGS)
 
 lint: ## check code, types, playbooks and roles; no warning is accepted
 	@tools/develop
@@ -34,7 +34,7 @@ lint: ## check code, types, playbooks and roles; no warning is accepted
 campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
-	python -P -m pytest -n auto -m campaign --timeout 0 $(ARGS)
+	python -P -m pytest -n auto --dist worksteal -m campaign --timeout 0 $(ARGS)
 
 bench: ## measure us and our peers on slow links, write docs/benchmarks.md (BENCH_ARGS='--only ours librouteros'; --help)
 	@tools/develop system
