@@ -47,3 +47,6 @@ def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> No
     assert [result.status for result in second] == [Status.UNCHANGED] * 2
     assert far_first or "far" not in changed
     assert not any("atlantis-pair" in export for export in exports)
+    kept = bench.store.last_confirmed("quay", ("near", "far"))
+    assert kept.keys() == {"near", "far"}, "what was read back is there for drift and for a replacement"
+    assert all(words.key not in state.text() for state in kept.values() if words.key)
