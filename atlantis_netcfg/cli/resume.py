@@ -34,7 +34,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     with session(arguments) as opened:
         broken = _broken(opened, arguments.optional("run"))
-        _not_adoption(broken)
+        _engine_only(broken)
         _tell(opened, broken)
         opened.narrow(broken.unsettled)
         if broken.started is not None:
@@ -53,11 +53,15 @@ def _broken(opened: Session, name: str | None) -> Run:
     return unfinished[-1]
 
 
-def _not_adoption(broken: Run) -> None:
-    """First contact does not speak to the engine: it is repeated, and goes on by what the device says."""
+_REPEATED = {"provision adopt ": "a first contact", "provision upgrade ": "an upgrade"}
+
+
+def _engine_only(broken: Run) -> None:
+    """First contact and upgrades are no runs of the engine: they are repeated, and go on by what the device says."""
     command = broken.started.command if broken.started else ""
-    if command.startswith("provision adopt "):
-        raise UsageError(f"run {broken.id} was a first contact", hint=f"repeat it: `{command}`")
+    what = next((words for beginning, words in _REPEATED.items() if command.startswith(beginning)), None)
+    if what is not None:
+        raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{command}`")
 
 
 def _tell(opened: Session, broken: Run) -> None:
