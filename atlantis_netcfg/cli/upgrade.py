@@ -51,7 +51,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.upgrade import Prepared
+    from atlantis_netcfg.operations.upgrade import Prepared, Waiting
 
     with (
         session(
@@ -80,6 +80,8 @@ def run(arguments: Arguments) -> ExitCode:
             notify,
             give_up=arguments.many("drop"),
             ssh=_twin(opened, host.name),
+            # An emulated router is back within seconds, however far away its bearer is.
+            waiting=Waiting(poll_s=1.0, connect_s=10.0) if opened.rehearsed else Waiting(),
         )
         if not prepared.upgrade.send:
             return _close(opened, prepared.unchanged())
