@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.errors import ExitCode
 
-__all__ = ["JSON", "VERBOSE", "Arguments", "Command", "CommandModule", "Flag", "Word"]
+__all__ = ["INVENTORY", "JSON", "ONLY", "VERBOSE", "VIA", "Arguments", "Command", "CommandModule", "Flag", "Word"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +61,9 @@ class Flag:
         return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
 
 
+INVENTORY = Word("inventory", "folder of the declaration; the checkout's own if left out")
+ONLY = Word("only", "only these hosts of it", many=True, example="coastal-router")
+VIA = Word("via", "the bearer over which you work, where it is not the declared one", example="4g")
 JSON = Flag("json", "print one JSON object instead of text, on errors as well")
 STREAM = Flag(
     "stream", "with --json: also one line for each device as soon as it has ended; the object is the last line"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -31,7 +31,7 @@ COMMAND = Command(
         Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
         Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
         Word("wait", "seconds to wait for the laptop on the management port; 600 if left out", example="600"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        INVENTORY,
     ),
     flags=(
         Flag("plan", "look at the device, show the steps, change nothing", harmless=True),

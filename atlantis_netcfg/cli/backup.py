@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, VERBOSE, Command, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -17,8 +17,8 @@ COMMAND = Command(
     "save the full state of a site's devices, changing nothing",
     words=(
         Word("site", "the site, or `all`", required=True, example="coastal"),
-        Word("only", "only these hosts of it", many=True, example="coastal-router"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        ONLY,
+        INVENTORY,
     ),
     flags=(JSON, VERBOSE),
     details="The saved export hides secrets, as RouterOS does; they are not in the backup.",

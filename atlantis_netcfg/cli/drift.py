@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,9 +22,9 @@ COMMAND = Command(
     "say what differs from the declaration, who owns it and since when, changing nothing",
     words=(
         Word("site", "the site; all of them if left out", example="coastal"),
-        Word("only", "only these hosts of it", many=True, example="coastal-router"),
-        Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        ONLY,
+        VIA,
+        INVENTORY,
     ),
     flags=(
         Flag("limit", "the same as `only=`, as Ansible calls it", takes="HOSTS"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, UNPROTECTED, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, UNPROTECTED, VERBOSE, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -21,8 +21,8 @@ COMMAND = Command(
         Word("device", "the device that is replaced", required=True, example="coastal-router"),
         Word("site", "its site, if you want that checked", example="coastal"),
         Word("to", "the run whose state it gets, as `provision runs` lists it, or `latest`", True, example="latest"),
-        Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        VIA,
+        INVENTORY,
     ),
     flags=(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),

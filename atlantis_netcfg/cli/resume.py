@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, UNPROTECTED, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, UNPROTECTED, VERBOSE, Command, Word
 from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ COMMAND = Command(
     words=(
         Word("site", "the site of the run", required=True, example="coastal"),
         Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        INVENTORY,
     ),
     flags=(UNPROTECTED, JSON, VERBOSE),
     changes=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, UNPROTECTED, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, UNPROTECTED, VERBOSE, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -18,8 +18,8 @@ COMMAND = Command(
     words=(
         Word("site", "the site of the run", required=True, example="coastal"),
         Word("to", "the run, as `provision runs` lists it: its saved state is put back", required=True, example="RUN"),
-        Word("only", "only these hosts of it", many=True, example="coastal-router"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        ONLY,
+        INVENTORY,
     ),
     flags=(Flag("yes", "do not ask before changing devices"), UNPROTECTED, JSON, VERBOSE),
     details="Secrets are not in the saved state: what the device holds of them stays.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, STREAM, UNPROTECTED, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, STREAM, UNPROTECTED, VERBOSE, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -17,9 +17,9 @@ COMMAND = Command(
     "bring a site to its declared state, guarded, and read back what came of it",
     words=(
         Word("site", "the site, or `all`", required=True, example="coastal"),
-        Word("only", "only these hosts of it", many=True, example="coastal-router"),
-        Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        ONLY,
+        VIA,
+        INVENTORY,
     ),
     flags=(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -28,8 +28,8 @@ COMMAND = Command(
             example="routeros-7.21.5-arm64.npk",
         ),
         Word("drop", "installed packages to lose, for which there is no file", many=True, example="container"),
-        Word("via", "the bearer over which you work, where it is not the declared one", example="4g"),
-        Word("inventory", "folder of the declaration; the checkout's own if left out"),
+        VIA,
+        INVENTORY,
     ),
     flags=(
         Flag("plan", "show what would happen and what it costs, change nothing", harmless=True),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Command, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command
 from atlantis_netcfg.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ __all__ = ["COMMAND", "run"]
 COMMAND = Command(
     "validate",
     "check the whole declaration and list every error with its place",
-    words=(Word("inventory", "folder of the declaration; the checkout's own if left out"),),
+    words=(INVENTORY,),
     flags=(JSON,),
     details="No device is contacted and no vault password is asked for: vaulted secrets stay closed.",
 )
