@@ -78,6 +78,29 @@ class Session:
         """The hosts that a role handles."""
         return tuple(host for host in self.hosts if handled(host))
 
+    def request(
+        self,
+        mode: Mode,
+        *,
+        plans: Mapping[str, str] | None = None,
+        run: str | None = None,
+        via: Mapping[str, str] | None = None,
+    ) -> Request:
+        """What the declaration does not say; `via` names bearers other than the usual ones."""
+        return Request(
+            state=self.state,
+            mode=mode,
+            rehearsed=self.rehearsed,
+            targets=self.rehearsal.targets if self.rehearsal else {},
+            via={**({host.name: self.via for host in self.asked} if self.via else {}), **(via or {})},
+            plans=dict(plans) if plans is not None else None,
+            run=run,
+            back_to=self.back_to,
+            restore=self.restore,
+            unprotected=self._says(UNPROTECTED),
+            command=shlex.join(["provision", *sys.argv[1:]]),
+        )
+
     def perform(
         self,
         mode: Mode,
@@ -87,22 +110,9 @@ class Session:
         via: Mapping[str, str] | None = None,
     ) -> RunReport:
         """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones."""
-        asked = self.asked
-        request = Request(
-            state=self.state,
-            mode=mode,
-            rehearsed=self.rehearsed,
-            targets=self.rehearsal.targets if self.rehearsal else {},
-            via={**({host.name: self.via for host in asked} if self.via else {}), **(via or {})},
-            plans=dict(plans) if plans is not None else None,
-            run=run,
-            back_to=self.back_to,
-            restore=self.restore,
-            unprotected=self._says(UNPROTECTED),
-            command=shlex.join(["provision", *sys.argv[1:]]),
-        )
+        request = self.request(mode, plans=plans, run=run, via=via)
         with progress(quiet=self.as_json) as notify:
-            names = [host.name for host in asked]
+            names = [host.name for host in self.asked]
             outcome = play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
         return RunReport(
             site=self.site,

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.errors import ExitCode
-    from atlantis_netcfg.operations.upgrade import Prepared, Ssh, Upgraded
+    from atlantis_netcfg.operations.upgrade import Prepared, Upgraded
 
 __all__ = ["COMMAND", "run"]
 
@@ -44,13 +44,11 @@ COMMAND = Command(
 
 def run(arguments: Arguments) -> ExitCode:
     """Read the files, look at the device, show, ask, send, reboot, read back."""
-    import shlex
-    import sys
     from pathlib import Path
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.upgrade import Prepared, Waiting
 
     with (
@@ -64,13 +62,7 @@ def run(arguments: Arguments) -> ExitCode:
         progress(quiet=opened.as_json) as notify,
     ):
         (host,) = opened.hosts
-        request = Request(
-            state=opened.state,
-            rehearsed=opened.rehearsed,
-            targets=opened.rehearsal.targets if opened.rehearsal else {},
-            via={host.name: opened.via} if opened.via else {},
-            command=shlex.join(["provision", *sys.argv[1:]]),
-        )
+        request = opened.request(Mode.APPLY)
         files = [Path(name) for name in arguments.many("packages")]
         prepared = Prepared.of(
             opened.declaration,
@@ -79,7 +71,6 @@ def run(arguments: Arguments) -> ExitCode:
             request,
             notify,
             give_up=arguments.many("drop"),
-            ssh=_twin(opened, host.name),
             # An emulated router is back within seconds, however far away its bearer is.
             waiting=Waiting(poll_s=1.0, connect_s=10.0) if opened.rehearsed else Waiting(),
         )
@@ -90,16 +81,6 @@ def run(arguments: Arguments) -> ExitCode:
             return _close(opened, prepared.planned())
         _ask(opened, prepared)
         return _close(opened, prepared.carry_out(opened.declaration, request))
-
-
-def _twin(opened: Session, name: str) -> Ssh | None:
-    """Where the emulated device takes files."""
-    from atlantis_netcfg.operations.upgrade import Ssh
-
-    if opened.rehearsal is None:
-        return None
-    ready = opened.rehearsal.twins.ready[name]
-    return Ssh(ready["host"], ready["ssh"], ready["host_key"])
 
 
 def _show(opened: Session, prepared: Prepared) -> None:

@@ -7,7 +7,7 @@ nothing.
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.upgrade._device import Ssh, Upgrading, Waiting
+from atlantis_netcfg.operations.upgrade._device import Upgrading, Waiting
 from atlantis_netcfg.operations.upgrade._prepared import Prepared, Upgraded
 
-__all__ = ["Prepared", "Ssh", "Upgraded", "Upgrading", "Waiting"]
+__all__ = ["Prepared", "Upgraded", "Upgrading", "Waiting"]

@@ -26,21 +26,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.packages import Npk
     from atlantis_netcfg.routeros.api import Endpoint
+    from atlantis_netcfg.routeros.apply import SshEndpoint
 
-__all__ = ["Ssh", "Upgrading", "Waiting"]
+__all__ = ["Upgrading", "Waiting"]
 
 
 _PROGRESS_STEPS = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Ssh:
-    """Where files go; user and password are those of the API."""
-
-    host: str
-    port: int
-    host_key: str | None
-    """`SHA256:…`; None if the device was never met over SSH, and then it is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +50,8 @@ class Upgrading:
 
     name: str
     endpoint: Endpoint
-    ssh: Ssh
+    ssh: SshEndpoint
+    """Where files go; without a pinned host key none is sent."""
     given: tuple[Npk, ...]
     give_up: tuple[str, ...] = ()
     notify: Subscriber = lambda _event: None
@@ -126,13 +118,13 @@ class Upgrading:
                 told = before + sent
                 self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", told // 1000, total // 1000)
 
-        endpoint, ssh = self.endpoint, self.ssh
+        ssh = self.ssh
         upload(
             ssh.host,
             ssh.port,
-            endpoint.user,
-            endpoint.password,
-            pin=ssh.host_key,
+            ssh.user,
+            ssh.password,
+            pin=ssh.pin,
             source=package.path,
             name=package.path.name,
             progress=progress,

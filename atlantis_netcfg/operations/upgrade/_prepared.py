@@ -11,7 +11,7 @@ from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingM
 from atlantis_netcfg.journal import Journal, NoJournal, Outcome, RunEnded, RunStarted, Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.upgrade._device import Ssh, Upgrading, Waiting
+from atlantis_netcfg.operations.upgrade._device import Upgrading, Waiting
 from atlantis_netcfg.packages import read_npk
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.site.model import Router
@@ -28,10 +28,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["SSH_PORT", "Prepared", "Upgraded"]
+__all__ = ["Prepared", "Upgraded"]
 
-SSH_PORT = 22
-"""Of service `ssh`, which the site's template leaves at RouterOS' default."""
 _OVERHEAD = 1.1
 """Bytes on the wire for one byte of a file: SSH, TCP and IP (inferred)."""
 
@@ -87,20 +85,15 @@ class Prepared:
         notify: Subscriber,
         *,
         give_up: Sequence[str] = (),
-        ssh: Ssh | None = None,
         waiting: Waiting = Waiting(),  # noqa: B008 - frozen
     ) -> Self:
-        """Read files and device. Raises NotAPackage before anything is contacted, then UpgradeRefused and DeviceFailed.
-
-        `ssh`: where a twin takes files; None for the device's own address and its pinned host key.
-        """
+        """Read files, then the device. Raises NotAPackage before it is contacted, UpgradeRefused and DeviceFailed."""
         if not isinstance(host.device, Router):
             raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
         given = tuple(read_npk(path) for path in files)
-        store = Store(request.state, rehearsed=request.rehearsed)
         job = device_job(declaration, host, request, NoJournal(), notify)
-        where = ssh or Ssh(str(host.device.access.address), SSH_PORT, store.pins.host_key(host.name))
-        upgrading = Upgrading(host.name, job.endpoint, where, given, tuple(give_up), notify, waiting)
+        assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
+        upgrading = Upgrading(host.name, job.endpoint, job.ssh, given, tuple(give_up), notify, waiting)
         seen, upgrade = asyncio.run(upgrading.look())
         return cls(upgrading, seen, upgrade, bearer_of(declaration, host, request.via.get(host.name)), job)
 

@@ -14,9 +14,10 @@ from npk_files import write
 from atlantis_netcfg.console import HostKeyChanged, UnknownHostKey
 from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
-from atlantis_netcfg.operations.upgrade import Ssh, Upgrading, Waiting
+from atlantis_netcfg.operations.upgrade import Upgrading, Waiting
 from atlantis_netcfg.packages import UpgradeRefused, read_npk
 from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
@@ -58,7 +59,7 @@ def router(tmp_path: Path, *, boot_s: float = 0.3, **spec: Any) -> Iterator[tupl
             Upgrading(
                 "router",
                 Endpoint(ready["host"], ready["api_ssl"], "provision", Secret(PASSWORD), ready["pin"]),
-                Ssh(ready["host"], ready["ssh"], ready["host_key"]),
+                SshEndpoint(ready["host"], ready["ssh"], "provision", Secret(PASSWORD), ready["host_key"]),
                 (read_npk(write(tmp_path, "routeros", "7.21.5", "arm64", payload=300_000)),),
                 waiting=Waiting(until_s=20, poll_s=0.1, connect_s=3),
             ),
@@ -108,11 +109,11 @@ def test_a_device_that_was_never_met_is_sent_nothing(tmp_path: Path) -> None:
     with router(tmp_path) as (running, upgrading):
         for key, refusal in ((None, UnknownHostKey), ("SHA256:" + "A" * 43, HostKeyChanged)):
             with pytest.raises(refusal):
-                run(replace(upgrading, ssh=replace(upgrading.ssh, host_key=key)))
+                run(replace(upgrading, ssh=replace(upgrading.ssh, pin=key)))
         seen, _ = asyncio.run(upgrading.look())
         assert not seen.files
         assert str(seen.installed.version) == "7.18.2"
-        assert running.do("router", "info")["host_key"] == upgrading.ssh.host_key
+        assert running.do("router", "info")["host_key"] == upgrading.ssh.pin
 
 
 @pytest.mark.parametrize("fault", ["drop", "gap"])
