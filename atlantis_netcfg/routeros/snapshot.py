@@ -102,7 +102,7 @@ def _statement(menu: Menu, row: Row, named: frozenset[str], used: frozenset[str]
 
 
 def _values(menu: Menu, row: Row, named: frozenset[str]) -> Iterator[tuple[str, str | None]]:
-    for each in sorted(menu.fields, key=lambda one: one.name):
+    for each in menu.alphabetical:
         value = row.get(each.name)
         if value is None or each.secret or each.unread:
             continue

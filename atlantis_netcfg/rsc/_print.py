@@ -86,8 +86,8 @@ class _Atom:
     text: str
     spaced: bool = True
     """A space goes before it; the space is no part of the text and ends the line if the atom starts the next one."""
-    cut: str | None = None
-    """The text to cut instead, if no line has room for the whole; None is a word that must not be cut."""
+    value: str | None = None
+    """What is put in quotes and cut, if no line has room for the whole; None is a word that must not be cut."""
 
 
 def _atoms(statement: Statement, *, elide: bool) -> Iterator[_Atom]:
@@ -96,7 +96,7 @@ def _atoms(statement: Statement, *, elide: bool) -> Iterator[_Atom]:
         yield from _arguments(statement.find, elide=False)
         yield _Atom("]")
     if statement.target is not None:
-        yield _Atom(quote(statement.target), cut=in_quotes(statement.target))
+        yield _Atom(quote(statement.target), value=statement.target)
     yield from _arguments(statement.values, elide=elide)
 
 
@@ -112,7 +112,7 @@ def _arguments(values: Iterable[tuple[str, str | None]], *, elide: bool) -> Iter
             yield _Atom(shown)
         else:
             yield _Atom(f"{shown}=")
-            yield _Atom(quote(value), spaced=False, cut=in_quotes(value))
+            yield _Atom(quote(value), spaced=False, value=value)
 
 
 @dataclass(slots=True)
@@ -138,13 +138,15 @@ class _Page:
         whole = self._room(len(_INDENT), atom)
         if (whole or space) and self.line.strip():
             self._wrap(space)
-        self._fill(atom, atom.text if whole or atom.cut is None else atom.cut, width)
+        self._fill(atom, atom.text if whole or atom.value is None else in_quotes(atom.value), width)
 
     def _room(self, column: int, atom: _Atom) -> bool:
         return self.width is None or column + len(atom.text) <= self.width - 2
 
     def _fill(self, atom: _Atom, text: str, width: int) -> None:
-        for piece in [text] if atom.cut is None else _PIECE.findall(text):
+        # Most values fit as they are; only a line end inside one breaks the line all the same.
+        fits = self.line.strip() and len(self.line) + len(text) < width and r"\n" not in text
+        for piece in [text] if fits or atom.value is None else _PIECE.findall(text):
             if self.line.strip() and (piece == r"\n" or len(self.line) + len(piece) > width - 1):
                 self._wrap()
             starts_line = self.lines and self.line == _INDENT

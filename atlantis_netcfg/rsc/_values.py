@@ -15,6 +15,8 @@ __all__ = ["ENCODING", "ERRORS", "ValueTextError", "in_quotes", "quote", "unquot
 ENCODING = "utf-8"
 ERRORS = "surrogateescape"
 
+_PLAIN = re.compile(r"[ !#%->@-\[\]-~]*")
+"""What stands in quotes as it is."""
 _BARE = re.compile(r"[0-9A-Za-z!#%*+,\-./:<>@_~]+")
 
 _NAMED = {'"': '\\"', "\\": "\\\\", "$": "\\$", "?": "\\?", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
@@ -39,7 +41,7 @@ def quote(value: str) -> str:
 
 def in_quotes(value: str) -> str:
     """Print `value` in quotes, also where a bare one would do."""
-    return f'"{"".join(map(_escaped, value))}"'
+    return f'"{value if _PLAIN.fullmatch(value) else "".join(map(_escaped, value))}"'
 
 
 def _escaped(char: str) -> str:

@@ -7,16 +7,19 @@ import json
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._items import Desired, Item
-from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from atlantis_netcfg.routeros._types import Observed, Plan, Row
 
 __all__ = ["differing", "digest", "invalid", "plan_hash", "restoring"]
 
-_Content = tuple[tuple[str, str], ...]
+_Content = tuple[str, ...]
+"""The values of a row, in the order of its menu's fields."""
+_BETWEEN, _END = "\x1f", "\x1e"
+"""ASCII's separators of units and of records, for what is hashed."""
 
 
 def differing(before: Observed, now: Observed) -> tuple[str, ...]:
@@ -27,8 +30,11 @@ def differing(before: Observed, now: Observed) -> tuple[str, ...]:
 
 def digest(observed: Observed) -> str:
     """Return a hash of the configuration without its secrets, so that it may be written down."""
-    state = {path: _content(path, observed, secrets=False) for path in sorted(observed.rows)}
-    return hashlib.sha256(json.dumps(state).encode()).hexdigest()
+    state = hashlib.sha256()
+    for path in sorted(observed.rows):
+        rows = map(_BETWEEN.join, _content(path, observed, secrets=False))
+        state.update(_END.join((path, *rows, _END)).encode(errors="surrogateescape"))
+    return state.hexdigest()
 
 
 def plan_hash(plan: Plan) -> str:
@@ -74,11 +80,13 @@ def _content(path: str, observed: Observed, *, secrets: bool = True) -> list[_Co
     rows = [row for row in observed.rows.get(path, ()) if menu.is_touchable(row)]
     if menu.chain is not None:
         rows = sorted(rows, key=lambda row: row.get(menu.chain or "", ""))
-    content = [_row(menu, row, secrets=secrets) for row in rows]
+    shown = [each for each in menu.fields if not each.unread and (secrets or not each.secret)]
+    content = [_row(menu, row, shown) for row in rows]
     return content if menu.ordered else sorted(content)
 
 
-def _row(menu: Menu, row: Row, *, secrets: bool) -> _Content:
+def _row(menu: Menu, row: Row, shown: Iterable[Field]) -> _Content:
     """Return a row in canonical form; a property that is empty or at its default may be printed or left out."""
-    shown = [each.name for each in menu.fields if not each.unread and (secrets or not each.secret)]
-    return tuple((name, menu.form(name, row)) for name in shown)
+    return tuple(
+        menu.form(each.name, row) if (text := row.get(each.name)) is None else each.form(text) for each in shown
+    )

@@ -121,6 +121,11 @@ class Menu:
         """The fields by their names."""
         return {each.name: each for each in self.fields}
 
+    @cached_property
+    def alphabetical(self) -> tuple[Field, ...]:
+        """The fields as exports order them."""
+        return tuple(sorted(self.fields, key=lambda each: each.name))
+
     @property
     def secrets(self) -> frozenset[str]:
         """Names of the properties that are never shown."""
