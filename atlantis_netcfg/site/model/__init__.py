@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from atlantis_netcfg.site.model._base import (
     Address,
+    Currency,
+    Day,
     DnsName,
     HostName,
     MacAddress,
@@ -12,29 +14,25 @@ from atlantis_netcfg.site.model._base import (
     Network,
     PortName,
     SecretText,
+    Sha256,
     Ssid,
     Text,
 )
-from atlantis_netcfg.site.model.device import (
+from atlantis_netcfg.site.model._box import (
     Access,
-    ControlCentre,
-    Cpe,
-    Device,
-    Forward,
-    Gateway,
-    LteRouter,
-    Poe,
-    PoeMode,
-    Port,
-    PortUse,
     PowerSource,
-    Ptp,
-    PtpMode,
-    PtpProtocol,
-    Router,
-    SatelliteTerminal,
-    VpnClient,
+)
+from atlantis_netcfg.site.model.device import (
+    ControlCentre,
+    Device,
+    Gateway,
     VpnServer,
+)
+from atlantis_netcfg.site.model.lte import (
+    LteAccess,
+    LteDriver,
+    LteRouter,
+    Sim,
 )
 from atlantis_netcfg.site.model.pilot import (
     Column,
@@ -46,11 +44,30 @@ from atlantis_netcfg.site.model.pilot import (
     VehicleKind,
     Vpn,
 )
+from atlantis_netcfg.site.model.radio import (
+    Cpe,
+    Ptp,
+    PtpMode,
+    PtpProtocol,
+    RadioMenus,
+    SignalBounds,
+)
+from atlantis_netcfg.site.model.router import (
+    Forward,
+    Poe,
+    PoeMode,
+    Port,
+    PortUse,
+    Router,
+    VpnClient,
+)
 from atlantis_netcfg.site.model.site import (
     AllowedTarget,
     Bearer,
     BearerKind,
+    Billing,
     DhcpRange,
+    Failover,
     Lan,
     LinkRate,
     LocationRow,
@@ -59,6 +76,10 @@ from atlantis_netcfg.site.model.site import (
     ServedLink,
     Site,
 )
+from atlantis_netcfg.site.model.terminal import (
+    SatelliteTerminal,
+    TerminalEvidence,
+)
 
 __all__ = [
     "Access",
@@ -66,18 +87,24 @@ __all__ = [
     "AllowedTarget",
     "Bearer",
     "BearerKind",
+    "Billing",
     "Column",
     "ControlCentre",
     "Cpe",
+    "Currency",
+    "Day",
     "Device",
     "DhcpRange",
     "DnsName",
+    "Failover",
     "Forward",
     "Gateway",
     "HostName",
     "Lan",
     "LinkRate",
     "LocationRow",
+    "LteAccess",
+    "LteDriver",
     "LteRouter",
     "MacAddress",
     "Management",
@@ -95,13 +122,18 @@ __all__ = [
     "Ptp",
     "PtpMode",
     "PtpProtocol",
+    "RadioMenus",
     "Reservation",
     "Router",
     "SatelliteTerminal",
     "SecretText",
     "ServedLink",
+    "Sha256",
+    "SignalBounds",
+    "Sim",
     "Site",
     "Ssid",
+    "TerminalEvidence",
     "Text",
     "TimeServer",
     "Transport",

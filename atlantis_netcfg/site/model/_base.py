@@ -6,6 +6,7 @@ A value that cannot be understood is refused with `wrong`, in words for a techni
 from __future__ import annotations
 
 import re
+from datetime import date
 from ipaddress import IPv4Address, IPv4Network
 from typing import Annotated
 
@@ -19,6 +20,8 @@ __all__ = [
     "NOT_TEXT",
     "WRONG",
     "Address",
+    "Currency",
+    "Day",
     "DnsName",
     "HostName",
     "MacAddress",
@@ -27,6 +30,7 @@ __all__ = [
     "Network",
     "PortName",
     "SecretText",
+    "Sha256",
     "Ssid",
     "Text",
     "wrong",
@@ -157,6 +161,28 @@ def _dns_name(value: object) -> str:
     return text
 
 
+def _sha256(value: object) -> str:
+    text = _text(value).lower()
+    if not re.fullmatch(r"[0-9a-f]{64}", text):
+        raise wrong(f"`{text}` is no SHA-256: that has 64 hex digits", "copy what `sha256sum FILE` prints")
+    return text
+
+
+def _day(value: object) -> str:
+    text = value.isoformat() if type(value) is date else _text(value)
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise wrong(f"`{text}` is no day", 'year, month and day in quotes, like "2026-11-21"') from None
+
+
+def _currency(value: object) -> str:
+    text = _text(value)
+    if not re.fullmatch(r"[A-Z]{3}", text):
+        raise wrong(f"`{text}` is no currency", "three capital letters, like EUR (ISO 4217)")
+    return text
+
+
 def _ssid(value: object) -> str:
     text = _text(value)
     if not text or len(text.encode()) > _SSID_BYTES:
@@ -175,6 +201,12 @@ HostName = Annotated[str, BeforeValidator(_name)]
 DnsName = Annotated[str, BeforeValidator(_dns_name)]
 PortName = Annotated[str, BeforeValidator(_port)]
 """The factory name of a port (`default-name`)."""
+Sha256 = Annotated[str, BeforeValidator(_sha256)]
+"""Of a file, in hex."""
+Day = Annotated[str, BeforeValidator(_day)]
+"""As ISO 8601 has it."""
+Currency = Annotated[str, BeforeValidator(_currency)]
+"""ISO 4217."""
 Text = Annotated[str, BeforeValidator(_line)]
 """One line for people."""
 Ssid = Annotated[str, BeforeValidator(_ssid)]

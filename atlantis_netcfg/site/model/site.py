@@ -10,14 +10,26 @@ from typing import Annotated
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from atlantis_netcfg.site.model._base import Address, DnsName, HostName, MacAddress, Model, Name, Network, Text
+from atlantis_netcfg.site.model._base import (
+    Address,
+    Currency,
+    DnsName,
+    HostName,
+    MacAddress,
+    Model,
+    Name,
+    Network,
+    Text,
+)
 from atlantis_netcfg.site.model.pilot import Column, Transport
 
 __all__ = [
     "AllowedTarget",
     "Bearer",
     "BearerKind",
+    "Billing",
     "DhcpRange",
+    "Failover",
     "Lan",
     "LinkRate",
     "LocationRow",
@@ -94,13 +106,39 @@ class LinkRate(Model):
     """To the site, in kbit/s."""
 
 
+class Billing(Model):
+    """How the provider counts and what it asks, from the contract; a tariff that nobody has looked up is left out."""
+
+    currency: Currency = "EUR"
+    """ISO 4217."""
+    price_per_mb: Annotated[StrictFloat, Field(ge=0)]
+    """For 10^6 bytes, both directions counted together."""
+    min_session_bytes: Annotated[StrictInt, Field(ge=0)] = 0
+    """What the shortest session is billed as."""
+    floor_bytes_per_s: Annotated[StrictInt, Field(ge=0)] = 0
+    """A long session is billed as so many bytes for each second, if that is more than what it carried."""
+    floor_after_s: Annotated[StrictInt, Field(ge=0)] = 0
+    """Length of a session from which that floor holds."""
+
+
+class Failover(Model):
+    """When traffic leaves a link of the site, and when it comes back."""
+
+    hold_down_s: Annotated[StrictInt, Field(ge=20, le=600)] = 20
+    """A link whose canaries have all been silent for so long is left for the next one, in seconds."""
+    fail_back_s: Annotated[StrictInt, Field(ge=0, le=3600)] = 120
+    """A better link is taken again when its canaries have answered for so long without a break, in seconds."""
+
+
 class AllowedTarget(Model):
-    """A destination that may be reached over the satellite."""
+    """A destination that may be reached over the satellite, besides the VPN and the time servers."""
 
     name: Text
     """What it is for."""
     address: Address
     """One host; a network cannot be admitted."""
+    dns_name: DnsName | None = None
+    """The name behind the address, where there is one: that both still agree is checked, because names move."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None admits every port; with a port, `transport` says of which protocol."""
     transport: Transport = Transport.UDP
@@ -115,6 +153,10 @@ class Bearer(Model):
     """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
     metered: StrictBool
     """True if every byte costs."""
+    billing: Billing | None = None
+    """Metered links only; None: nobody has looked up the tariff, so that costs are told in bytes."""
+    cap_mb: Annotated[StrictFloat, Field(gt=0)] = 5.0
+    """Metered links only: no single action sends more than this, in 10^6 bytes, whatever a person accepts."""
     network: Network
     """Between the router and the next hop."""
     address: Address
@@ -125,7 +167,9 @@ class Bearer(Model):
     """Two addresses beyond the link, pinged over it and used for nothing else; none: the link is not probed."""
     rate: LinkRate
     allow: tuple[AllowedTarget, ...] = ()
-    """Satellite only: everything else is dropped at the router."""
+    """Satellite only: what may pass besides the VPN and the time servers. All else is dropped at the router."""
+    refused_probes: tuple[AllowedTarget, ...] = ()
+    """Satellite only: targets of our own outside the allow-list, to prove that they cannot be reached."""
 
 
 class ServedLink(Model):
@@ -157,4 +201,5 @@ class Site(Model):
     management: Management
     bearers: Annotated[tuple[Bearer, ...], Field(min_length=1)]
     served_links: tuple[ServedLink, ...] = ()
+    failover: Failover = Failover()
     location: LocationRow = LocationRow()
