@@ -1,0 +1,54 @@
+"""The one record that every driver of a 4G unit gives, whatever words its device uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+__all__ = ["LteReading", "Registration"]
+
+
+class Registration(StrEnum):
+    """Where the unit is on its way into the network; a word that nobody knows is `unknown`, never a failure."""
+
+    REGISTERED_HOME = "registered_home"
+    REGISTERED_ROAMING = "registered_roaming"
+    SEARCHING = "searching"
+    DENIED = "denied"
+    SIM_MISSING = "sim_missing"
+    SIM_PIN_REQUIRED = "sim_pin_required"
+    SIM_PUK_REQUIRED = "sim_puk_required"
+    """Too many wrong PINs: only the PUK helps."""
+    DISABLED = "disabled"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LteReading:
+    """What a 4G unit said at one moment; what it did not say, or said as "N/A", is None.
+
+    It has no IMEI, IMSI or ICCID: those are redacted where they are read.
+    """
+
+    source: str
+    """The driver: routeros, rutos, modemmanager, at, manual."""
+    state: Registration = Registration.UNKNOWN
+    access_tech: str | None = None
+    """As the device names it, in lower case: lte, 5g, umts …"""
+    operator: str | None = None
+    plmn: str | None = None
+    """Mobile country and network code, like 26801."""
+    band: str | None = None
+    """Like B3."""
+    rsrp_dbm: float | None = None
+    rsrq_db: float | None = None
+    sinr_db: float | None = None
+    rssi_dbm: float | None = None
+    roaming: bool | None = None
+    sim_slot: int | None = None
+    address: str | None = None
+    """IP address that the network has given; None: none, or not readable."""
+    apn: str | None = None
+    """In use, read back: a declared one may be ignored."""
+    last_error: str | None = None
+    """In the device's own words."""
