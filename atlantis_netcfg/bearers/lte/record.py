@@ -50,5 +50,11 @@ class LteReading:
     """IP address that the network has given; None: none, or not readable."""
     apn: str | None = None
     """In use, read back: a declared one may be ignored."""
+    pin_refused: bool | None = None
+    """Whether the SIM has refused a PIN; None: not said."""
+    pin_tries_left: int | None = None
+    """Before the PUK is needed; None: not said."""
+    network_apn: bool | None = None
+    """RouterOS' `use-network-apn`: the network's own APN goes before the configured one; None: not said."""
     last_error: str | None = None
     """In the device's own words."""

@@ -1,0 +1,202 @@
+"""What is wrong with a 4G unit, in words: one finding for each thing that a technician can do something about.
+
+Radio levels only warn: whether the site has its link is told by registration, address and probes. The bands of the
+levels are what modem makers publish as rules of thumb, and no standard: devices.md, section 4, from memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["LteWanted", "judge", "link_state", "quality"]
+
+WEAK_RSRP_DBM = -105.0
+WEAK_RSRQ_DB = -15.0
+WEAK_SINR_DB = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LteWanted:
+    """What the declaration says of the SIM and its subscription."""
+
+    apn: str | None = None
+    """None: the network's own default is meant."""
+    roaming: bool = False
+    pin_declared: bool = False
+    apn_required: bool = False
+    """The subscription has a user or a password, which belong to an APN."""
+    bands: tuple[int, ...] = ()
+    """LTE bands that the unit is held to; none: all that it has."""
+
+
+_REGISTERED = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
+
+
+def judge(reading: LteReading, wanted: LteWanted) -> tuple[Finding, ...]:
+    """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
+    if reading.state in _REGISTERED:
+        return tuple(_registered(reading, wanted))
+    return (_not_registered(reading, wanted),)
+
+
+def link_state(reading: LteReading) -> LinkState:
+    """What the unit itself says of its link; no probe has been sent."""
+    if reading.state in _REGISTERED:
+        return LinkState.UP if reading.address is not None else LinkState.UNKNOWN
+    if reading.state is Registration.SEARCHING:
+        return LinkState.SEARCHING
+    return LinkState.UNKNOWN if reading.state is Registration.UNKNOWN else LinkState.DOWN
+
+
+def quality(reading: LteReading) -> Quality:
+    """The readings of a `BearerStatus`."""
+    return {
+        "registration": reading.state.value,
+        "operator": reading.operator,
+        "plmn": reading.plmn,
+        "access_tech": reading.access_tech,
+        "band": reading.band,
+        "rsrp_dbm": reading.rsrp_dbm,
+        "rsrq_db": reading.rsrq_db,
+        "sinr_db": reading.sinr_db,
+        "rssi_dbm": reading.rssi_dbm,
+        "roaming": None if reading.roaming is None else str(reading.roaming).lower(),
+        "address": reading.address,
+        "apn": reading.apn,
+    }
+
+
+def _not_registered(reading: LteReading, wanted: LteWanted) -> Finding:
+    if reading.state is Registration.SIM_PIN_REQUIRED:
+        return _pin(reading, wanted)
+    verdict, code, message, hint = _STATES[reading.state]
+    if reading.last_error:
+        message = f"{message} (the device says: {reading.last_error})"
+    return Finding(verdict, code, message, hint)
+
+
+def _pin(reading: LteReading, wanted: LteWanted) -> Finding:
+    left = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
+    if reading.pin_refused:
+        message = f"the SIM has refused the PIN, and it is not tried again{left}"
+        hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
+        return Finding(Verdict.FAIL, "pin-wrong", message, hint)
+    if not wanted.pin_declared:
+        hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
+        return Finding(Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{left}", hint)
+    message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{left}"
+    hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
+    return Finding(Verdict.FAIL, "pin-not-entered", message, hint)
+
+
+_STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
+    Registration.SIM_PUK_REQUIRED: (
+        Verdict.FAIL,
+        "puk-needed",
+        "the SIM is locked after too many wrong PINs and asks for its PUK; nothing is tried",
+        "unlock it in a telephone with the PUK of the SIM's letter; ten wrong PUKs destroy the SIM",
+    ),
+    Registration.SIM_MISSING: (
+        Verdict.FAIL,
+        "sim-missing",
+        "the unit finds no SIM",
+        "switch it off, seat the SIM in the slot that is in use (contacts as the unit's manual shows), switch it on",
+    ),
+    Registration.DENIED: (
+        Verdict.FAIL,
+        "registration-denied",
+        "the network refuses the SIM",
+        "ask the operator whether the SIM is active, paid, and allowed in this network and in this kind of device",
+    ),
+    Registration.SEARCHING: (
+        Verdict.FAIL,
+        "searching",
+        "the unit searches for a network",
+        "wait two minutes; then check the antenna's cables, the declared bands, and the coverage of the operator here",
+    ),
+    Registration.DISABLED: (
+        Verdict.FAIL,
+        "disabled",
+        "the unit's radio is switched off",
+        "run the site to enable it, or look who has disabled it",
+    ),
+    Registration.UNKNOWN: (
+        Verdict.INCONCLUSIVE,
+        "registration-unknown",
+        "the unit does not say in words that we know whether it is registered",
+        "open the unit's own page and read its state there",
+    ),
+}
+
+
+def _registered(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
+    yield from _roaming(reading, wanted)
+    yield from _apn(reading, wanted)
+    yield from _address(reading, wanted)
+    yield from _levels(reading)
+
+
+def _foreign(reading: LteReading) -> bool:
+    return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
+
+
+def _roaming(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
+    if not _foreign(reading):
+        return
+    where = reading.operator or reading.plmn or "a foreign network"
+    if wanted.roaming:
+        message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
+        yield Finding(Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer")
+    else:
+        message = f"the SIM is a foreign one in {where}, and roaming is not allowed: registered, but without data"
+        hint = "use a SIM of this country, or write `sim.roaming: true` if the contract pays for it"
+        yield Finding(Verdict.FAIL, "roaming-not-allowed", message, hint)
+
+
+def _apn(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
+    if wanted.apn is None:
+        if wanted.apn_required or (reading.apn is None and reading.address is None and not _foreign(reading)):
+            hint = "declare `sim.apn` as the SIM's contract says"
+            yield Finding(Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint)
+    elif reading.apn is not None and reading.apn.casefold() != wanted.apn.casefold():
+        message = f"the APN in use is {reading.apn}, the declared one is {wanted.apn}"
+        if reading.network_apn:
+            hint = "the unit takes the network's APN (use-network-apn): run the site, which switches that off"
+        else:
+            hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
+        yield Finding(Verdict.WARN, "apn-differs", message, hint)
+
+
+def _address(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
+    if reading.address is not None or (_foreign(reading) and not wanted.roaming):
+        return
+    message = "the unit is registered, but the network has given it no address (or it does not say so)"
+    hint = "check APN, user and password against the contract, and that the SIM has data left"
+    yield Finding(Verdict.FAIL, "no-address", message, hint)
+
+
+def _levels(reading: LteReading) -> Iterator[Finding]:
+    levels = (
+        ("rsrp", "RSRP", reading.rsrp_dbm, WEAK_RSRP_DBM, "dBm"),
+        ("rsrq", "RSRQ", reading.rsrq_db, WEAK_RSRQ_DB, "dB"),
+        ("sinr", "SINR", reading.sinr_db, WEAK_SINR_DB, "dB"),
+    )
+    for code, name, value, limit, unit in levels:
+        if value is not None and value < limit:
+            message = f"{name} is {value:g} {unit}, below {limit:g} {unit}"
+            yield Finding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
+
+
+_WEAK = {
+    "rsrp": "move the antenna higher or into sight of the mast, and check its cables",
+    "rsrq": "the cell is loaded or disturbed: turn the antenna, or hold the unit to another band",
+    "sinr": "something disturbs the signal: turn the antenna away from other transmitters, or change the band",
+}
