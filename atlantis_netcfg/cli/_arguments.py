@@ -15,7 +15,19 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.errors import ExitCode
 
-__all__ = ["INVENTORY", "JSON", "ONLY", "VERBOSE", "VIA", "Arguments", "Command", "CommandModule", "Flag", "Word"]
+__all__ = [
+    "ACCEPT_COST",
+    "INVENTORY",
+    "JSON",
+    "ONLY",
+    "VERBOSE",
+    "VIA",
+    "Arguments",
+    "Command",
+    "CommandModule",
+    "Flag",
+    "Word",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +82,9 @@ STREAM = Flag(
 )
 UNPROTECTED = Flag(
     "without-protection", "change a device even though nothing would take the change back if it went wrong"
+)
+ACCEPT_COST = Flag(
+    "accept-cost", "pay for what is sent over a link that is paid by the byte; `--yes` does not say that"
 )
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 

@@ -4,6 +4,7 @@
     <state>/<real|rehearsal>/<site>/lock                        who works on the site now
     <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
+    <state>/<real|rehearsal>/<site>/usage.json                  bytes of each bearer, by month
     <state>/<real|rehearsal>/<site>/confirmed/<device>-<hash>.rsc    a state that runs have read back at their end
 
 Everything is readable by its owner only. No record holds a secret: actions arrive here masked.
@@ -18,6 +19,7 @@ from atlantis_netcfg.journal._log import Entry, Log, read
 from atlantis_netcfg.journal._pins import Pins
 from atlantis_netcfg.journal._runs import Confirmed, Run
 from atlantis_netcfg.journal._store import Store
+from atlantis_netcfg.journal._usage import Counters, MonthBytes, Usage
 from atlantis_netcfg.journal._writer import Journal, NoJournal, Recorder
 from atlantis_netcfg.journal.records import (
     SETTLED,
@@ -54,6 +56,7 @@ __all__ = [
     "Confirmed",
     "ContactStep",
     "ContactStepDone",
+    "Counters",
     "DeviceObserved",
     "Entry",
     "Holder",
@@ -61,6 +64,7 @@ __all__ = [
     "JournalFailed",
     "LayerSent",
     "Log",
+    "MonthBytes",
     "NoJournal",
     "NoSuchRun",
     "Outcome",
@@ -88,6 +92,7 @@ __all__ = [
     "StateSaved",
     "Store",
     "Unrolled",
+    "Usage",
     "Verified",
     "read",
     "write_atomically",

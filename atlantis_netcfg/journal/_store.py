@@ -9,6 +9,7 @@ from atlantis_netcfg.journal._files import component, make_private, sync_directo
 from atlantis_netcfg.journal._lock import SiteLock
 from atlantis_netcfg.journal._pins import Pins
 from atlantis_netcfg.journal._runs import Confirmed, Run
+from atlantis_netcfg.journal._usage import Usage
 from atlantis_netcfg.journal._writer import Journal, utc_now
 
 if TYPE_CHECKING:
@@ -32,6 +33,10 @@ class Store:
     def pins(self) -> Pins:
         """The pinned certificates."""
         return Pins(self.root / "pins.json")
+
+    def usage(self, site: str) -> Usage:
+        """What the site's bearers have carried."""
+        return Usage(self._site(site) / "usage.json")
 
     def lock(self, site: str, command: str) -> SiteLock:
         """The site's lock, to be entered before anything of the site is read for a change."""

@@ -1,0 +1,196 @@
+"""What an action over a metered bearer costs, before it is done and after: bytes, what they are billed as, money.
+
+The tariff is the declaration's (`billing:` of a bearer); its shape is that of the published fair-use rules of Iridium
+Certus 100: a minimum session of 5 kB, and from 300 s on the greater of what was carried and 300 bytes a second.
+Whether another plan has such a floor is for its contract to say. An action is priced as a session of its own, which is
+the upper bound: where the terminal keeps one session open all day, the action adds no more than its own bytes.
+Nothing here does I/O.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, Decimal
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.errors import DeviceFailed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["ACCEPT", "Basis", "Bill", "CostRefused", "Link", "Preview", "Tariff", "bill", "preview", "size"]
+
+ACCEPT: Final = "--accept-cost"
+"""The flag with which a person agrees to pay; `--yes` does not."""
+_MB: Final = 1_000_000
+_KB: Final = 1_000
+_CENT: Final = Decimal("0.01")
+
+
+class CostRefused(DeviceFailed):
+    """Nobody has agreed to pay, or more would be sent than the declaration admits; nothing was sent for it."""
+
+
+class Basis(StrEnum):
+    """Why a session is billed as so many bytes."""
+
+    PAYLOAD = "what it carried"
+    MINIMUM = "the minimum session"
+    FLOOR = "the floor of a long session"
+
+
+@dataclass(frozen=True, slots=True)
+class Tariff:
+    """How a provider counts and what it asks; the fields are those of the declaration's `billing:`."""
+
+    price_per_mb: Decimal
+    """For 10^6 bytes, both directions counted together."""
+    currency: str = "EUR"
+    min_session_bytes: int = 0
+    floor_bytes_per_s: int = 0
+    floor_after_s: int = 0
+    """Length of a session from which the floor holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A bearer as its cost sees it."""
+
+    name: str
+    site: str
+    metered: bool
+    tariff: Tariff | None = None
+    """None: nobody has looked it up."""
+    cap_bytes: int | None = None
+    """What one action may send at most; None: no bound."""
+
+    @property
+    def cap_key(self) -> str:
+        """Where the cap is declared, for a person who wants to raise it."""
+        return f"`cap_mb` of bearer `{self.name}` in group_vars/{self.site}.yml"
+
+    @property
+    def tariff_key(self) -> str:
+        """Where the tariff would be declared."""
+        return f"`billing` of bearer `{self.name}` in group_vars/{self.site}.yml"
+
+
+@dataclass(frozen=True, slots=True)
+class Bill:
+    """What a session is billed as."""
+
+    payload_bytes: int
+    seconds: float
+    billed_bytes: int
+    basis: Basis
+    price: Decimal | None
+    """None: the tariff is not declared."""
+    currency: str | None
+
+    @property
+    def money(self) -> str:
+        """The price in words, rounded up to hundredths."""
+        if self.price is None:
+            return "price unknown"
+        if 0 < self.price < _CENT:
+            return f"less than {_CENT} {self.currency}"
+        return f"{self.price.quantize(_CENT, ROUND_CEILING)} {self.currency}"
+
+    @property
+    def words(self) -> str:
+        """What a person reads: `61 kB, billed as 75 kB (the floor of a long session), 0.60 EUR`."""
+        more = f", billed as {size(self.billed_bytes)} ({self.basis})" if self.billed_bytes > self.payload_bytes else ""
+        return f"{size(self.payload_bytes)}{more}, {self.money}"
+
+    def as_dict(self) -> Mapping[str, str | int | float | None]:
+        """As JSON-able data; the price as text, so that no digit is lost."""
+        return {
+            "payload_bytes": self.payload_bytes,
+            "seconds": round(self.seconds, 1),
+            "billed_bytes": self.billed_bytes,
+            "basis": self.basis.value,
+            "price": None if self.price is None else str(self.price),
+            "currency": self.currency,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What an action is expected to cost on a bearer."""
+
+    link: Link
+    bill: Bill
+
+    @property
+    def over_cap(self) -> bool:
+        """Whether it may not be done, whatever a person accepts."""
+        cap = self.link.cap_bytes
+        return self.link.metered and cap is not None and self.bill.payload_bytes > cap
+
+    @property
+    def words(self) -> str:
+        """What a person reads before anything is sent."""
+        if not self.link.metered:
+            return f"over {self.link.name}, which is not paid by the byte: about {size(self.bill.payload_bytes)}"
+        missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not declared)"
+        return f"over {self.link.name}, which is paid by the byte: about {self.bill.words}{missing}"
+
+    def refusal(self) -> CostRefused:
+        """The error for an action beyond the cap."""
+        cap = self.link.cap_bytes or 0
+        return CostRefused(
+            f"this would send about {size(self.bill.payload_bytes)} over {self.link.name}, and no action may send more"
+            f" than {size(cap)} there",
+            hint=f"go over another link (`via=lan`), or raise {self.link.cap_key}",
+        )
+
+    def as_dict(self) -> Mapping[str, object]:
+        """As JSON-able data."""
+        return {
+            "bearer": self.link.name,
+            "metered": self.link.metered,
+            "cap_bytes": self.link.cap_bytes,
+            **self.bill.as_dict(),
+        }
+
+
+def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
+    """Price a session that carried `nbytes` in both directions and lasted `seconds`.
+
+    Without a tariff the bytes are billed as they are, and the price is unknown. Where nothing was carried there was no
+    session. ValueError on anything below zero.
+    """
+    if nbytes < 0 or seconds < 0:
+        raise ValueError(f"no session carries {nbytes} bytes in {seconds} s")
+    if tariff is None:
+        return Bill(nbytes, seconds, nbytes, Basis.PAYLOAD, None, None)
+    billed, basis = _billed(nbytes, seconds, tariff)
+    return Bill(nbytes, seconds, billed, basis, tariff.price_per_mb * billed / _MB, tariff.currency)
+
+
+def preview(nbytes: int, seconds: float, link: Link) -> Preview:
+    """Say what an action of so many bytes and seconds is expected to cost on a bearer. ValueError as `bill`."""
+    return Preview(link, bill(nbytes, seconds, link.tariff if link.metered else None))
+
+
+def size(nbytes: int) -> str:
+    """A number of bytes for a person, in decimal units as providers bill: `812 B`, `61 kB`, `12.4 MB`."""
+    if nbytes < _KB:
+        return f"{nbytes} B"
+    # From here on it would be rounded to `1000 kB`.
+    if nbytes < _MB - _KB / 2:
+        return f"{nbytes / _KB:.0f} kB" if nbytes >= 10 * _KB else f"{nbytes / _KB:.1f} kB"
+    return f"{nbytes / _MB:.1f} MB"
+
+
+def _billed(nbytes: int, seconds: float, tariff: Tariff) -> tuple[int, Basis]:
+    """The greatest of what holds; a tie counts as what was carried."""
+    if not nbytes:
+        return 0, Basis.PAYLOAD
+    rules = (
+        (nbytes, Basis.PAYLOAD),
+        (tariff.min_session_bytes, Basis.MINIMUM),
+        (int(tariff.floor_bytes_per_s * seconds) if seconds >= tariff.floor_after_s else 0, Basis.FLOOR),
+    )
+    return max(rules, key=lambda rule: rule[0])

@@ -1,0 +1,136 @@
+"""What a session is billed as: the published example by hand, and what holds for any tariff."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from atlantis_netcfg.bearers.cost import Basis, Link, Tariff, bill, preview, size
+from atlantis_netcfg.errors import ExitCode
+
+CERTUS_100 = Tariff(Decimal(8), "EUR", min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
+"""The published fair-use rule; the price is an example."""
+
+TARIFFS = st.builds(
+    Tariff,
+    price_per_mb=st.decimals(0, 1000, places=4),
+    min_session_bytes=st.integers(0, 100_000),
+    floor_bytes_per_s=st.integers(0, 10_000),
+    floor_after_s=st.integers(0, 10_000),
+)
+BYTES = st.integers(0, 10**9)
+SECONDS = st.floats(0, 10**6)
+
+
+@pytest.mark.parametrize(
+    ("nbytes", "seconds", "billed", "basis"),
+    [
+        (0, 0.0, 0, Basis.PAYLOAD),
+        (0, 86400.0, 0, Basis.PAYLOAD),
+        (1, 1.0, 5000, Basis.MINIMUM),
+        (5000, 1.0, 5000, Basis.PAYLOAD),
+        (60_000, 299.9, 60_000, Basis.PAYLOAD),
+        (60_000, 300.0, 90_000, Basis.FLOOR),
+        (200_000, 600.0, 200_000, Basis.PAYLOAD),
+        (1, 86400.0, 25_920_000, Basis.FLOOR),
+    ],
+)
+def test_the_published_rule_is_applied(nbytes: int, seconds: float, billed: int, basis: Basis) -> None:
+    found = bill(nbytes, seconds, CERTUS_100)
+    assert (found.billed_bytes, found.basis) == (billed, basis)
+    assert found.price == Decimal(8) * billed / 1_000_000
+
+
+def test_without_a_tariff_the_price_is_unknown_and_never_zero() -> None:
+    found = bill(60_000, 900.0, None)
+    assert (found.billed_bytes, found.price, found.currency) == (60_000, None, None)
+    assert found.words == "60 kB, price unknown"
+    assert found.as_dict()["price"] is None
+
+
+def test_a_price_below_a_cent_is_not_shown_as_nothing() -> None:
+    assert bill(5000, 1.0, Tariff(Decimal("0.001"))).money == "less than 0.01 EUR"
+    assert bill(5000, 1.0, Tariff(Decimal(0))).money == "0.00 EUR"
+    assert bill(60_001, 1.0, Tariff(Decimal(8), "USD")).money == "0.49 USD"
+
+
+@pytest.mark.parametrize(("nbytes", "seconds"), [(-1, 0.0), (0, -0.1)])
+def test_what_cannot_be_is_not_priced(nbytes: int, seconds: float) -> None:
+    with pytest.raises(ValueError, match="no session carries"):
+        bill(nbytes, seconds, CERTUS_100)
+
+
+@given(BYTES, SECONDS, TARIFFS)
+def test_nobody_is_billed_less_than_what_was_carried(nbytes: int, seconds: float, tariff: Tariff) -> None:
+    found = bill(nbytes, seconds, tariff)
+    assert found.billed_bytes >= nbytes
+    assert (found.billed_bytes == nbytes) == (found.basis is Basis.PAYLOAD)
+    assert found.price is not None
+    assert found.price >= 0
+
+
+@given(BYTES, BYTES, SECONDS, SECONDS, TARIFFS)
+def test_more_bytes_or_a_longer_session_never_cost_less(
+    nbytes: int, more: int, seconds: float, longer: float, tariff: Tariff
+) -> None:
+    less = bill(nbytes, seconds, tariff)
+    assert bill(nbytes + more, seconds, tariff).billed_bytes >= less.billed_bytes
+    assert bill(nbytes, seconds + longer, tariff).billed_bytes >= less.billed_bytes
+
+
+@given(BYTES, SECONDS, TARIFFS)
+def test_a_dearer_tariff_never_costs_less(nbytes: int, seconds: float, tariff: Tariff) -> None:
+    dearer = Tariff(
+        tariff.price_per_mb + 1,
+        tariff.currency,
+        tariff.min_session_bytes + 1,
+        tariff.floor_bytes_per_s + 1,
+        max(0, tariff.floor_after_s - 1),
+    )
+    lower, higher = bill(nbytes, seconds, tariff).price, bill(nbytes, seconds, dearer).price
+    assert lower is not None
+    assert higher is not None
+    assert higher >= lower
+
+
+def test_a_preview_names_the_bearer_the_price_and_what_is_not_declared() -> None:
+    satellite = Link("satellite", "coastal", metered=True, tariff=CERTUS_100, cap_bytes=5_000_000)
+    assert preview(60_000, 40.0, satellite).words == "over satellite, which is paid by the byte: about 60 kB, 0.48 EUR"
+    lte = Link("4g", "coastal", metered=True, cap_bytes=5_000_000)
+    assert preview(60_000, 2.0, lte).words == (
+        "over 4g, which is paid by the byte: about 60 kB, price unknown"
+        " (`billing` of bearer `4g` in group_vars/coastal.yml is not declared)"
+    )
+    cable = Link("lan", "coastal", metered=False)
+    assert preview(60_000, 2.0, cable).words == "over lan, which is not paid by the byte: about 60 kB"
+
+
+def test_the_cap_holds_on_metered_links_and_names_its_key() -> None:
+    link = Link("satellite", "coastal", metered=True, cap_bytes=5_000_000)
+    assert not preview(5_000_000, 1.0, link).over_cap
+    beyond = preview(5_000_001, 1.0, link)
+    assert beyond.over_cap
+    assert beyond.refusal().exit is ExitCode.FAILED
+    assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (beyond.refusal().hint or "")
+    assert not preview(10**9, 1.0, Link("lan", "coastal", metered=False, cap_bytes=1)).over_cap
+    assert not preview(10**9, 1.0, Link("4g", "coastal", metered=True)).over_cap
+
+
+@pytest.mark.parametrize(
+    ("nbytes", "words"),
+    [
+        (0, "0 B"),
+        (999, "999 B"),
+        (1000, "1.0 kB"),
+        (9999, "10.0 kB"),
+        (61_400, "61 kB"),
+        (999_499, "999 kB"),
+        (999_500, "1.0 MB"),
+        (12_400_000, "12.4 MB"),
+    ],
+)
+def test_sizes_are_told_in_the_units_of_a_bill(nbytes: int, words: str) -> None:
+    assert size(nbytes) == words
