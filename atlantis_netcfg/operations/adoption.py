@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
 from atlantis_netcfg.journal import ContactStep, JournalFailed, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.ways import HostKey, SerialWay, SshWay, Ways
-from atlantis_netcfg.render import prerequisites, router
 from atlantis_netcfg.rsc import parse
-from atlantis_netcfg.site.model import PortUse, Router
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -160,7 +158,7 @@ class Adoption:
     def _missing(self, found: Adopted) -> Iterator[str]:
         """What `provision site=...` will ask for, and what no first contact can make."""
         there = {row.get("name") for row in found.facts.certificates} if found.facts else set()
-        for one in prerequisites(self.declaration, self.host):
+        for one in managed(self.declaration, self.host).prerequisites():
             if one.menu == "/certificate" and one.name not in there and found.status is not Status.PLANNED:
                 yield f"certificate {one.name} is not on the device yet ({one.reason}): import it before you provision"
 
@@ -209,26 +207,26 @@ def _status(error: NetcfgError, *, touched: bool) -> str:
 
 
 def wish_of(declaration: Declaration, host: Host) -> Wish:
-    """What a declared router is to become at first contact. Raises NothingMatched for other kinds of devices."""
-    device = host.device
-    if not isinstance(device, Router):
+    """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
+    if not handled(host):
         raise NothingMatched(
-            f"{host.name} is a {device.kind.replace('_', ' ')}: only routers are adopted",
+            f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are adopted",
             hint="its own pages say how it is set up",
         )
-    network = declaration.sites[host.site].management
-    desired = parse(router(declaration, host), source=f"the desired text of {host.name}")
+    known = managed(declaration, host)
+    access, place = known.access, known.place
+    desired = parse(known.texts()[0].text, source=f"the desired text of {host.name}")
     return Wish(
         name=host.name,
-        user=device.access.user,
-        password=device.access.password,
-        address=str(IPv4Interface(f"{device.access.address}/{network.network.prefixlen}")),
-        technician=str(network.technician),
-        port=next(port.name for port in device.ports if port.use is PortUse.MANAGEMENT),
-        ports=tuple(port.name for port in device.ports),
-        model=device.model,
-        api_port=device.access.port,
+        user=access.user,
+        password=access.password,
+        address=place.address,
+        technician=place.technician,
+        port=place.port,
+        ports=known.hardware.ports,
+        model=host.device.model,
+        api_port=access.port,
         features=features_of(desired),
-        certificates=tuple(one.name for one in prerequisites(declaration, host) if one.menu == "/certificate"),
+        certificates=known.certificates,
         radio=any(one.menu.startswith(_WIRELESS) for one in desired.statements),
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.routeros.estimate import Bearer
-from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
@@ -18,9 +18,8 @@ LAN = Bearer(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, me
 
 
 def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> Bearer:
-    """The bearer to a router; `via` overrides the declared one. Raises UsageError if the site has no such bearer."""
-    device = host.device
-    name = via or (device.access.via if isinstance(device, Router) else LAN.name)
+    """The bearer to a device; `via` overrides the declared one. Raises UsageError if the site has no such bearer."""
+    name = via or (managed(declaration, host).access.via if handled(host) else LAN.name)
     if name == LAN.name:
         return LAN
     bearers = {bearer.name: bearer for bearer in declaration.sites[host.site].bearers}

@@ -2,16 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from atlantis_netcfg.site.model import Router
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.site import Host
+from atlantis_netcfg.operations.kinds import handled
 
 __all__ = ["handled"]
-
-
-def handled(host: Host) -> bool:
-    """True for what `playbooks/site.yml` has a role for; a test holds the two together."""
-    return isinstance(host.device, Router)

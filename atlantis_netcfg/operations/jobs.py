@@ -9,19 +9,20 @@ from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Journal, Store
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.restoring import confirmed_state, restored
-from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, SshEndpoint
 from atlantis_netcfg.routeros.desired import from_export, read
-from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.journal import Pins, Recorder
+    from atlantis_netcfg.operations.kinds import Managed
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.desired import Desired
     from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Access
 
 __all__ = ["device_job"]
 
@@ -31,23 +32,23 @@ _SSH = 22
 def device_job(
     declaration: Declaration, host: Host, request: Request, journal: Recorder, notify: Subscriber
 ) -> DeviceJob:
-    """Build the job of one router."""
-    device = host.device
-    assert isinstance(device, Router)  # noqa: S101 - playbooks/site.yml asks for routers only
+    """Build the job of one device. Raises NothingMatched for a kind that the engine does not handle, RenderError."""
+    known = managed(declaration, host)
+    access = known.access
     store = Store(request.state, rehearsed=request.rehearsed)
     pins = store.pins
     return DeviceJob(
         name=host.name,
         site=host.site,
-        address=str(device.access.address),
-        endpoint=_endpoint(host, device, request, pins.get(host.name)),
-        desired=_desired(declaration, host, request, store),
+        address=str(access.address),
+        endpoint=_endpoint(host, access, request, pins.get(host.name)),
+        desired=_desired(known, request, store),
         bearer=bearer_of(declaration, host, request.via.get(host.name)),
         events=notify,
         journal=journal,
         pin=partial(_first_contact, pins, notify),
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
-        ssh=_console(host, device, request, pins),
+        ssh=_console(host, access, request, pins),
         run=journal.run if isinstance(journal, Journal) else "",
         unprotected=request.unprotected,
     )
@@ -59,9 +60,11 @@ def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) 
     notify(Event(name, Stage.CONNECTING, f"first contact: its certificate is pinned, SHA-256 {certificate}"))
 
 
-def _desired(declaration: Declaration, host: Host, request: Request, store: Store) -> Desired:
+def _desired(known: Managed, request: Request, store: Store) -> Desired:
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
-    declared = read(router(declaration, host), source=f"the desired text of {host.name}")
+    host = known.host
+    (text,) = known.texts()
+    declared = read(text.text, source=f"the desired text of {host.name}")
     if request.restore is not None:
         return restored(confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed), declared)
     if request.back_to is None:
@@ -72,17 +75,15 @@ def _desired(declaration: Declaration, host: Host, request: Request, store: Stor
     return from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
 
 
-def _console(host: Host, device: Router, request: Request, pins: Pins) -> SshEndpoint:
-    """Where its SSH is: the template leaves it on, for those who may manage the router."""
-    access = device.access
+def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEndpoint:
+    """Where its SSH is: the template leaves it on, for those who may manage the device."""
     if not request.rehearsed:
         return SshEndpoint(str(access.address), _SSH, access.user, access.password, pins.host_key(host.name))
     target = request.targets[host.name]
     return SshEndpoint(target.host, target.ssh or _SSH, access.user, access.password, target.host_key)
 
 
-def _endpoint(host: Host, device: Router, request: Request, pin: str | None) -> Endpoint:
-    access = device.access
+def _endpoint(host: Host, access: Access, request: Request, pin: str | None) -> Endpoint:
     if not request.rehearsed:
         return Endpoint(str(access.address), access.port, access.user, access.password, pin)
     target = request.targets[host.name]

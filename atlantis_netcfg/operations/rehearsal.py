@@ -9,20 +9,18 @@ from __future__ import annotations
 import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass
-from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.request import Target
-from atlantis_netcfg.render import prerequisites
-from atlantis_netcfg.site.model import PortUse, Router
 from atlantis_netcfg.twin import (
     NOT_REHEARSED,
     Link,
     Management,
+    Radio,
     RouterSpec,
     SiteSpec,
     SpawnedSite,
@@ -61,10 +59,10 @@ class Rehearsal:
 @contextmanager
 def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
-    routers = [host for host in hosts if handled(host)]
+    emulated = [host for host in hosts if handled(host)]
     with (
         tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
-        spawn(site_spec(declaration, routers, via), Path(folder)) as twins,
+        spawn(site_spec(declaration, emulated, via), Path(folder)) as twins,
     ):
         targets = {
             name: Target(
@@ -80,7 +78,7 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
 
 
 def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> SiteSpec:
-    """Describe the twins of these routers."""
+    """Describe the twins of these hosts, each of a kind that the engine handles."""
     name = ",".join(sorted({host.site for host in hosts}))
     return SiteSpec(name=name, twins=tuple(_twin(declaration, host, via) for host in hosts))
 
@@ -119,16 +117,19 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
 
 
 def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
-    device = host.device
-    assert isinstance(device, Router)  # noqa: S101 - `handled` has said so
+    known = managed(declaration, host)
+    hardware, place, access = known.hardware, known.place, known.access
     return TwinSpec(
         router=RouterSpec(
             name=host.name,
-            ports=tuple(port.name for port in device.ports),
-            poe_ports=tuple(port.name for port in device.ports if port.poe is not None),
-            users=(User(name=device.access.user, password=device.access.password.reveal()),),
-            management=_management(declaration, host, device),
-            certificates=tuple(one.name for one in prerequisites(declaration, host) if one.menu == "/certificate"),
+            board=hardware.board,
+            ports=hardware.ports,
+            poe_ports=hardware.poe_ports,
+            radios=tuple(Radio(name=name) for name in hardware.radios),
+            packages=hardware.packages,
+            users=(User(name=access.user, password=access.password.reveal()),),
+            management=Management(address=place.address, port=place.port, technician=place.technician),
+            certificates=known.certificates,
         ),
         link=link(bearer_of(declaration, host, via)),
     )
@@ -137,12 +138,3 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
 def link(bearer: Bearer) -> Link:
     """Make the twin's link as slow as the bearer is declared to be."""
     return Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps)
-
-
-def _management(declaration: Declaration, host: Host, device: Router) -> Management:
-    network = declaration.sites[host.site].management
-    return Management(
-        address=str(IPv4Interface(f"{device.access.address}/{network.network.prefixlen}")),
-        port=next(port.name for port in device.ports if port.use is PortUse.MANAGEMENT),
-        technician=str(network.technician),
-    )
