@@ -1,0 +1,195 @@
+"""What is wrong with a Wi-Fi bridge, in words that a technician can act on: align, reduce power, change the connector.
+
+Rules: devices.md, section 8. That a receiver is spoilt by too much is from a report of two radios on one roof (-27 dBm
+and CCQ 34 at full power, -47 dBm and CCQ 94 reduced); the limits of CCQ and rate are rules of thumb, and only warn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
+from atlantis_netcfg.bearers.wifi.record import Condition, Family
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.bearers.wifi.record import WifiPeer, WifiReading
+
+__all__ = ["WifiWanted", "judge", "link_state", "quality"]
+
+IMBALANCE_DB = 6.0
+LOW_CCQ_PERCENT = 60.0
+LOW_RATE_MBPS = 13.0
+"""Below it a link of 20 MHz uses its two most robust modulations only (IEEE 802.11n, MCS 0 and 1 with one stream)."""
+_LONG_RADAR_WAIT_MHZ = (5600, 5650)
+"""Weather radar: ETSI EN 301 893 wants 10 minutes of listening there, and 1 minute elsewhere."""
+_HALF_CHANNEL_MHZ = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WifiWanted:
+    """What the declaration says of this end."""
+
+    peer: str
+    """The inventory's name of the other end."""
+    peer_macs: frozenset[str] = frozenset()
+    """Of the other end's radio, upper case; empty if nobody knows."""
+    peer_radio_name: str | None = None
+    access_point: bool
+    ssid: str
+    protocol: str
+    """802.11, nstreme or nv2."""
+    frequency_mhz: int
+    width_mhz: int = 20
+    weakest_dbm: float = -75.0
+    strongest_dbm: float = -35.0
+
+
+def judge(reading: WifiReading, wanted: WifiWanted) -> tuple[Finding, ...]:
+    """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
+    if reading.associated:
+        return tuple(_associated(reading, wanted))
+    return (_apart(reading, wanted),)
+
+
+def link_state(reading: WifiReading) -> LinkState:
+    """What the radio itself says of its link; no probe has been sent."""
+    if reading.associated is None:
+        return LinkState.SEARCHING if reading.condition is Condition.RADAR else LinkState.UNKNOWN
+    if reading.associated:
+        refused = bool(reading.peers) and all(peer.authorised is False for peer in reading.peers)
+        return LinkState.DOWN if refused else LinkState.UP
+    waiting = {Condition.SEARCHING, Condition.RADAR, Condition.RUNNING}
+    return LinkState.SEARCHING if reading.condition in waiting else LinkState.DOWN
+
+
+def quality(reading: WifiReading, wanted: WifiWanted | None = None) -> Quality:
+    """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
+    peer = _peer(reading, wanted)
+    found: Quality = {"status": reading.status, "channel": reading.channel}
+    names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
+    for name in (*names, "rx_ccq_percent", "uptime_s"):
+        found[name] = None if peer is None else getattr(peer, name)
+    for number, level in enumerate(peer.chains_dbm if peer is not None else ()):
+        found[f"signal_chain{number}_dbm"] = level
+    found["peer"] = None if peer is None else peer.radio_name or peer.mac
+    return found
+
+
+def _peer(reading: WifiReading, wanted: WifiWanted | None) -> WifiPeer | None:
+    ours = [peer for peer in reading.peers if wanted is not None and _is_declared(peer, wanted)]
+    return next(iter((*ours, *reading.peers)), None)
+
+
+def _is_declared(peer: WifiPeer, wanted: WifiWanted) -> bool | None:
+    """Tell whether this is the declared peer; None where nothing is known by which to tell."""
+    if wanted.peer_macs and peer.mac is not None:
+        return peer.mac in wanted.peer_macs
+    if wanted.peer_radio_name is not None and peer.radio_name is not None:
+        return peer.radio_name == wanted.peer_radio_name
+    return None
+
+
+def _apart(reading: WifiReading, wanted: WifiWanted) -> Finding:
+    """Why nobody is registered."""
+    if reading.condition is Condition.DISABLED:
+        hint = "run the site to enable it, or look who has disabled it"
+        return Finding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
+    if reading.condition is Condition.RADAR:
+        return _radar(reading, wanted)
+    if reading.associated is None:
+        said = f"`{reading.status}`" if reading.status else "nothing"
+        message = f"it cannot be told whether {wanted.peer} is registered: the radio's state is {said}"
+        hint = "look at the radio's own status page, or ask again in a minute"
+        return Finding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
+    if wanted.access_point:
+        message = f"the access point is on the air, but {wanted.peer} is not registered"
+        hint = (
+            f"has {wanted.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
+            " ends; after a radar event it may take ten minutes"
+        )
+        return Finding(Verdict.FAIL, "not-associated", message, hint)
+    message = f"the station searches for `{wanted.ssid}` of {wanted.peer} and does not find it"
+    hint = (
+        f"is {wanted.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
+        f" protocol ({wanted.protocol}) and channel ({wanted.frequency_mhz} MHz) at both ends"
+    )
+    return Finding(Verdict.FAIL, "not-associated", message, hint)
+
+
+def _radar(reading: WifiReading, wanted: WifiWanted) -> Finding:
+    low, high = _LONG_RADAR_WAIT_MHZ
+    channel = reading.channel_mhz or wanted.frequency_mhz
+    reach = max(_HALF_CHANNEL_MHZ, wanted.width_mhz - _HALF_CHANNEL_MHZ)
+    long = channel - _HALF_CHANNEL_MHZ < high and channel + reach > low
+    if reading.wait_left_s is not None:
+        how_long = f"{reading.wait_left_s:.0f} s are left"
+    else:
+        how_long = f"up to 10 minutes at {low}-{high} MHz" if long else "60 s"
+    message = f"the radio listens for radar at {channel} MHz before it may send ({how_long})"
+    hint = "wait, then look again; if it comes back often, choose another channel: radars are near ports and ships"
+    return Finding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
+
+
+def _associated(reading: WifiReading, wanted: WifiWanted) -> Iterator[Finding]:
+    yield from _company(reading, wanted)
+    peer = _peer(reading, wanted)
+    if peer is None or peer.signal_dbm is None:
+        message = "somebody is registered, but the radio does not say how well it is heard"
+        yield Finding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
+    if peer is None:
+        return
+    if peer.authorised is False:
+        message = f"{wanted.peer} is registered but not authorised: the keys differ"
+        yield Finding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
+    yield from _levels(peer, wanted)
+    yield from _flow(reading, peer)
+
+
+def _company(reading: WifiReading, wanted: WifiWanted) -> Iterator[Finding]:
+    told = [(peer, _is_declared(peer, wanted)) for peer in reading.peers]
+    strangers = [peer.radio_name or peer.mac or "somebody" for peer, declared in told if declared is False]
+    if not strangers:
+        return
+    names = ", ".join(strangers)
+    if any(declared for _, declared in told):
+        message = f"besides {wanted.peer}, {names} is registered"
+        yield Finding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
+    else:
+        message = f"registered to {names}, which is not {wanted.peer}"
+        hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
+        yield Finding(Verdict.FAIL, "wrong-peer", message, hint)
+
+
+def _levels(peer: WifiPeer, wanted: WifiWanted) -> Iterator[Finding]:
+    level = peer.signal_dbm
+    if level is not None and level < wanted.weakest_dbm:
+        message = f"{wanted.peer} is heard with {level:g} dBm, below {wanted.weakest_dbm:g} dBm"
+        hint = "align both antennas, look for what stands in between, and check the antenna's cables"
+        yield Finding(Verdict.WARN, "signal-weak", message, hint)
+    if level is not None and level > wanted.strongest_dbm:
+        message = f"{wanted.peer} is heard with {level:g} dBm, above {wanted.strongest_dbm:g} dBm: receivers saturate"
+        yield Finding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
+    imbalance = peer.imbalance_db
+    if imbalance is not None and imbalance > IMBALANCE_DB:
+        message = f"the chains hear {imbalance:g} dB apart, more than {IMBALANCE_DB:g} dB"
+        hint = "check polarisation and alignment, then the connector of the weaker chain"
+        yield Finding(Verdict.WARN, "chain-imbalance", message, hint)
+
+
+def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[Finding]:
+    quality_of = [value for value in (peer.tx_ccq_percent, peer.rx_ccq_percent) if value is not None]
+    if not quality_of and reading.overall_ccq_percent is not None:
+        quality_of = [reading.overall_ccq_percent]
+    if quality_of and min(quality_of) < LOW_CCQ_PERCENT and reading.family is Family.WIRELESS:
+        message = f"the connection quality (CCQ) is {min(quality_of):g} %, below {LOW_CCQ_PERCENT:g} %"
+        hint = "frames are repeated: look for others on the channel, a signal that is too strong, or a bad connector"
+        yield Finding(Verdict.WARN, "ccq-low", message, hint)
+    rates = [value for value in (peer.tx_rate_mbps, peer.rx_rate_mbps) if value is not None]
+    if rates and min(rates) < LOW_RATE_MBPS:
+        message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
+        hint = "an idle link shows the rate of its management frames: look again while traffic flows, then align"
+        yield Finding(Verdict.WARN, "rate-low", message, hint)
