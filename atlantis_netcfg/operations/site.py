@@ -14,6 +14,7 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.turns import Turn
 from atlantis_netcfg.report.drift import drift_lines
@@ -40,7 +41,10 @@ def perform(
     plan_only: bool,
     decrypt: Callable[[str], str],
 ) -> dict[str, Any]:
-    """Do what is asked and give `per_host`, each device's result as Ansible shows it. Raises NetcfgError."""
+    """Do what is asked and give `per_host`, each device's result as Ansible shows it. Raises NetcfgError.
+
+    Of `hosts`, those that the engine does not handle are passed over, and have no entry.
+    """
     asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
     if plan_only:
         asked = asked.model_copy(update={"mode": Mode.PLAN})
@@ -54,7 +58,7 @@ def perform(
         problem = crashed(fault, asked.command, lambda: asked.state)
         channel.error(problem)
         raise problem from fault
-    return _for_ansible([results[name] for name in hosts], hosts)
+    return _for_ansible(results)
 
 
 def _logged(result: DeviceResult, request: Request) -> DeviceResult:
@@ -73,7 +77,7 @@ def _perform(
             "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
         )
-    hosts = [declaration.hosts[name] for name in names]
+    hosts = [declaration.hosts[name] for name in names if handled(declaration.hosts[name])]
     turns = {site: Turn(declaration, site, hosts, request) for site in sorted({one.site for one in hosts})}
     results: dict[str, Mapping[str, Any]] = {}
 
@@ -117,9 +121,9 @@ def _made(job: DeviceJob) -> DeviceJob:
     return job
 
 
-def _for_ansible(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, Any]:
+def _for_ansible(results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Each device's result in the words of Ansible; the action `recap` gives it to the device's own host."""
-    return {"per_host": {name: _of_host(name, result) for name, result in zip(names, results, strict=True)}}
+    return {"per_host": {name: _of_host(name, result) for name, result in results.items()}}
 
 
 def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
