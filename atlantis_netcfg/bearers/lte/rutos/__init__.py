@@ -1,0 +1,35 @@
+"""Teltonika RutOS: read over HTTPS with a pinned certificate by a user who may only read; set over SSH with UCI.
+
+No Modbus, although the unit has it: that has no authentication (devices.md, section 4).
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.bearers.lte.rutos._errors import (
+    CertificateChanged,
+    CertificateUnknown,
+    NotOffered,
+    RutosLoginFailed,
+    RutosRefused,
+    RutosUnreachable,
+)
+from atlantis_netcfg.bearers.lte.rutos._read import READS, UBUS_READS, RutosLook, read
+from atlantis_netcfg.bearers.lte.rutos._record import modem_of, reading_of
+from atlantis_netcfg.bearers.lte.rutos._wire import TIMEOUT_S, RutosEndpoint
+
+__all__ = [
+    "READS",
+    "TIMEOUT_S",
+    "UBUS_READS",
+    "CertificateChanged",
+    "CertificateUnknown",
+    "NotOffered",
+    "RutosEndpoint",
+    "RutosLoginFailed",
+    "RutosLook",
+    "RutosRefused",
+    "RutosUnreachable",
+    "modem_of",
+    "read",
+    "reading_of",
+]

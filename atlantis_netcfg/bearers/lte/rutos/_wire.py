@@ -1,0 +1,169 @@
+"""One TLS connection to a RutOS unit: the certificate is compared before anything is sent, requests are counted.
+
+The standard library's `http.client` serves: a keep-alive connection, a certificate that can be looked at before the
+first byte of a request, and no redirects, proxies or retries behind our back. (httpx and requests hide the certificate
+behind their pools, and verify chains, which a self-signed certificate does not have.)
+"""
+
+from __future__ import annotations
+
+import hashlib
+import http.client
+import json
+import ssl
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers.lte.rutos._errors import (
+    CertificateChanged,
+    CertificateUnknown,
+    NotOffered,
+    RutosRefused,
+    RutosUnreachable,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.secret import Secret
+
+__all__ = ["TIMEOUT_S", "Answer", "RutosEndpoint", "Wire"]
+
+TIMEOUT_S = 180.0
+"""Certus has gaps of 70 s in practice (FFI report 20/01338); an answer may wait for two of them."""
+_LARGEST = 1_000_000
+"""Bytes of an answer; a status page has a few thousand."""
+_NOT_OFFERED = (404, 405, 501)
+
+
+@dataclass(frozen=True, slots=True)
+class RutosEndpoint:
+    """Where the unit's own interface is, and as whom we read it."""
+
+    host: str
+    port: int
+    user: str
+    password: Secret
+    pin: str | None
+    """SHA-256 of the certificate in hex; None: the unit was never met."""
+    timeout_s: float = TIMEOUT_S
+
+    def __str__(self) -> str:
+        return f"{self.host} port {self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came back: an HTTP status, and the JSON of the body (None if it is none)."""
+
+    status: int
+    body: Any
+
+
+class Wire:
+    """The connection; opened by the first request, opened again if the unit has closed it in between."""
+
+    def __init__(self, endpoint: RutosEndpoint) -> None:
+        self._endpoint = endpoint
+        self._connection: http.client.HTTPSConnection | None = None
+        self.requests = 0
+        self.sent = 0
+        """Bytes of paths and bodies, without headers and TLS."""
+        self.received = 0
+
+    def close(self) -> None:
+        """Let the connection go."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def ask(self, method: str, path: str, body: Any = None, *, token: str | None = None) -> Answer:  # noqa: ANN401 - JSON
+        """Send one request. Raises RutosUnreachable, CertificateUnknown, CertificateChanged, NotOffered."""
+        headers = {"Accept": "application/json"} | ({"Authorization": f"Bearer {token}"} if token else {})
+        data = None
+        if body is not None:
+            data = json.dumps(body).encode()
+            headers["Content-Type"] = "application/json"
+        status, text = self._exchange(method, path, data, headers)
+        self.sent += len(path) + len(data or b"")
+        self.received += len(text)
+        if status in _NOT_OFFERED:
+            raise NotOffered(f"{self._endpoint}: the unit's firmware does not offer {path} (HTTP {status})")
+        try:
+            return Answer(status, json.loads(text) if text else None)
+        except ValueError:
+            return Answer(status, None)
+
+    def _exchange(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
+        """Once more on a new connection if an old one turns out to be closed: every request here is a read."""
+        fresh = self._connection is None
+        try:
+            return self._once(method, path, data, headers)
+        except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError) as gone:
+            self.close()
+            if fresh:
+                raise self._unreachable(gone) from gone
+        except (OSError, http.client.HTTPException) as error:
+            self.close()
+            raise self._unreachable(error) from error
+        return self._again(method, path, data, headers)
+
+    def _again(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
+        try:
+            return self._once(method, path, data, headers)
+        except (OSError, http.client.HTTPException) as error:
+            self.close()
+            raise self._unreachable(error) from error
+
+    def _once(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
+        connection = self._connection or self._open()
+        self.requests += 1
+        connection.request(method, path, body=data, headers=dict(headers))
+        response = connection.getresponse()
+        text = response.read(_LARGEST + 1)
+        if len(text) > _LARGEST:
+            self.close()
+            raise RutosRefused(f"{self._endpoint}: the answer to {path} is larger than {_LARGEST} bytes")
+        return response.status, text
+
+    def _open(self) -> http.client.HTTPSConnection:
+        endpoint = self._endpoint
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_NONE  # self-signed: the pin is compared below, before a byte is sent
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        context.set_ciphers("DEFAULT:!aNULL:!eNULL")
+        connection = http.client.HTTPSConnection(
+            endpoint.host, endpoint.port, timeout=endpoint.timeout_s, context=context
+        )
+        connection.connect()
+        try:
+            self._compare(connection)
+        except BaseException:
+            connection.close()
+            raise
+        self._connection = connection
+        return connection
+
+    def _compare(self, connection: http.client.HTTPSConnection) -> None:
+        der = connection.sock.getpeercert(binary_form=True) or b""
+        seen = hashlib.sha256(der).hexdigest()
+        if self._endpoint.pin is None:
+            raise CertificateUnknown(
+                f"{self._endpoint}: this unit was never met before; it showed the certificate {seen}",
+                fingerprint=seen,
+                hint="the first run pins it",
+            )
+        if self._endpoint.pin != seen:
+            raise CertificateChanged(
+                f"{self._endpoint}: the certificate is not the one of this unit; "
+                f"pinned is {self._endpoint.pin}, it showed {seen}",
+                hint="another device at this address, a reset unit, or somebody in between: no password was sent to it",
+            )
+
+    def _unreachable(self, error: BaseException) -> RutosUnreachable:
+        why = (isinstance(error, OSError) and error.strerror) or type(error).__name__
+        return RutosUnreachable(
+            f"{self._endpoint}: the 4G unit does not answer ({why})",
+            hint="has it power, and does its own page open in a browser at that address?",
+        )

@@ -1,0 +1,158 @@
+"""The RutOS reader: its words from data cases, its talk against the twin over real TLS."""
+
+from __future__ import annotations
+
+import dataclasses
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+
+from atlantis_netcfg.bearers.lte import LteReading, Registration
+from atlantis_netcfg.bearers.lte.rutos import (
+    CertificateChanged,
+    CertificateUnknown,
+    RutosEndpoint,
+    RutosLoginFailed,
+    RutosRefused,
+    RutosUnreachable,
+    modem_of,
+    read,
+    reading_of,
+)
+from atlantis_netcfg.bearers.lte.rutos._record import connected
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.twin.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CASES: list[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rutos_cases.yml").read_text(encoding="utf-8"))
+PASSWORD = "a-reader's-password"
+
+
+@contextmanager
+def unit(folder: Path, **said: Any) -> Iterator[tuple[Rutos, RutosEndpoint]]:  # noqa: ANN401 (fields of RutosSpec)
+    with RunningRutos(RutosSpec(name="te4sea-4g", reader_password=PASSWORD, **said), folder) as running:
+        ready = running.ready
+        yield running.unit, RutosEndpoint(ready["host"], ready["https"], "reader", Secret(PASSWORD), ready["pin"])
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["why"])[:60])
+def test_words(case: dict[str, Any]) -> None:
+    expected = {field.name: None for field in dataclasses.fields(LteReading)} | {"source": "rutos"} | case["reading"]
+    found = dataclasses.asdict(reading_of(case["modem"], case.get("interfaces")))
+    assert found == expected | {"state": Registration(case["reading"]["state"])}
+    assert connected(case["modem"]) is case.get("connected")
+
+
+def test_nothing_that_identifies_a_person_is_kept() -> None:
+    modem = {
+        "imei": "356938035643809",
+        "imsi": "268031234567890",
+        "iccid": "8935103000000000001",
+        "netstate": "Roaming",
+    }
+    told = repr(reading_of(modem))
+    assert not [number for name, number in modem.items() if name != "netstate" and number in told]
+
+
+def test_the_primary_modem_is_the_one() -> None:
+    rows = [{"id": "3-1", "primary": "0"}, {"id": "2-1", "primary": "1"}]
+    assert modem_of(rows) == rows[1]
+    assert modem_of([{"id": "3-1"}]) == {"id": "3-1"}
+    assert modem_of([]) is None
+
+
+@pytest.mark.parametrize("old_names", [True, False])
+@pytest.mark.parametrize("numbers_as_text", [True, False])
+def test_five_requests_are_all(tmp_path: Path, *, old_names: bool, numbers_as_text: bool) -> None:
+    with unit(tmp_path, serial_number="1234567890", old_names=old_names, numbers_as_text=numbers_as_text) as (twin, at):
+        look = read(at)
+        assert twin.web.requests == [
+            "POST /api/login",
+            "GET /api/modems/status",
+            "GET /api/sim_cards/status",
+            "GET /api/interfaces/basic/status",
+            "GET /api/system/device/status",
+        ]
+    assert (look.requests, look.serial, look.connected, len(look.slots)) == (5, "1234567890", True, 2)
+    reading = look.reading
+    assert (reading.state, reading.plmn, reading.address) == (Registration.REGISTERED_HOME, "26803", "100.64.12.34")
+    assert (reading.rsrp_dbm, reading.band, reading.access_tech) == (-94, "B3", "lte")
+
+
+def test_older_firmware_answers_by_ubus(tmp_path: Path) -> None:
+    with unit(tmp_path, api=False) as (twin, at):
+        look = read(at)
+        assert twin.web.requests == ["POST /api/login", "POST /ubus", "POST /ubus", "POST /ubus"]
+    assert (look.reading.state, look.reading.rsrp_dbm, look.connected) == (Registration.REGISTERED_HOME, -94, True)
+    assert (look.reading.band, look.serial) == ("B3", None)
+
+
+def test_an_empty_slot_reads_as_in_the_captured_record(tmp_path: Path) -> None:
+    with unit(tmp_path, sim=None) as (_, at):
+        assert read(at).reading == dataclasses.replace(reading_of(CASES[0]["modem"]))
+
+
+def test_a_foreign_network_with_roaming_denied_has_no_address(tmp_path: Path) -> None:
+    with unit(tmp_path, network=RutosNetwork(plmn="20601")) as (twin, at):
+        twin.uci.batch("set simcard.@sim[0].deny_roaming='1'\ncommit simcard\n")
+        twin.modem.reload()
+        look = read(at)
+    assert (look.reading.state, look.reading.address) == (Registration.REGISTERED_ROAMING, None)
+    assert look.connected is False
+
+
+def test_pages_that_are_not_there_are_done_without(tmp_path: Path) -> None:
+    missing = ("/api/interfaces/basic/status", "/api/sim_cards/status")
+    with unit(tmp_path, missing=missing, hidden=("/api/system/device/status",)) as (_, at):
+        look = read(at)
+    assert (look.reading.state, look.reading.address) == (Registration.REGISTERED_HOME, None)
+    assert (look.serial, look.slots) == (None, ())
+
+
+def test_a_token_that_has_run_out_is_renewed_once(tmp_path: Path) -> None:
+    with unit(tmp_path) as (twin, at):
+        twin.web.expire_after = 1
+        assert read(at).reading.state is Registration.REGISTERED_HOME
+        assert twin.web.requests.count("POST /api/login") == 2
+
+
+def test_a_user_without_the_right_is_told_which(tmp_path: Path) -> None:
+    with unit(tmp_path, hidden=("/api/modems/status",)) as (_, at), pytest.raises(RutosRefused) as caught:
+        read(at)
+    assert "/api/modems/status (HTTP 403)" in str(caught.value)
+
+
+@pytest.mark.parametrize("api", [True, False])
+def test_a_wrong_password_is_tried_once(tmp_path: Path, *, api: bool) -> None:
+    with unit(tmp_path, api=api) as (twin, at), pytest.raises(RutosLoginFailed) as caught:
+        read(dataclasses.replace(at, password=Secret("hunter2")))
+    assert twin.web.failed_logins == 1
+    assert "hunter2" not in f"{caught.value}{caught.value.hint}"
+
+
+def test_no_password_is_sent_to_a_stranger(tmp_path: Path) -> None:
+    with unit(tmp_path) as (twin, at):
+        with pytest.raises(CertificateUnknown) as unknown:
+            read(dataclasses.replace(at, pin=None))
+        with pytest.raises(CertificateChanged):
+            read(dataclasses.replace(at, pin="0" * 64))
+        assert unknown.value.fingerprint == at.pin
+        assert twin.web.requests == []
+
+
+def test_nobody_there(tmp_path: Path) -> None:
+    with unit(tmp_path) as (_, at):
+        pass
+    with pytest.raises(RutosUnreachable):
+        read(at)
+
+
+def test_a_locked_card(tmp_path: Path) -> None:
+    with unit(tmp_path, sim=RutosSim(pin="1234", tries=2)) as (_, at):
+        reading = read(at).reading
+    assert (reading.state, reading.pin_tries_left) == (Registration.SIM_PIN_REQUIRED, 2)
