@@ -6,6 +6,7 @@ levels are what modem makers publish as rules of thumb, and no standard: devices
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -141,6 +142,7 @@ def _registered(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
     yield from _roaming(reading, wanted)
     yield from _apn(reading, wanted)
     yield from _address(reading, wanted)
+    yield from _bands(reading, wanted)
     yield from _levels(reading)
 
 
@@ -163,16 +165,25 @@ def _roaming(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
 
 def _apn(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
     if wanted.apn is None:
-        if wanted.apn_required or (reading.apn is None and reading.address is None and not _foreign(reading)):
-            hint = "declare `sim.apn` as the SIM's contract says"
+        hint = "declare `sim.apn` as the SIM's contract says"
+        if wanted.apn_required:
+            message = "a user or password of the subscription is declared, but not the APN they belong to"
+            yield Finding(Verdict.FAIL, "apn-missing", message, hint)
+        elif reading.apn is None and reading.address is None and not _foreign(reading):
             yield Finding(Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint)
-    elif reading.apn is not None and reading.apn.casefold() != wanted.apn.casefold():
+    elif reading.network_apn and reading.apn is None:
+        message = f"the unit takes the network's APN, so the declared one, {wanted.apn}, may not be in use"
+        hint = "run the site, which switches `use-network-apn` off"
+        yield Finding(Verdict.WARN, "apn-of-the-network", message, hint)
+    elif reading.apn is not None and _bare(reading.apn) != _bare(wanted.apn):
         message = f"the APN in use is {reading.apn}, the declared one is {wanted.apn}"
-        if reading.network_apn:
-            hint = "the unit takes the network's APN (use-network-apn): run the site, which switches that off"
-        else:
-            hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
+        hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
         yield Finding(Verdict.WARN, "apn-differs", message, hint)
+
+
+def _bare(apn: str) -> str:
+    """An APN as it compares: without the part that names the operator, and in one case (3GPP TS 23.003, 9.1)."""
+    return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 
 def _address(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
@@ -181,6 +192,13 @@ def _address(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
     yield Finding(Verdict.FAIL, "no-address", message, hint)
+
+
+def _bands(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
+    held = [f"B{number}" for number in wanted.bands]
+    if held and reading.band is not None and reading.band.startswith("B") and reading.band not in held:
+        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(held)}"
+        yield Finding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
 
 
 def _levels(reading: LteReading) -> Iterator[Finding]:

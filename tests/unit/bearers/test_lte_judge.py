@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from atlantis_netcfg.bearers.lte import LteReading, Registration
+from atlantis_netcfg.bearers.lte.judge import LteWanted, judge, link_state, quality
+
+CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_judge_cases.yml").read_text("utf-8"))
+
+
+def reading(case: dict[str, Any]) -> LteReading:
+    given = {"state": "registered_home", "address": "10.9.0.7", **case["reading"]}
+    return LteReading(source="routeros", **{**given, "state": Registration(given["state"])})
+
+
+def wanted(case: dict[str, Any]) -> LteWanted:
+    given = dict(case.get("wanted", {}))
+    return LteWanted(**{**given, "bands": tuple(given.get("bands", ()))})
+
+
+def ident(case: dict[str, Any]) -> str:
+    return str(case["name"])
+
+
+@pytest.mark.parametrize("case", CASES, ids=ident)
+def test_told(case: dict[str, Any]) -> None:
+    found = judge(reading(case), wanted(case))
+    assert [f"{one.verdict} {one.code}: {one.message}" for one in found] == case["findings"]
+    assert all(one.hint for one in found)
+    assert link_state(reading(case)) == case["state"]
+
+
+def test_every_state_is_judged() -> None:
+    registered = {Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING}
+    told = {state: judge(LteReading(source="at", state=state), LteWanted()) for state in Registration}
+    assert all(len(found) == 1 for state, found in told.items() if state not in registered)
+    assert len({found[0].code for state, found in told.items() if state not in registered}) == 7
+    assert len({found[0].hint for state, found in told.items() if state not in registered}) == 7
+
+
+def test_a_secret_has_no_place_in_what_is_shown() -> None:
+    shown = quality(LteReading(source="routeros"))
+    assert not {"imei", "imsi", "iccid", "pin"} & shown.keys()
+    assert {value for name, value in shown.items() if name != "registration"} == {None}
