@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.secret import MASK
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from atlantis_netcfg.versions import Version
 
 __all__ = [
@@ -21,6 +23,7 @@ __all__ = [
     "Observed",
     "Owner",
     "Plan",
+    "PortCounts",
     "Row",
     "Verb",
 ]
@@ -50,11 +53,25 @@ class Facts:
 
 
 @dataclass(frozen=True, slots=True)
+class PortCounts:
+    """One look at the byte counters of ports: whatever passed since the device was started, not only what we sent."""
+
+    at: datetime
+    """When the answer was here, by this computer's clock, in UTC."""
+    uptime_s: float | None
+    """Since the device was started; None: it did not say."""
+    ports: Mapping[str, tuple[int, int]]
+    """Name of a port to the bytes that it has received and sent."""
+
+
+@dataclass(frozen=True, slots=True)
 class Observed:
     """The device as it was read in one go: facts, and the rows of every menu that was asked for, in device order."""
 
     facts: Facts
     rows: Mapping[str, tuple[Row, ...]]
+    counts: tuple[PortCounts, ...] = field(default=(), compare=False)
+    """What its ports had carried before and after the reading, where that was asked and cost no round trip."""
 
 
 class Verb(StrEnum):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
 
-__all__ = ["Bearer", "Estimate", "estimate"]
+__all__ = ["Bearer", "Estimate", "beforehand", "estimate", "on_the_wire"]
 
 BATCH: Final = WINDOW
 """Sentences that share a round trip."""
@@ -61,6 +61,8 @@ TYPICAL_MENUS: Final = tuple(
 TYPICAL_ROWS: Final = 15_000
 """Bytes of all rows of a configured router, where nothing was observed."""
 TYPICAL_EXPORT: Final = 12_000
+TYPICAL_LINE: Final = 80
+"""Bytes of a line of a desired text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +85,22 @@ class Estimate:
     bytes_up: int
     bytes_down: int
     seconds: float
+    sessions: int = 1
 
     @property
     def bytes(self) -> int:
-        """Both directions together, as a bearer is billed."""
+        """Both directions together, above TLS, as a run reports them."""
         return self.bytes_up + self.bytes_down
+
+    @property
+    def wire_bytes(self) -> int:
+        """Both directions together on the wire, as a bearer is billed; a VPN's own headers come to it."""
+        return on_the_wire(self.bytes, self.sessions)
+
+
+def on_the_wire(above_tls: int, sessions: int) -> int:
+    """What bytes above TLS in so many sessions are on the wire: handshakes, records, TCP and IP headers."""
+    return ceil(above_tls * OVERHEAD) + sessions * HANDSHAKE_BYTES
 
 
 @dataclass(slots=True)
@@ -134,7 +147,37 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
     _read(tally, menus, observed.rows if observed is not None else None)
     if plan.actions:
         _change(tally, plan, observed, menus)
-    return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer))
+    return _told(tally, bearer)
+
+
+def beforehand(bearer: Bearer, *, writes: int | None = None, exports: bool = False) -> Estimate:
+    """Estimate a run on a device that was not read yet, so that its cost can be told before the first byte.
+
+    It is read once; with `writes`, the bytes of its desired text, all of that is written, saved and read back besides,
+    which is the most that a run without faults can come to. `exports`: it hands out its export and is not read.
+    """
+    tally = _Tally()
+    tally.log_in()
+    if exports:
+        tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
+        return _told(tally, bearer)
+    _read(tally, TYPICAL_MENUS, None)
+    if writes is not None:
+        tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
+        # As many rows as lines of ordinary length: each is answered by a line, and weighs one in safe mode.
+        rows = ceil(writes / TYPICAL_LINE)
+        tally.spend(trips=max(1, ceil(writes / SCRIPT)), up=2 * writes, down=10 * rows, device_s=rows * EXECUTE_S)
+        for _ in range(rows // BUDGET):
+            tally.log_in()
+            tally.spend(trips=1 + CHECKPOINT_TRIPS, up=180, down=180)
+        tally.log_in()
+        _read(tally, TYPICAL_MENUS, None)
+        tally.spend(trips=2, up=120, down=120)
+    return _told(tally, bearer)
+
+
+def _told(tally: _Tally, bearer: Bearer) -> Estimate:
+    return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer), tally.sessions)
 
 
 def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Facts, Observed, Row
 from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.counting import looks, read_counts
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.versions import Version
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MenuMissing", "merged", "observe", "printing"]
 
-_RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name"),))
+_RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
 _SAFE_MODE = Command("/safe-mode/print")
 _DEVICE_MODE = Command("/system/device-mode/print")
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
@@ -53,14 +54,24 @@ _PREFLIGHT = (_RESOURCE, _SAFE_MODE, _DEVICE_MODE, _ACTIVE, _HISTORY)
 
 
 async def observe(
-    session: Channel, endpoint: Endpoint, needed: Sequence[str], looked_at: Sequence[str] = ()
+    session: Channel,
+    endpoint: Endpoint,
+    needed: Sequence[str],
+    looked_at: Sequence[str] = (),
+    counted: Sequence[str] = (),
 ) -> Observed:
     """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
 
+    The byte counters of the ports `counted` are read first and last, as far as the round trips of the reading have room
+    for it: they never cost one of their own.
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY, _USER, _GROUP)))
-    replies = await session.flight([*map(printing, menus), *_PREFLIGHT])
+    commands = [*map(printing, menus), *_PREFLIGHT]
+    first, last = looks(counted, len(commands))
+    replies = await session.flight([*first, *commands, *last])
+    counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
+    replies = replies[len(first) : len(first) + len(commands)]
     answers = dict(zip(menus, replies, strict=False))
     seen = _Preflight(*replies[len(menus) :])
     rows = {path: _rows(reply, needed=path in needed) for path, reply in answers.items()}
@@ -73,7 +84,8 @@ async def observe(
             hint="upgrade RouterOS or install the package that brings it, or take these rows out of the template",
         )
     found = {path: there for path, there in rows.items() if there is not None}
-    return Observed(_facts(seen, endpoint, version, found), found)
+    counts = (read_counts(reply, seen.resource) for reply in counters)
+    return Observed(_facts(seen, endpoint, version, found), found, tuple(each for each in counts if each is not None))
 
 
 def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:

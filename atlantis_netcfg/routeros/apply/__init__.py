@@ -17,5 +17,18 @@ from atlantis_netcfg.routeros.apply._job import (
     SshEndpoint,
     Status,
 )
+from atlantis_netcfg.routeros.apply._toll import Admission, Toll
 
-__all__ = ["Channel", "Connect", "DeviceJob", "DeviceResult", "Mode", "Patience", "SshEndpoint", "Status", "converge"]
+__all__ = [
+    "Admission",
+    "Channel",
+    "Connect",
+    "DeviceJob",
+    "DeviceResult",
+    "Mode",
+    "Patience",
+    "SshEndpoint",
+    "Status",
+    "Toll",
+    "converge",
+]

@@ -154,7 +154,8 @@ async def _read_anew(work: Work) -> Observed:
     while True:
         try:
             session = await work.contact.reach(max(0.0, until - clock()), "verifying", insist=False)
-            return await observe(session, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+            job = work.job
+            return await observe(session, job.endpoint, job.desired.menus, tuple(work.seen.rows), job.counted)
         except SessionLost as lost:
             if clock() >= until:
                 raise VerificationFailed(f"no new session lasts long enough to read the device: {lost}") from lost

@@ -40,6 +40,11 @@ class Contact:
             sum(each.received for each in self._traffic),
         )
 
+    @property
+    def sessions(self) -> int:
+        """How many were opened."""
+        return len(self._traffic)
+
     async def open(self) -> Channel:
         """Open a session; the certificate of a device that was never met is pinned before the login is sent.
 

@@ -94,11 +94,13 @@ async def _run(work: Work, mode: Mode) -> DeviceResult:
     _plan(work)
     if busy is not None:
         work.notes.append(f"{busy}: what was changed meanwhile may yet be taken back")
+    refusal = _toll(work, mode)
     if mode is Mode.DRIFT:
         return await drift(work)
     if mode is Mode.PLAN:
         work.comparison = compared(work)
-    refusal = None if not work.aim.actions else _judge(work, mode)
+    if refusal is None and work.aim.actions:
+        refusal = _judge(work, mode)
     if refusal is not None:
         return refusal
     if not work.aim.actions:
@@ -114,7 +116,7 @@ async def _observe(work: Work, mode: Mode) -> None:
     work.session = await work.contact.open()
     if mode is Mode.RESUME:
         await _until_undone(work)
-    work.before = await observe(work.session, job.endpoint, job.desired.menus, GUARDED)
+    work.before = await observe(work.session, job.endpoint, job.desired.menus, GUARDED, job.counted)
     facts = work.before.facts
     work.record(
         DeviceObserved(device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before))
@@ -130,6 +132,18 @@ def _plan(work: Work) -> None:
     _protect(work)
     work.notes += [f"the device does not use {row}" for row in invalid(work.seen)]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
+
+
+def _toll(work: Work, mode: Mode) -> DeviceResult | None:
+    """Ask whether the run may cost what it would, from what was read; where nothing more is sent, that is only told."""
+    if work.job.toll is None:
+        return None
+    spends = bool(work.aim.actions) and mode is not Mode.DRIFT
+    verdict = work.job.toll.judge(work.seen, work.estimate, spends=spends, planned=mode is Mode.PLAN)
+    work.notes += verdict.notes
+    if verdict.refusal is None:
+        return None
+    return work.result(Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)
 
 
 def _judge(work: Work, mode: Mode) -> DeviceResult | None:

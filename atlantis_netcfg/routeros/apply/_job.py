@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.console import Console
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
-    from atlantis_netcfg.routeros._types import Drift, Facts
+    from atlantis_netcfg.routeros._types import Drift, Facts, PortCounts
+    from atlantis_netcfg.routeros.apply._toll import Toll
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
     from atlantis_netcfg.secret import Secret
@@ -165,6 +166,10 @@ class DeviceJob:
     """What the journal calls this run: a run that was killed is known by it when it is resumed."""
     unprotected: bool = False
     """A person has said that a change may be made although nothing would take it back."""
+    counted: tuple[str, ...] = ()
+    """Ports whose byte counters are read along, where that costs no round trip."""
+    toll: Toll | None = None
+    """Who says what the run may cost; None: it may cost anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +200,10 @@ class DeviceResult:
     received: int = 0
     seconds: float = 0.0
     facts: Facts | None = None
+    sessions: int = 0
+    """How often a session was opened."""
+    counts: tuple[PortCounts, ...] = field(default=(), compare=False)
+    """The first and the last look at the byte counters of the job's ports, as far as it came."""
     fault: BaseException | None = field(default=None, compare=False)
     """A fault of ours, for the log file."""
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.journal import Record
-    from atlantis_netcfg.routeros._types import Observed, Plan
+    from atlantis_netcfg.routeros._types import Observed, Plan, PortCounts
     from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.apply._contact import Contact
     from atlantis_netcfg.routeros.apply._deadman import DeadMan
@@ -93,6 +93,12 @@ class Work:
         return claimant(self.job.run, self.job.endpoint.user, address)
 
     @property
+    def counts(self) -> tuple[PortCounts, ...]:
+        """The first and the last look at the ports' counters."""
+        looks = [look for seen in (self.before, self.after) if seen is not None for look in seen.counts]
+        return (looks[0], looks[-1]) if looks else ()
+
+    @property
     def channel(self) -> Channel:
         """The session, where there has to be one."""
         if self.session is None:
@@ -161,6 +167,8 @@ class Work:
             received=traffic.received,
             seconds=asyncio.get_running_loop().time() - self.started,
             facts=self.before.facts if self.before is not None else None,
+            sessions=self.contact.sessions,
+            counts=self.counts,
         )
 
     def farewell(self) -> tuple[Command, ...]:
