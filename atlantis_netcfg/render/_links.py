@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.render._declared import RenderError
 from atlantis_netcfg.render.view import Link, PortView, Target, Uplink
+from atlantis_netcfg.site.allowed import allowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address, IPv4Network
 
-    from atlantis_netcfg.site.model import AllowedTarget, Bearer, Port, Router, Site
+    from atlantis_netcfg.site.model import AllowedTarget, Bearer, Pilot, Port, Router, Site
 
 __all__ = ["in_network", "management_port", "port_of", "ports", "served", "uplinks"]
 
@@ -59,15 +60,15 @@ def port_of(name: str, router: Router, link: str) -> str:
     return found[0]
 
 
-def uplinks(name: str, router: Router, site: Site) -> tuple[Uplink, ...]:
+def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink, ...]:
     """Return the bearers in order of preference."""
     return tuple(
-        _uplink(bearer, port_of(name, router, bearer.name), distance)
+        _uplink(bearer, port_of(name, router, bearer.name), distance, allowed(pilot, bearer))
         for distance, bearer in enumerate(site.bearers, start=1)
     )
 
 
-def _uplink(bearer: Bearer, port: str, distance: int) -> Uplink:
+def _uplink(bearer: Bearer, port: str, distance: int, admitted: tuple[AllowedTarget, ...]) -> Uplink:
     return Uplink(
         name=bearer.name,
         port=port,
@@ -78,12 +79,12 @@ def _uplink(bearer: Bearer, port: str, distance: int) -> Uplink:
         kind=bearer.kind.value,
         distance=distance,
         canaries=tuple(str(canary) for canary in bearer.canaries),
-        targets=tuple(_targets(bearer.allow)),
+        targets=tuple(_targets(admitted)),
     )
 
 
-def _targets(allow: tuple[AllowedTarget, ...]) -> Iterator[Target]:
-    for target in allow:
+def _targets(admitted: tuple[AllowedTarget, ...]) -> Iterator[Target]:
+    for target in admitted:
         transport = None if target.port is None else target.transport.value
         yield Target(target.name, str(target.address), target.port, transport)
 

@@ -49,7 +49,7 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         ports=ports(device),
         lan=_lan(site.lan, device),
         management=_management(host.name, site, device),
-        uplinks=uplinks(host.name, device, site),
+        uplinks=uplinks(host.name, device, site, declaration.pilot),
         served=served(host.name, device, site),
         tunnel=own_tunnel,
         server_in_lan=server_in_lan(declaration, host),

@@ -130,6 +130,11 @@ class Uplink(Link):
         """Firewall chain of everything that wants to leave over this link."""
         return f"to-{self.name}"
 
+    @property
+    def chain_in(self) -> str:
+        """Firewall chain of everything that has come in by this link."""
+        return f"from-{self.name}"
+
 
 @dataclass(frozen=True, slots=True)
 class Tunnel:

@@ -2,89 +2,113 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.site._draft import Draft, Part, Rule
-from atlantis_netcfg.site.model import BearerKind, Transport
+from atlantis_netcfg.site.allowed import VPN_TARGET, admits, allowed, derived
+from atlantis_netcfg.site.model import BearerKind, LteRouter, SatelliteTerminal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from ipaddress import IPv4Address
 
     from atlantis_netcfg.site.findings import Finding
-    from atlantis_netcfg.site.model import AllowedTarget, Bearer
+    from atlantis_netcfg.site.model import AllowedTarget, Bearer, Transport
 
 __all__ = ["RULES"]
 
-_NTP = 123
+FACTORY_ADDRESS = IPv4Address("192.168.1.1")
+"""Of the satellite terminal as technicians report it, and of Teltonika's 4G routers (facts/devices.md, section 3)."""
 
 
 def only_on_satellites(draft: Draft) -> Iterator[Finding]:
-    """`allow` means something on a satellite only, and a satellite needs it."""
+    """`allow` and `refused_probes` mean something on a satellite only."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            satellite = bearer.kind is BearerKind.SATELLITE
-            if bearer.allow and not satellite:
-                message = f"link `{bearer.name}` is {bearer.kind}: an allow-list is for satellites only"
-                yield draft.wrong(Part("site", name), ("bearers", index, "allow"), message, "remove `allow:`")
-            if satellite and not bearer.allow:
-                message = f"the satellite link `{bearer.name}` allows nothing, so nothing would pass"
-                hint = "add `allow:` with the VPN's endpoint and the time servers"
-                yield draft.wrong(Part("site", name), ("bearers", index), message, hint)
+            if bearer.kind is BearerKind.SATELLITE:
+                continue
+            for key, what in (("allow", "an allow-list is"), ("refused_probes", "targets to be refused are")):
+                if getattr(bearer, key):
+                    message = f"link `{bearer.name}` is {bearer.kind}: {what} for satellites only"
+                    yield draft.wrong(Part("site", name), ("bearers", index, key), message, f"remove `{key}:`")
 
 
-def admits_the_vpn(draft: Draft) -> Iterator[Finding]:
-    """Without the VPN the site is out of reach when only the satellite is left."""
+def additions_only(draft: Draft) -> Iterator[Finding]:
+    """What is derived is not declared a second time: two places for one fact drift apart."""
     if draft.pilot is None:
         return
-    vpn = draft.pilot.vpn
+    known = derived(draft.pilot)
     for name, index, bearer in _satellites(draft):
-        if not _admitted(bearer.allow, vpn.endpoint, vpn.port, vpn.transport):
-            message = f"`{bearer.name}` does not admit the VPN: {vpn.endpoint} port {vpn.port} {vpn.transport}"
-            hint = _entry("VPN server", vpn.endpoint, vpn.port, vpn.transport)
-            yield draft.wrong(Part("site", name), ("bearers", index, "allow"), message, hint)
-
-
-def admits_the_time(draft: Draft) -> Iterator[Finding]:
-    """Without time no VPN: a router has no battery clock and starts in the past, where no certificate is valid yet."""
-    if draft.pilot is None:
-        return
-    for name, index, bearer in _satellites(draft):
-        for server in draft.pilot.time_servers:
-            if not _admitted(bearer.allow, server.address, _NTP, Transport.UDP):
-                message = f"`{bearer.name}` does not admit the time server {server.name}; with a wrong clock TLS fails"
-                hint = _entry(server.name, server.address, _NTP, Transport.UDP)
-                yield draft.wrong(Part("site", name), ("bearers", index, "allow"), message, hint)
+        for place, target in enumerate(bearer.allow):
+            same = next((one for one in known if _key(one) == _key(target)), None)
+            if same is not None:
+                what = "the VPN" if same.name == VPN_TARGET else f"the time server {same.name}"
+                message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"
+                hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
+                yield draft.wrong(Part("site", name), ("bearers", index, "allow", place), message, hint)
 
 
 def each_once(draft: Draft) -> Iterator[Finding]:
     """No destination stands twice."""
     for name, index, bearer in _satellites(draft):
-        seen: set[tuple[IPv4Address, int | None, Transport]] = set()
-        for place, target in enumerate(bearer.allow):
-            key = (target.address, target.port, target.transport)
-            if key in seen:
-                message = f"`{bearer.name}` admits {target.address} twice in the same way"
-                yield draft.wrong(Part("site", name), ("bearers", index, "allow", place), message, "remove one")
-            seen.add(key)
+        for key in ("allow", "refused_probes"):
+            seen: set[tuple[IPv4Address, int | None, Transport]] = set()
+            for place, target in enumerate(getattr(bearer, key)):
+                if _key(target) in seen:
+                    verb = "admits" if key == "allow" else "probes"
+                    message = f"`{bearer.name}` {verb} {target.address} twice in the same way"
+                    yield draft.wrong(Part("site", name), ("bearers", index, key, place), message, "remove one")
+                seen.add(_key(target))
+
+
+def refused_means_refused(draft: Draft) -> Iterator[Finding]:
+    """A target that proves the filter lies outside the allow-list, and beyond the link."""
+    if draft.pilot is None:
+        return
+    for name, index, bearer in _satellites(draft):
+        for place, target in enumerate(bearer.refused_probes):
+            path = ("bearers", index, "refused_probes", place)
+            if admits(allowed(draft.pilot, bearer), target.address, target.port, target.transport):
+                message = f"`{bearer.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
+                hint = "name an address or a port of yours that is not on the allow-list"
+                yield draft.wrong(Part("site", name), path, message, hint)
+            elif target.address in bearer.network:
+                message = f"{target.address} is in {bearer.network}, on this side of the satellite"
+                yield draft.wrong(Part("site", name), path, message, "name an address of yours on the other side")
+
+
+def one_factory_address(draft: Draft) -> Iterator[Finding]:
+    """Terminal and 4G unit come with the same address: at one site only one of them may keep it."""
+    for host, site, terminal in draft.boxes(SatelliteTerminal):
+        if terminal.address != FACTORY_ADDRESS:
+            continue
+        for other, place, unit in draft.boxes(LteRouter):
+            if place == site and unit.address == FACTORY_ADDRESS:
+                where = draft.where(Part("device", other), "address")
+                message = f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, as both makes come"
+                hint = "give one of them another network on its own pages, then declare that here and in `bearers:`"
+                yield draft.wrong(Part("device", host), ("address",), message, hint)
 
 
 def _satellites(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            if bearer.kind is BearerKind.SATELLITE and bearer.allow:
+            if bearer.kind is BearerKind.SATELLITE:
                 yield name, index, bearer
 
 
-def _admitted(allow: tuple[AllowedTarget, ...], address: IPv4Address, port: int, transport: Transport) -> bool:
-    return any(
-        target.address == address and (target.port is None or (target.port == port and target.transport is transport))
-        for target in allow
-    )
+def _key(target: AllowedTarget) -> tuple[IPv4Address, int | None, Transport]:
+    return target.address, target.port, target.transport
 
 
-def _entry(name: str, address: IPv4Address, port: int, transport: Transport) -> str:
-    return f"add {{name: {name}, address: {address}, port: {port}, transport: {transport}}}"
+def _spelt(target: AllowedTarget) -> str:
+    return f"{target.address} port {target.port} {target.transport}" if target.port else f"{target.address}"
 
 
-RULES: tuple[Rule, ...] = (only_on_satellites, admits_the_vpn, admits_the_time, each_once)
+RULES: tuple[Rule, ...] = (
+    only_on_satellites,
+    additions_only,
+    each_once,
+    refused_means_refused,
+    one_factory_address,
+)

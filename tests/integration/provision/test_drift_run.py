@@ -50,7 +50,7 @@ def tinker(at: Quay) -> None:
     """What a helpful stranger does in an afternoon."""
     rules = "/ip/firewall/filter"
     types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ping from management')}", "=disabled=yes")
-    types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ntp1')}", "=dst-address=10.9.9.9")
+    types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ntp1.atlantis.internal')}", "=dst-address=10.9.9.9")
     wifi, known = row(at, rules, "atlantis: ping over wifi-ptp, to test it"), row(at, rules, "atlantis: answers")
     types(at, f"{rules}/move", f"=numbers={wifi}", f"=destination={known}")
     types(at, f"{rules}/add", "=chain=input", "=action=accept", "=src-address=10.9.9.9", "=comment=only for today")
@@ -60,7 +60,7 @@ def tinker(at: Quay) -> None:
     types(at, "/interface/ovpn-client/set", "=.id=ovpn-scc", "=password=guessed")
     types(at, "/ip/service/set", "=.id=www", "=disabled=no")
     lists = "/ip/firewall/address-list"
-    types(at, f"{lists}/remove", f"=.id={row(at, lists, 'atlantis: ntp1, also by satellite')}")
+    types(at, f"{lists}/remove", f"=.id={row(at, lists, 'atlantis: ntp1.atlantis.internal, also by satellite')}")
 
 
 def masked(text: str) -> str:

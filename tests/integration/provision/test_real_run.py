@@ -53,7 +53,7 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay) -> None:
 def test_the_checks_of_the_site_tell_declared_from_not(at: Quay) -> None:
     found = _checks(at)
     assert found.returncode == 1
-    assert "147 differences from the declaration" in found.stdout
+    assert "156 differences from the declaration" in found.stdout
     at.provision("site=coastal", "--yes", code=0)
     found = _checks(at)
     assert (found.returncode, "1 passed" in found.stdout) == (0, True), found.stdout
@@ -82,7 +82,7 @@ def test_what_a_person_agrees_to_is_done(at: Quay) -> None:
     assert "+ set name=coastal-router" in said_no
     assert "not agreed, so nothing was changed" in said_no
     assert at.export() == before
-    assert "147 actions read back and kept" in at.typed("site=coastal", answer="yes", code=0)
+    assert "156 actions read back and kept" in at.typed("site=coastal", answer="yes", code=0)
     (run, *_) = at.runs()
     back = at.typed("rollback", "site=coastal", f"to={run['run']}", answer="yes", code=0)
     assert "- set name=coastal-router" in back

@@ -28,6 +28,7 @@ class Packet:
     dst_port: int = 0
     state: str = "new"
     nat_state: frozenset[str] = frozenset()
+    src_port: int = 0
 
 
 class Walk:
@@ -66,7 +67,7 @@ class Walk:
                     return decided
                 continue
             assert action == "log", f"unknown action {action}"
-        assert chain in _BUILT_IN or chain.startswith("to-"), f"unknown chain {chain}"
+        assert chain in _BUILT_IN or chain.startswith(("to-", "from-")), f"unknown chain {chain}"
         return None
 
     def _matches(self, row: Statement, packet: Packet) -> bool:
@@ -90,6 +91,7 @@ class Walk:
             "out-interface-list": lambda: packet.out_interface in self._members.get(wanted, ()),
             "protocol": lambda: packet.protocol == wanted,
             "dst-port": lambda: packet.protocol in ("tcp", "udp") and str(packet.dst_port) in wanted.split(","),
+            "src-port": lambda: packet.protocol in ("tcp", "udp") and str(packet.src_port) in wanted.split(","),
             "connection-state": lambda: packet.state in wanted.split(","),
             "connection-nat-state": lambda: wanted in packet.nat_state,
         }

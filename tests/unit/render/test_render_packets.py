@@ -13,6 +13,7 @@ from render_declared import SITES, declaration, with_site
 from render_walk import Packet, Walk
 from test_render_text import parsed
 
+from atlantis_netcfg.site.allowed import allowed as admitted
 from atlantis_netcfg.site.model import AllowedTarget, BearerKind, Router
 
 STATES = ("new", "established", "related", "invalid", "untracked")
@@ -31,7 +32,9 @@ def link(site: str, name: str) -> str:
 
 def allowed(site: str) -> set[tuple[str, str, int | None]]:
     satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
-    return {(str(target.address), target.transport.value, target.port) for target in satellite.allow}
+    targets = admitted(DECLARED.pilot, satellite)
+    assert len(targets) == 1 + len(DECLARED.pilot.time_servers)
+    return {(str(target.address), target.transport.value, target.port) for target in targets}
 
 
 ADDRESSES = st.one_of(
@@ -86,6 +89,24 @@ def test_satellite_is_filtered_ahead_of_every_established_accept(site: str) -> N
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_satellite_brings_in_answers_of_declared_targets_only(site: str) -> None:
+    robot, arrives = str(DECLARED.sites[site].lan.network[21]), link(site, "satellite")
+    answers = [(address, protocol, port or 0) for address, protocol, port in allowed(site)]
+    others = [("203.0.113.2", "udp", 1195), ("203.0.113.2", "tcp", 1194), ("8.8.8.8", "udp", 123)]
+    for src, protocol, port in answers + others:
+        for state in STATES:
+            packet = Packet(
+                src, robot, arrives, "bridge-lan", protocol, 40000, state, frozenset({"srcnat"}), src_port=port
+            )
+            expected = state == "established" and (src, protocol, port) in answers
+            assert WALKS[site].accepts("forward", packet) is expected
+            assert WALKS[site].accepts("input", replace(packet, out_interface="")) is expected
+    for state in STATES:
+        error = Packet("192.0.2.254", robot, arrives, "bridge-lan", "icmp", 0, state, frozenset({"srcnat"}))
+        assert WALKS[site].accepts("forward", error) is (state == "related")
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
 def test_terminal_pages_are_for_the_technician(site: str) -> None:
     satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
     out = link(site, "satellite")
@@ -126,12 +147,13 @@ def test_an_address_that_left_the_list_is_closed(site: str) -> None:
 def test_answers_come_back_and_strays_do_not(site: str) -> None:
     robot = str(DECLARED.sites[site].lan.network[21])
     for bearer in DECLARED.sites[site].bearers:
-        arrives = link(site, bearer.name)
+        arrives, limited = link(site, bearer.name), bearer.kind is BearerKind.SATELLITE
         for state, passes in (("established", True), ("related", True), ("new", False), ("invalid", False)):
-            to_router = Packet("192.0.2.123", str(bearer.address), arrives, "", "udp", 123, state)
+            to_router = Packet("192.0.2.123", str(bearer.address), arrives, "", "udp", 40000, state, src_port=123)
             to_robot = Packet("93.184.216.34", robot, arrives, "bridge-lan", "tcp", 50000, state, frozenset({"srcnat"}))
-            assert WALKS[site].accepts("input", to_router) is passes
-            assert WALKS[site].accepts("forward", to_robot) is passes
+            answer = passes and (state == "established" or not limited)
+            assert WALKS[site].accepts("input", to_router) is answer
+            assert WALKS[site].accepts("forward", to_robot) is (passes and not limited)
     local, out = str(DECLARED.sites[site].lan.gateway), link(site, DECLARED.sites[site].bearers[0].name)
     for chain in ("input", "forward"):
         stray = Packet(robot, local, "bridge-lan", out, "icmp", 0, "invalid")
@@ -205,7 +227,10 @@ def test_partners_reach_neither_the_world_nor_the_management_network(site: str, 
 def test_what_nobody_declared_is_dropped(site: str, arrives: str, port: int) -> None:
     for chain in ("input", "forward"):
         decided = WALKS[site].verdict(chain, Packet("192.0.2.77", "10.64.1.1", arrives, "ether4", "tcp", port))
-        assert decided == ("drop", "atlantis: everything else")
+        assert decided in (
+            ("drop", "atlantis: everything else"),
+            ("drop", "atlantis: satellite, everything else that comes in"),
+        )
 
 
 @pytest.mark.parametrize("site", SITES)

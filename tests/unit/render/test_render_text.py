@@ -20,6 +20,7 @@ from atlantis_netcfg.render import (
     template_folder,
 )
 from atlantis_netcfg.render._environment import MARK, duration
+from atlantis_netcfg.site.allowed import derived
 from atlantis_netcfg.site.model import Forward, Router, Transport
 
 WITHOUT_COMMENT = {"/system/logging", "/system/logging/action"}
@@ -124,14 +125,9 @@ def test_values_that_need_quotes_get_them_and_stay_what_they_are() -> None:
 def test_an_address_is_listed_once_whatever_is_allowed_there() -> None:
     given = declaration()
     satellite = given.sites["te4sea"].bearers[1]
-    more = satellite.model_copy(
-        update={
-            "allow": (
-                *satellite.allow,
-                satellite.allow[0].model_copy(update={"name": "VPN over TCP", "port": 443, "transport": Transport.TCP}),
-            )
-        }
-    )
+    vpn = derived(given.pilot)[0]
+    over_tcp = vpn.model_copy(update={"name": "VPN over TCP", "port": 443, "transport": Transport.TCP})
+    more = satellite.model_copy(update={"allow": (over_tcp,)})
     given = with_site(given, "te4sea", bearers=(given.sites["te4sea"].bearers[0], more))
     listed = [row for row in parsed("te4sea", given).statements if row.get("list") == "sat-allow"]
     assert [row.get("address") for row in listed] == ["203.0.113.2", "192.0.2.123", "192.0.2.124"]
