@@ -1,0 +1,31 @@
+"""The shipped inventory's routers as views and texts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import rsc
+from atlantis_netcfg.render import router, router_view
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.render import RouterView
+    from atlantis_netcfg.rsc import Export
+
+SITES = ("coastal", "te4sea")
+
+
+@dataclass(frozen=True)
+class Rendered:
+    view: RouterView
+    export: Export
+
+
+@cache
+def rendered(site: str) -> Rendered:
+    declaration = load(Path(__file__).parents[3] / "inventory")
+    host = declaration.hosts[f"{site}-router"]
+    return Rendered(router_view(declaration, host), rsc.parse(router(declaration, host), host.name))
