@@ -1,0 +1,188 @@
+"""The AT driver against a modem on a pty: readings from data cases, owners, silence, and what may be sent at all."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+
+import atlantis_netcfg
+from atlantis_netcfg.bearers.lte import LteReading, Registration
+from atlantis_netcfg.bearers.lte import at as driver
+from atlantis_netcfg.bearers.lte.at import (
+    ALLOWED,
+    READS,
+    AtSilent,
+    AtUnreachable,
+    CommandForbidden,
+    Modem,
+    PortOwned,
+    read,
+    require_free,
+)
+from atlantis_netcfg.twin.modem import ModemSpec, RunningModem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+DATA: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("at_cases.yml").read_text(encoding="utf-8"))
+HEARD: list[str] = []
+"""Every line that came to an emulated modem during the tests of this file."""
+
+
+@contextmanager
+def modem(**said: Any) -> Iterator[RunningModem]:  # noqa: ANN401 (fields of ModemSpec)
+    with RunningModem(ModemSpec(**said)) as running:
+        try:
+            yield running
+        finally:
+            HEARD.extend(running.heard)
+            assert running.forbidden == []
+
+
+@pytest.mark.parametrize("case", DATA["cases"], ids=lambda case: str(case["why"])[:60])
+def test_readings(case: dict[str, Any]) -> None:
+    spec = dict(case["modem"])
+    if "noise" in spec:
+        spec["noise"] = spec["noise"].encode("latin-1")
+    expected = {field.name: None for field in dataclasses.fields(LteReading)} | DATA["base"] | case["reading"]
+    with modem(**spec) as running:
+        look = read(running.path)
+        assert dataclasses.asdict(look.reading) == expected | {"state": Registration(expected["state"])}
+        assert running.heard[: len(READS)] == list(READS)
+        assert look.commands == len(running.heard)
+
+
+def test_read_twice_reads_the_same() -> None:
+    with modem() as running:
+        assert read(running.path) == read(running.path)
+
+
+def test_a_modem_that_falls_silent_is_told() -> None:
+    with modem(mute_after=4) as running, pytest.raises(AtSilent) as caught:
+        read(running.path, answer_s=0.2)
+    assert "no answer to AT+CGREG? within 0.2 s" in str(caught.value)
+
+
+def test_a_modem_that_goes_away_is_told() -> None:
+    with modem(mute_after=0) as running:
+        path = running.path
+    with pytest.raises(AtUnreachable):
+        read(path)
+
+
+def test_a_port_that_somebody_has_is_left_alone() -> None:
+    with modem() as running:
+        holder = subprocess.Popen(
+            [sys.executable, "-c", f"f = open({running.path!r}, 'rb', 0); print('open', flush=True); input()"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "open\n"
+        with pytest.raises(PortOwned, match=rf"process {holder.pid}\)"):
+            read(running.path)
+        assert running.heard == []
+        holder.communicate("\n")
+        assert read(running.path).reading.state is Registration.REGISTERED_HOME
+
+
+def test_a_lock_file_of_a_living_process_counts(tmp_path: Path) -> None:
+    proc = tmp_path / "proc"
+    (proc / "4711").mkdir(parents=True)
+    (proc / "4711" / "comm").write_text("pppd\n")
+    (tmp_path / "LCK..ttyUSB2").write_text("      4711\n")
+    with pytest.raises(PortOwned, match=r"pppd, process 4711, by "):
+        require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
+    (tmp_path / "LCK..ttyUSB2").write_text("      4712\n")
+    require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
+
+
+def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
+    sleeper = tmp_path / "ModemManager"
+    shutil.copy(shutil.which("cat") or "", sleeper)
+    with subprocess.Popen([sleeper], stdin=subprocess.PIPE) as process:
+        with pytest.raises(PortOwned) as caught:
+            require_free("/dev/ttyUSB2", locks=())
+        process.communicate()
+    assert f"(process {process.pid})" in str(caught.value)
+    assert "driver: modemmanager" in str(caught.value.hint)
+    require_free("/dev/ttyUSB2", locks=())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "AT+CFUN=1",
+        "AT+COPS=0",
+        'AT+CPIN="1234"',
+        "ATE0",
+        "AT+CMEE=2",
+        "AT+CGSN",
+        "ATZ",
+        "AT+CPIN?\rAT+CFUN=0",
+        "at+csq",
+    ],
+)
+def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
+    with modem() as running:
+        with Modem(running.path) as opened, pytest.raises(CommandForbidden) as caught:
+            opened.ask(command)
+        assert "1234" not in str(caught.value)
+        assert running.heard == []
+
+
+def test_every_command_in_the_product_is_allowed() -> None:
+    """Static: each text in the package that looks like a command to a modem, wherever it stands but in the twin."""
+    package = Path(atlantis_netcfg.__file__).parent
+    found: set[str] = set()
+    for path in package.rglob("*.py"):
+        if "twin" in path.relative_to(package).parts:
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        found |= {
+            node.value
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and re.fullmatch(r"AT(?:[A-Z]\d?|[+^*$&#%].+)", node.value.strip(), re.IGNORECASE)
+        }
+    assert found == ALLOWED
+
+
+def test_one_place_writes_to_the_port_and_it_checks() -> None:
+    folder = Path(driver.__file__).parent
+    writes = [
+        (path.name, node.lineno)
+        for path in folder.glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ("write", "writelines", "sendall")
+    ]
+    assert [name for name, _ in writes] == ["_line.py"]
+    lines = (folder / "_line.py").read_text(encoding="utf-8").splitlines()
+    before = "\n".join(lines[: writes[0][1]])
+    assert before.index("data = checked(command)") < before.index("port.write(data)")
+
+
+def test_the_allow_list_holds_reads_only() -> None:
+    documented = {'AT+QENG="servingcell"'}
+    assert {command for command in ALLOWED if "=" in command} <= documented
+    assert not [command for command in ALLOWED if re.match(r"AT\+(CGSN|CIMI|CCID|ICCID|QCCID)", command)]
+
+
+def test_zz_all_that_was_heard_is_allowed() -> None:
+    """Dynamic: the recorder at the port during all tests of this file that ran in this process."""
+    with modem() as running:
+        read(running.path)
+    assert set(HEARD) <= ALLOWED
+    assert set(READS) <= set(HEARD)
