@@ -10,12 +10,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from atlantis_netcfg.journal._cost import CostCounted
+
 __all__ = [
     "SETTLED",
     "ActionsAcknowledged",
     "ActionsConfirmed",
     "ContactStep",
     "ContactStepDone",
+    "CostCounted",
     "DeviceObserved",
     "LayerSent",
     "Outcome",
@@ -297,6 +300,7 @@ Record = Annotated[
     | PackageSent
     | Rebooting
     | PackagesConfirmed
+    | CostCounted
     | Outcome
     | RunEnded,
     Field(discriminator="kind"),

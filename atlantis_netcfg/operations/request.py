@@ -7,7 +7,12 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["Mode", "Request", "Target"]
+__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "Target"]
+
+ACCEPT_COST = "atlantis_accept_cost"
+"""Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
+PLAIN_ANSIBLE = "ansible-playbook"
+"""What the journal calls a run that was not asked for by `provision`."""
 
 
 class Mode(StrEnum):
@@ -63,7 +68,9 @@ class Request(_Data):
     """Not what is declared is wanted, but what this run has read back; the device may be a replacement."""
     unprotected: bool = False
     """A person has said that devices may be changed although nothing would take the change back."""
+    accept_cost: bool = False
+    """A person has agreed to pay for what is sent over links that are paid by the byte."""
     events_fd: int | None = None
     """File descriptor for events, one JSON object a line."""
-    command: str = "ansible-playbook"
+    command: str = PLAIN_ANSIBLE
     """What the technician typed, for the journal and the site lock."""

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import paths
 from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode, Request
@@ -78,38 +79,37 @@ def _perform(
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
         )
     hosts = [declaration.hosts[name] for name in names if handled(declaration.hosts[name])]
+    gate(declaration, hosts, request)
+    store, costs = Store(request.state, rehearsed=request.rehearsed), Costs(declaration, request)
     turns = {site: Turn(declaration, site, hosts, request) for site in sorted({one.site for one in hosts})}
     results: dict[str, Mapping[str, Any]] = {}
 
     def ended(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
+        paid = costs.told(result, turns[site].journal, store)
         turns[site].ended(result)
         told = _logged(result, request)
-        results[told.name] = told.as_dict()
+        results[told.name] = {**told.as_dict(), **paid}
         run = turns[site].run
         channel.outcome({told.name: results[told.name]}, {site: run} if run else {})
 
     with ExitStack() as stack:
         for turn in turns.values():
             stack.callback(turn.close)
-        waiting = _waiting(declaration, hosts, request, turns, channel)
+        waiting = _waiting(costs, hosts, turns, channel)
         asyncio.run(fleet.stream(waiting, ended, mode=request.mode.value))
     return results
 
 
-def _waiting(
-    declaration: Declaration, hosts: Sequence[Host], request: Request, turns: Mapping[str, Turn], channel: Channel
-) -> list[fleet.Waiting]:
+def _waiting(costs: Costs, hosts: Sequence[Host], turns: Mapping[str, Turn], channel: Channel) -> list[fleet.Waiting]:
     """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that."""
 
     def make(host: Host) -> DeviceJob:
         turn = turns[host.site]
         turn.begin()
-        job = device_job(declaration, host, request, turn.journal, channel.event)
-        return replace(job, confirmed=turn.confirmed.get(host.name))
+        job = device_job(costs.declaration, host, costs.request, turn.journal, channel.event)
+        return costs.beside(replace(job, confirmed=turn.confirmed.get(host.name)))
 
-    for host in hosts:
-        bearer_of(declaration, host, request.via.get(host.name))
     if len(turns) > 1:
         ordered = sorted(hosts, key=lambda host: host.site)
         return [fleet.Waiting(host.name, partial(make, host)) for host in ordered]

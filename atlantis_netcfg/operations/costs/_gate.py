@@ -1,0 +1,83 @@
+"""Before the first byte: what a request will send over links that are paid by the byte, and whether anybody agreed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, preview
+from atlantis_netcfg.operations import request as requests
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs._links import link_of
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.request import Mode
+from atlantis_netcfg.routeros.estimate import beforehand as before_reading
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.bearers.cost import Link, Preview
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["beforehand", "gate", "unpaid"]
+
+
+def beforehand(
+    declaration: Declaration, hosts: Sequence[Host], request: Request, *, at_most: bool = True
+) -> tuple[Preview, ...]:
+    """One preview for each metered link that sessions of this request go over, devices on one link added up.
+
+    `at_most`: a run that may write is told as if all of its text had to be written, since nobody has read the device
+    yet; otherwise the reading alone. Raises UsageError for a link that a site does not have.
+    """
+    sums: dict[Link, list[Estimate]] = {}
+    for host in hosts:
+        if not handled(host):
+            continue
+        bearer = bearer_of(declaration, host, request.via.get(host.name))
+        if bearer.metered:
+            found = _estimate(declaration, host, bearer, request, at_most=at_most)
+            sums.setdefault(link_of(declaration, host.site, bearer.name), []).append(found)
+    return tuple(
+        preview(sum(each.wire_bytes for each in found), sum(each.seconds for each in found), link)
+        for link, found in sums.items()
+    )
+
+
+def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> None:
+    """Let a request through, or raise CostRefused before its first byte; a rehearsal costs nothing.
+
+    Beyond the cap nothing helps. What a run would write is judged against the cap once its plan is known.
+    Raises UsageError for a link that a site does not have.
+    """
+    readings = beforehand(declaration, hosts, request, at_most=False)
+    if request.rehearsed:
+        return
+    for reading in readings:
+        if reading.over_cap:
+            raise reading.refusal()
+    if not request.accept_cost:
+        dear = beforehand(declaration, hosts, request)
+        if dear:
+            raise unpaid(dear, request.command)
+
+
+def unpaid(previews: Sequence[Preview], command: str = "provision") -> CostRefused:
+    """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
+    flag = f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{ACCEPT}`"
+    sites = {each.link.site for each in previews}
+    told = "; ".join(f"{each.link.site} {each.words}" if len(sites) > 1 else each.words for each in previews)
+    return CostRefused(
+        f"nobody has agreed to pay for this, so nothing was sent: {told}",
+        hint=f"type the same with {flag}; `--yes` does not say that. Or go over another link, as in `via=lan`",
+    )
+
+
+def _estimate(declaration: Declaration, host: Host, bearer: Bearer, request: Request, *, at_most: bool) -> Estimate:
+    if request.mode is Mode.BACKUP:
+        return before_reading(bearer, exports=True)
+    if request.mode.reads_only or not at_most:
+        return before_reading(bearer)
+    texts = managed(declaration, host).texts()
+    return before_reading(bearer, writes=max(len(text.text.encode()) for text in texts))
