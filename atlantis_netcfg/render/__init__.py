@@ -6,17 +6,24 @@ that is a pure function of the declaration. Names that a template misspells are 
 
 from __future__ import annotations
 
+from atlantis_netcfg.render._cpe import CpeView, RadioView, cpe, cpe_prerequisites, cpe_view, radio_name
 from atlantis_netcfg.render._declared import RenderError
 from atlantis_netcfg.render._environment import environment, template_folder
 from atlantis_netcfg.render._router import prerequisites, router, router_view
 from atlantis_netcfg.render.view import Prerequisite, RouterView
 
 __all__ = [
+    "CpeView",
     "Prerequisite",
+    "RadioView",
     "RenderError",
     "RouterView",
+    "cpe",
+    "cpe_prerequisites",
+    "cpe_view",
     "environment",
     "prerequisites",
+    "radio_name",
     "router",
     "router_view",
     "template_folder",

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["BANDS", "WIDTHS", "is_channel", "legal", "why_illegal"]
+__all__ = ["BANDS", "WIDTHS", "eirp_dbm", "is_channel", "legal", "lower_edge", "why_illegal"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +30,18 @@ class Range:
     high: float
     outdoors: bool
     indoors: bool
+    eirp_dbm: float
+    """The most that may be radiated, antenna included."""
     rule: str
 
 
 _CEPT_5GHZ = (
-    Range(5150, 5250, False, True, "5150-5250 MHz is not for fixed outdoor antennas"),
-    Range(5250, 5350, False, True, "5250-5350 MHz is for indoor use only"),
-    Range(5470, 5725, True, True, "5470-5725 MHz"),
-    Range(5725, 5875, False, False, "5725-5875 MHz is for short-range devices of 25 mW only"),
+    Range(5150, 5250, False, True, 23.0, "5150-5250 MHz is not for fixed outdoor antennas"),
+    Range(5250, 5350, False, True, 23.0, "5250-5350 MHz is for indoor use only"),
+    Range(5470, 5725, True, True, 30.0, "5470-5725 MHz"),
+    Range(5725, 5875, False, False, 14.0, "5725-5875 MHz is for short-range devices of 25 mW only"),
 )
-_CEPT_2GHZ = (Range(2400, 2483.5, True, True, "2400-2483.5 MHz"),)
+_CEPT_2GHZ = (Range(2400, 2483.5, True, True, 20.0, "2400-2483.5 MHz"),)
 RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
     "portugal": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
     "belgium": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
@@ -88,6 +90,21 @@ def why_illegal(country: str, band: str, frequency: int, width: int, *, outdoors
     """The rule that forbids a channel, None if it is allowed; one of the ways to widen it must be."""
     reasons = [_why_not(country, band, low, low + width, outdoors=outdoors) for low in _lower_edges(frequency, width)]
     return None if None in reasons else reasons[0]
+
+
+def lower_edge(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> float:
+    """Where a channel begins, in MHz: of the ways to widen its control channel, the first that is allowed."""
+    edges = _lower_edges(frequency, width)
+    good = (edge for edge in edges if _why_not(country, band, edge, edge + width, outdoors=outdoors) is None)
+    return next(good, edges[0])
+
+
+def eirp_dbm(country: str, band: str, frequency: int, width: int, *, outdoors: bool) -> float | None:
+    """The most that may be radiated on a channel, antenna included; None if the channel is not allowed."""
+    if why_illegal(country, band, frequency, width, outdoors=outdoors) is not None:
+        return None
+    low = lower_edge(country, band, frequency, width, outdoors=outdoors)
+    return min(one.eirp_dbm for one in RANGES[country][band] if one.low < low + width and low < one.high)
 
 
 def _why_not(country: str, band: str, low: float, high: float, *, outdoors: bool) -> str | None:

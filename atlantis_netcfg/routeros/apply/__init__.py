@@ -7,6 +7,7 @@ everything back from a new session and releases. After a failure it finds out by
 from __future__ import annotations
 
 from atlantis_netcfg.routeros.apply._executor import converge
+from atlantis_netcfg.routeros.apply._fitting import Fitting
 from atlantis_netcfg.routeros.apply._job import (
     Channel,
     Connect,
@@ -25,6 +26,7 @@ __all__ = [
     "Connect",
     "DeviceJob",
     "DeviceResult",
+    "Fitting",
     "Mode",
     "Patience",
     "SshEndpoint",

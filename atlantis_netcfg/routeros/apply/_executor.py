@@ -15,6 +15,7 @@ from atlantis_netcfg.routeros.apply._claim import other
 from atlantis_netcfg.routeros.apply._contact import Contact
 from atlantis_netcfg.routeros.apply._deadman import FOUND, found
 from atlantis_netcfg.routeros.apply._drift import compared, drift
+from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import Mode, Status
 from atlantis_netcfg.routeros.apply._prerequisites import missing
@@ -70,7 +71,7 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
     """Run, and turn whatever went wrong into a result."""
     try:
         return await (_backup(work) if mode is Mode.BACKUP else _run(work, mode))
-    except (CannotPlan, MenuMissing) as refusal:
+    except (CannotPlan, MenuMissing, Unfit) as refusal:
         return work.result(Status.REFUSED, str(refusal), hint=refusal.hint)
     except NetcfgError as failure:
         if mode is Mode.DRIFT:
@@ -111,11 +112,11 @@ async def _run(work: Work, mode: Mode) -> DeviceResult:
 
 
 async def _observe(work: Work, mode: Mode) -> None:
-    job = work.job
-    work.say(Stage.CONNECTING, f"to {job.endpoint}")
+    work.say(Stage.CONNECTING, f"to {work.job.endpoint}")
     work.session = await work.contact.open()
     if mode is Mode.RESUME:
         await _until_undone(work)
+    job = work.job = await fitted(work.session, work.job)
     work.before = await observe(work.session, job.endpoint, job.desired.menus, GUARDED, job.counted)
     facts = work.before.facts
     work.record(

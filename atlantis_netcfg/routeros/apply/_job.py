@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, PortCounts
+    from atlantis_netcfg.routeros.apply._fitting import Fitting
     from atlantis_netcfg.routeros.apply._toll import Toll
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
@@ -144,6 +145,9 @@ class DeviceJob:
     name: str
     endpoint: Endpoint
     desired: Desired
+    """With `fitting`, what is taken for granted until the device has been asked."""
+    fitting: Fitting | None = None
+    """What there is to choose from where the device decides; None: nothing."""
     site: str = ""
     address: str = ""
     """The device's own address on the way that we come; empty: the endpoint's, which a twin has not."""

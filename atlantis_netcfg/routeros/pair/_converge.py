@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._contact import Contact
+from atlantis_netcfg.routeros.apply._fitting import Unfit
 from atlantis_netcfg.routeros.observe import MenuMissing
 from atlantis_netcfg.routeros.pair import _safe
 from atlantis_netcfg.routeros.pair._agreement import disagreements
@@ -136,7 +137,7 @@ async def _wait(work: Transaction) -> None:
 async def _problem(end: End) -> DeviceResult | None:
     try:
         await end.read()
-    except (CannotPlan, MenuMissing) as refusal:
+    except (CannotPlan, MenuMissing, Unfit) as refusal:
         return end.result(Status.REFUSED, str(refusal), hint=refusal.hint)
     except NetcfgError as failure:
         return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {failure}", hint=failure.hint)

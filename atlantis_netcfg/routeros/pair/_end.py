@@ -17,6 +17,7 @@ from atlantis_netcfg.journal import (
     Unrolled,
 )
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
+from atlantis_netcfg.routeros.apply._fitting import fitted
 from atlantis_netcfg.routeros.apply._prerequisites import missing
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._telling import cleaned, ended, planned
@@ -118,9 +119,10 @@ class End:
     # --- reading ---------------------------------------------------------------------------------------------------
 
     async def read(self) -> None:
-        """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, DeviceFailed."""
+        """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, Unfit, DeviceFailed."""
         self.say(Stage.CONNECTING, f"to {self.job.endpoint}")
         self.session = await self.contact.open()
+        self.job = await fitted(self.session, self.job)
         self.before = await observe(self.session, self.job.endpoint, self.job.desired.menus, (*GUARDED, *MENUS))
         facts = self.before.facts
         self.record(

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from atlantis_netcfg.site.model._base import HostName, Model, SecretText, Ssid
+from atlantis_netcfg.site.model._base import HostName, Model, PortName, SecretText, Ssid
 from atlantis_netcfg.site.model._box import Access, Box
 
 __all__ = ["Cpe", "Ptp", "PtpMode", "PtpProtocol", "RadioMenus", "SignalBounds"]
@@ -65,8 +65,11 @@ class Ptp(Model):
     menus: RadioMenus = RadioMenus.AUTO
     tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
     """At the antenna's socket; None leaves it to the country's limit, which is too much for a short link."""
-    antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
-    """From the antenna's data sheet; with it the radiated power is held below the country's limit."""
+    antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=30)] | None = None
+    """From the antenna's data sheet; with it the radiated power is held below the country's limit.
+
+    RouterOS' `wifi` menus take 30 at most.
+    """
     distance_m: Annotated[StrictInt, Field(ge=1, le=50_000)] | None = None
     """Between the ends."""
     signal: SignalBounds = SignalBounds()
@@ -79,4 +82,6 @@ class Cpe(Box):
 
     kind: Literal["cpe"]
     access: Access
+    port: PortName = "ether1"
+    """The port of the cable to the router, by its factory name; power comes in by it, too."""
     ptp: Ptp

@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING
 from spoken import Said, lines
 from trees import ROOT, TREES
 
-from atlantis_netcfg.render import environment, router_view, template_folder
+from atlantis_netcfg.render import cpe_view, environment, router_view, template_folder
 from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import Cpe, PtpProtocol
+from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.render import RouterView
+    from trees import Tree
 
+    from atlantis_netcfg.render import CpeView, RouterView
+
+NEWER = {("/interface/wifi", "configuration.installation"): "7.18.2"}
+"""Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""
 _INCLUDE = re.compile(r"\{% include \"([^\"]+)\" %\}")
 _STATEMENT = re.compile(r"\{%-?.*?-?%\}", re.DOTALL)
 _COMMENT = re.compile(r"\{#.*?#\}", re.DOTALL)
@@ -43,11 +49,29 @@ def _variants(view: RouterView) -> Iterator[RouterView]:
     yield replace(view, ports=tuple(replace(port, poe_out="auto-on", poe_priority=10) for port in view.ports))
 
 
+def cpes() -> Iterator[CpeView]:
+    """Yield the views of all ends of bridges of the shipped inventory, for both families of radio menus."""
+    declaration = load(ROOT / "inventory")
+    for host in declaration.hosts.values():
+        if not isinstance(host.device, Cpe):
+            continue
+        for family, protocol in (("wireless", "nv2"), ("wireless", "802.11"), ("wifi", "802.11")):
+            ptp = host.device.ptp.model_copy(update={"protocol": PtpProtocol(protocol)})
+            view = cpe_view(declaration, replace(host, device=host.device.model_copy(update={"ptp": ptp})), family)
+            yield view
+            for mode in (True, False):
+                said = {"tx_power_dbm": 10, "antenna_gain_dbi": 16, "distance_km": 3, "is_ap": mode}
+                yield replace(view, radio=replace(view.radio, **said))
+                unsaid = {"tx_power_dbm": None, "antenna_gain_dbi": None, "distance_km": None, "is_ap": mode}
+                yield replace(view, radio=replace(view.radio, **unsaid))
+
+
 @cache
 def rendered() -> tuple[str, ...]:
     """Every text that can come out; a new kind of template has to be rendered here."""
     template = environment().get_template("routeros/router.rsc.j2")
-    return tuple(template.render(router=view) for view in routers())
+    radio = environment().get_template("routeros/cpe.rsc.j2")
+    return (*(template.render(router=view) for view in routers()), *(radio.render(cpe=view) for view in cpes()))
 
 
 def sources() -> dict[str, str]:
@@ -77,6 +101,15 @@ def bare(source: str) -> str:
 def words(texts: tuple[str, ...]) -> frozenset[tuple[str, str, str]]:
     """Return menu, command and argument of everything in the texts, as the newest tree reads them."""
     return frozenset(cell for text in texts for said in lines(text, TREES[-1]) for cell in cells(said))
+
+
+def unknown(said: Said, tree: Tree) -> frozenset[str]:
+    """Return the names of a line that a tree lacks and should have."""
+    return frozenset(
+        name
+        for name in said.unknown(tree)
+        if Version.parse(NEWER.get((said.menu, name), "0.0")) <= Version.parse(tree.version)
+    )
 
 
 def cells(said: Said) -> Iterator[tuple[str, str, str]]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import pytest
 from spoken import lines
-from templates_said import bare, left_out, rendered, sources, words
+from templates_said import NEWER, bare, left_out, rendered, sources, unknown, words
 from trees import TREES, VERSIONS, Tree
+
+from atlantis_netcfg.versions import Version
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_all_that_templates_render_is_in_the_tree(tree: Tree) -> None:
     """Of 7.16, too: the templates' own minimum is higher, for the meaning of values, not for names."""
     said = [one for text in rendered() for one in lines(text, tree)]
-    assert {(one.text, name) for one in said for name in one.unknown(tree)} == set()
+    assert {(one.text, name) for one in said for name in unknown(one, tree)} == set()
     assert len(said) > 1000
 
 
@@ -20,8 +22,17 @@ def test_all_that_templates_render_is_in_the_tree(tree: Tree) -> None:
 @pytest.mark.parametrize("name", sources())
 def test_all_that_stands_in_a_template_is_in_the_tree(name: str, tree: Tree) -> None:
     said = list(lines(bare(sources()[name]), tree))
-    assert [one.text for one in said if one.unknown(tree)] == []
+    assert [one.text for one in said if unknown(one, tree)] == []
     assert said
+
+
+def test_what_is_called_newer_is_newer() -> None:
+    rows = [(menu, name, since) for (menu, name), since in NEWER.items()]
+    for tree in TREES:
+        for menu, name, since in rows:
+            text = f"{menu.replace('/interface/', '/interface ')} set {name}=x"
+            lacks = any(one.unknown(tree) for one in lines(text, tree))
+            assert lacks is (Version.parse(tree.version) < Version.parse(since)), (tree.version, name)
 
 
 def test_what_was_rendered_is_all_that_the_templates_hold() -> None:

@@ -1,0 +1,224 @@
+"""From the declaration to the view of one end of a Wi-Fi bridge, and to its text for either family of radio menus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from math import ceil
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.render._declared import RenderError
+from atlantis_netcfg.render._environment import environment
+from atlantis_netcfg.render._links import in_network
+from atlantis_netcfg.render._router import API_CERTIFICATE
+from atlantis_netcfg.render.view import ManagementView, Named, Prerequisite
+from atlantis_netcfg.site.channels import lower_edge
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+    from atlantis_netcfg.render._declared import Declared, DeclaredHost
+    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.site.model import Bearer, Cpe, Ptp, ServedLink
+
+__all__ = ["CpeView", "RadioView", "cpe", "cpe_prerequisites", "cpe_view", "radio_name"]
+
+_BRIDGE = "bridge-ptp"
+_RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}
+_LEGACY_BANDS = {
+    "802.11a": "5ghz-a",
+    "802.11g": "2ghz-b/g",
+    "802.11n": "{}",
+    "802.11ac": "5ghz-a/n/ac",
+}
+_LEGACY_N = {"2ghz": "2ghz-b/g/n", "5ghz": "5ghz-a/n"}
+_STEP_MHZ = 20
+_LONG_M = 2000
+"""Further than this the `wifi` menus have to be told (Manual, Configuring outdoor CPE to AP links)."""
+_SMALLEST_CELL_KM = 10
+"""Of `nv2-cell-radius`; below 10 km RouterOS refuses it (Manual, Nv2)."""
+_WEATHER_MHZ = (5600, 5650)
+"""Weather radars: an access point listens for ten minutes before it speaks there (ETSI EN 301 893)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RadioView:
+    """One radio, in the words of its family of menus."""
+
+    name: str
+    """Factory name."""
+    is_ap: bool
+    ssid: str
+    protocol: str
+    """RouterOS' word for `wireless-protocol`."""
+    band: str
+    frequency_mhz: int
+    width: str
+    country: str
+    installation: str
+    skip_dfs: str
+    """Which channels an access point keeps off when it has to choose another one."""
+    key: Secret
+    authentication: str
+    tx_power_dbm: int | None
+    antenna_gain_dbi: int | None
+    cell_radius_km: int
+    """Of nv2."""
+    distance_km: int | None
+    """Only where the distance needs it."""
+
+    @property
+    def is_nv2(self) -> bool:
+        """Whether the key is nv2's own; the security profile is for 802.11."""
+        return self.protocol == "nv2"
+
+
+@dataclass(frozen=True, slots=True)
+class CpeView:
+    """One end of the bridge, whole."""
+
+    name: str
+    title: str
+    peer: str
+    time_zone: str
+    time_servers: tuple[Named, ...]
+    bridge: str
+    port: str
+    """The one Ethernet port; power and the router's cable come in by it."""
+    family: str
+    """`wireless` or `wifi`."""
+    radio: RadioView
+    management: ManagementView
+    network: str
+    """Of the link: both routers and both radios."""
+    gateway: str
+    """The router that serves the link: the way to the time servers and to its own technician."""
+    routes: tuple[Named, ...]
+    """The other networks from which it is managed, each with the address of the router that leads there."""
+
+
+def cpe(declaration: Declared, host: DeclaredHost, family: str) -> str:
+    """Render the whole desired text of one end, secrets in clear: never print it. Raises RenderError.
+
+    `family`: `wireless` or `wifi`, the radio menus of the device.
+    """
+    return _template().render(cpe=cpe_view(declaration, host, family))
+
+
+@cache
+def _template() -> Template:
+    return environment().get_template("routeros/cpe.rsc.j2")
+
+
+def cpe_view(declaration: Declared, host: DeclaredHost, family: str) -> CpeView:
+    """Prepare what the template sees. Raises RenderError."""
+    device, site = _cpe_of(host), declaration.sites[host.site]
+    carried, bearer, serving, served = _ends(declaration, host, device)
+    behind = declaration.sites[carried].management.network
+    networks = (served.network, behind, declaration.sites[serving].management.network)
+    return CpeView(
+        name=host.name,
+        title=site.title,
+        peer=device.ptp.peer,
+        time_zone=declaration.pilot.time_zone,
+        time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        bridge=_BRIDGE,
+        port=device.port,
+        family=family,
+        radio=_radio(host.name, device.ptp, family),
+        management=ManagementView(
+            port=device.port,
+            address=in_network(device.access.address, served.network),
+            network=str(served.network),
+            admit=tuple(dict.fromkeys(map(str, networks))),
+            api_port=device.access.port,
+            certificate=API_CERTIFICATE,
+        ),
+        network=str(served.network),
+        gateway=str(served.address),
+        routes=(Named(str(behind), str(bearer.address)),),
+    )
+
+
+def radio_name(family: str) -> str:
+    """Return the factory name of a device's first radio; `family`: `wireless` or `wifi`."""
+    return _RADIO_NAMES[family]
+
+
+def cpe_prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+    """Say what must be on the device before its text can be written: port and certificate that it refers to."""
+    device = _cpe_of(host)
+    peer = declaration.hosts[device.ptp.peer].name if device.ptp.peer in declaration.hosts else device.ptp.peer
+    return (
+        Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
+        Prerequisite("/interface/ethernet", device.port, f"the cable of the bridge to {peer} comes in by it"),
+    )
+
+
+def _cpe_of(host: DeclaredHost) -> Cpe:
+    if host.device.kind != "cpe":
+        raise RenderError(f"{host.name} is a {host.device.kind}, and only a CPE has a CPE's configuration")
+    return host.device
+
+
+def _ends(declaration: Declared, host: DeclaredHost, device: Cpe) -> tuple[str, Bearer, str, ServedLink]:
+    """Return the site that the bridge carries with its bearer, and the site that serves it with its link."""
+    ends = {host.name, device.ptp.peer}
+    for carried, site in declaration.sites.items():
+        for bearer in site.bearers:
+            if bearer.kind != "wifi_ptp" or bearer.device not in ends:
+                continue
+            for serving, other in declaration.sites.items():
+                for served in other.served_links:
+                    if served.carries == carried and {bearer.device, served.device} == ends:
+                        return carried, bearer, serving, served
+    raise RenderError(
+        f"{host.name} is no end of a link: no `wifi_ptp` bearer and served link name {host.name} and {device.ptp.peer}",
+        hint="see `bearers` and `served_links` of the two sites in group_vars",
+    )
+
+
+def _radio(name: str, ptp: Ptp, family: str) -> RadioView:
+    legacy = family == "wireless"
+    if (ptp.standard == "802.11ax") if legacy else (ptp.protocol != "802.11"):
+        raise RenderError(f"{name}: the `{family}` menus cannot do {ptp.protocol} with {ptp.standard}")
+    low = ptp.frequency_mhz - ptp.width_mhz // 2
+    weather = low < _WEATHER_MHZ[1] and ptp.frequency_mhz + ptp.width_mhz // 2 > _WEATHER_MHZ[0]
+    distance_m = ptp.distance_m or 0
+    return RadioView(
+        name=radio_name(family),
+        is_ap=ptp.mode == "access_point",
+        ssid=ptp.ssid,
+        protocol=ptp.protocol.value,
+        band=_band(ptp, legacy=legacy),
+        frequency_mhz=ptp.frequency_mhz,
+        width=_width(ptp, legacy=legacy),
+        country=ptp.country if legacy else ptp.country.capitalize(),
+        installation="outdoor" if ptp.outdoor else "indoor",
+        skip_dfs="disabled" if weather else "10min-cac",
+        key=ptp.key,
+        authentication=f"{ptp.wpa}-psk",
+        tx_power_dbm=ptp.tx_power_dbm,
+        antenna_gain_dbi=ptp.antenna_gain_dbi,
+        cell_radius_km=max(_SMALLEST_CELL_KM, ceil(distance_m / 1000)),
+        distance_km=ceil(distance_m / 1000) if distance_m > _LONG_M else None,
+    )
+
+
+def _band(ptp: Ptp, *, legacy: bool) -> str:
+    if not legacy:
+        return f"{ptp.band}-{ptp.standard.removeprefix('802.11')}"
+    return _LEGACY_BANDS[ptp.standard].format(_LEGACY_N[ptp.band])
+
+
+def _width(ptp: Ptp, *, legacy: bool) -> str:
+    """Write a width with the control channel's place in it: `C` is the control channel, each `e` 20 MHz beside it."""
+    if ptp.width_mhz == _STEP_MHZ:
+        return "20mhz"
+    sizes = "/".join(str(size) for size in (20, 40, 80) if size <= ptp.width_mhz) + "mhz"
+    if not legacy and ptp.width_mhz > 2 * _STEP_MHZ:
+        return sizes  # the newer menus have no words for the place in wider channels
+    low = lower_edge(ptp.country, ptp.band, ptp.frequency_mhz, ptp.width_mhz, outdoors=ptp.outdoor)
+    letters = ["e"] * (ptp.width_mhz // _STEP_MHZ)
+    letters[round(ptp.frequency_mhz - _STEP_MHZ // 2 - low) // _STEP_MHZ] = "C"
+    return f"{sizes}-{''.join(letters)}"
