@@ -5,6 +5,7 @@ Asyncio programs use `Router` or `Site`; others `RunningSite` (a thread) or `spa
 
 from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
 from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
+from atlantis_netcfg.twin.lte import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.twin.radio import Air, RadioLink, RadioPair
 from atlantis_netcfg.twin.router import Router
 from atlantis_netcfg.twin.running import RunningSite, SpawnedSite, TwinsFailed, spawn
@@ -19,6 +20,7 @@ __all__ = [
     "COMMANDS",
     "NOT_REHEARSED",
     "Air",
+    "CellSpec",
     "Counters",
     "Device",
     "DeviceMode",
@@ -29,6 +31,7 @@ __all__ = [
     "Link",
     "Management",
     "Mode",
+    "ModemSpec",
     "Radio",
     "RadioLink",
     "RadioPair",
@@ -36,6 +39,7 @@ __all__ = [
     "RouterSpec",
     "RunningSite",
     "Service",
+    "SimSpec",
     "Site",
     "SiteSpec",
     "SpawnedSite",

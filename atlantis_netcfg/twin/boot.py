@@ -36,6 +36,7 @@ def boot(core: Core) -> None:
             _factory(core, menu)
     _ports(core)
     _radios(core)
+    _modem(core)
     _people(core)
     if core.spec.factory:
         _seed(core, default_configuration(core.spec) + core.spec.seed)
@@ -85,6 +86,14 @@ def _radios(core: Core) -> None:
         if not newer:
             factory |= {"radio-name": mac.replace(":", ""), "ssid": "MikroTik", "band": "5ghz-a/n", "frequency": "5180"}
         table.items.append(Item(core.store.new_id(path), dict(factory), factory))
+
+
+def _modem(core: Core) -> None:
+    """The one row of a board with a modem; the device writes that roaming is off when it finds it."""
+    if core.spec.modem is None or not core.schema.has_menu("/interface/lte"):
+        return
+    factory = {"name": core.spec.modem.name, "allow-roaming": "no"}
+    core.store.table("/interface/lte").items.append(Item(core.store.new_id("/interface/lte"), dict(factory), factory))
 
 
 def _people(core: Core) -> None:

@@ -7,6 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.history import History
+from atlantis_netcfg.twin.lte._state import SimState
 from atlantis_netcfg.twin.schema import Schema, features_of
 from atlantis_netcfg.twin.store import Store
 from atlantis_netcfg.twin.topology import Topology
@@ -96,7 +97,8 @@ class Core:
         self.radios: dict[str, RadioState] = {}
         """What each radio sees, by factory name; whoever emulates the air says so."""
         self.linked: frozenset[int] = frozenset()
-        """Radios that are connected to another one."""
+        """Radios that are connected to another one, and a modem that is connected to its network."""
+        self.sim = SimState(spec.modem.sim.tries if spec.modem is not None and spec.modem.sim is not None else 0)
         self.boot_clock = spec.clock
         self._topology: Topology | None = None
         self._numbers = 0
@@ -125,6 +127,8 @@ class Core:
         """Go on with the clock of before a restart, and with the numbers of its sessions."""
         self.boot_clock = before.time()
         self._numbers = before.number()
+        self.sim = before.sim
+        self.sim.restart()
 
     def set_clock(self, moment: datetime) -> None:
         """Let the clock show `moment` now."""

@@ -18,6 +18,7 @@ __all__ = ["dynamic_rows", "properties", "type_of"]
 Properties = dict[str, str]
 _TYPES = {
     "/interface/ethernet": "ether",
+    "/interface/lte": "lte",
     "/interface/bridge": "bridge",
     "/interface/ovpn-client": "ovpn-out",
     "/interface/wireless": "wlan",
@@ -57,6 +58,15 @@ def _wifi(topology: Topology, item: Item) -> Properties:
     running = topology.interfaces[item.id].running
     flags = {"bound": "true", "master": _truth(item.factory is not None), "inactive": _truth(not running)}
     return {**_default_name(item), **flags, "running": _truth(running)}
+
+
+def _modem(topology: Topology, item: Item) -> Properties:
+    interface = topology.interfaces[item.id]
+    return {
+        **_default_name(item),
+        "running": _truth(interface.running),
+        "inactive": _truth(interface.enabled and not interface.running),
+    }
 
 
 def _default_name(item: Item) -> Properties:
@@ -172,6 +182,7 @@ _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
     "/interface/bridge": _bridge,
     "/interface/bridge/port": _port,
     "/interface/ethernet": _ethernet,
+    "/interface/lte": _modem,
     "/interface/ovpn-client": _tunnel,
     "/interface/wifi": _wifi,
     "/interface/wireless": _radio,

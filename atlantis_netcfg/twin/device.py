@@ -274,7 +274,8 @@ class Device(ConsoleSide, FileSide):
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
         keys = {str(number): pem for number, pem in core.keys.items()}
         flash = {"configuration": store.dump(), "files": files, "software": software, "keys": keys}
-        return flash | {"greetings": list(core.greetings)}
+        sim = {} if self.spec.modem is None else {"tries_left": core.sim.tries_left}
+        return flash | sim | {"greetings": list(core.greetings)}
 
     def restore(self, flash: Mapping[str, Any]) -> None:
         """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
@@ -291,6 +292,7 @@ class Device(ConsoleSide, FileSide):
         self._core.files = dict(found.files)
         self._core.keys = {int(number): pem for number, pem in flash.get("keys", {}).items()}
         self._core.greetings = tuple(flash.get("greetings", self._core.greetings))
+        self._core.sim.tries_left = flash.get("tries_left", self._core.sim.tries_left)
         self.spec = found.spec
         for topics, message in found.log:
             self._core.note(topics, message)

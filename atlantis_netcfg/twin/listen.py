@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Answer, Category, Trap
 from atlantis_netcfg.twin.commands.read import all_rows
 from atlantis_netcfg.twin.core import Listener
+from atlantis_netcfg.twin.lte._modem import settle
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call
@@ -30,7 +31,8 @@ def _rows(core: Core, call: Call) -> dict[str, dict[str, str]]:
 
 
 def emit(core: Core) -> None:
-    """Tell every listener what has changed since it was told last; a row that has gone is `.dead`."""
+    """Let the modem act on what was changed, and tell every listener what is new; a row that has gone is `.dead`."""
+    settle(core)
     for listener in core.listeners:
         now = _rows(core, listener.call)
         news = [row for number, row in now.items() if listener.seen.get(number) != row]

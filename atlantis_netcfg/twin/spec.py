@@ -13,6 +13,8 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from atlantis_netcfg.twin.lte._spec import ModemSpec
+
 __all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"]
 
 ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
@@ -109,6 +111,7 @@ class RouterSpec(_Spec):
     ports: tuple[str, ...] = ETHERNETS
     poe_ports: tuple[str, ...] = ETHERNETS
     radios: tuple[Radio, ...] = ()
+    modem: ModemSpec | None = None
     device_mode: DeviceMode = DeviceMode()
     packages: tuple[str, ...] = ("routeros",)
     users: tuple[User, ...] = (User(name="provision"),)

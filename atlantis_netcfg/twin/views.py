@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.certificates import expires_after, known
 from atlantis_netcfg.twin.derived import dynamic_rows, properties
 from atlantis_netcfg.twin.devicemode import INACTIVE, allowed
+from atlantis_netcfg.twin.lte._made import made
 from atlantis_netcfg.twin.menus import Shape
 from atlantis_netcfg.twin.values import id_text, interval, spell
 
@@ -137,7 +138,8 @@ def made_rows(core: Core, path: str) -> list[dict[str, str]]:
         return [_connection(core, caller) for caller in core.sessions.values()]
     lacking = _lacking(core, path)
     return [
-        {name: value for name, value in row.items() if name not in lacking} for row in dynamic_rows(core.topology, path)
+        {name: value for name, value in row.items() if name not in lacking}
+        for row in (*dynamic_rows(core.topology, path), *made(core, path))
     ]
 
 

@@ -155,6 +155,14 @@ def _ethernet(core: Core, values: Mapping[str, str], item: Item | None) -> None:
         raise Trap(f"unknown parameter {given[0]}")
 
 
+def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    """A modem is not held to bands that it does not have [inferred: the words]."""
+    modem = core.spec.modem
+    given = [int(one) for one in values.get("band", "").split(",") if one]
+    if modem is not None and not set(given) <= set(modem.bands):
+        raise Trap("invalid value for argument band", Category.ARGUMENT)
+
+
 def _virtual(_core: Core, values: Mapping[str, str], item: Item | None) -> None:
     """A row beside the radios of the board is a virtual one, on top of one of them."""
     if item is None and "master-interface" not in values:
@@ -187,6 +195,7 @@ def _someone_left(core: Core, changed: Item, values: Mapping[str, str] | None) -
 _MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
     "/interface/bridge/port": _bridge_port,
     "/interface/ethernet": _ethernet,
+    "/interface/lte": _modem,
     "/interface/wifi": _virtual,
     "/interface/wireless": _virtual,
     "/ip/address": _address,

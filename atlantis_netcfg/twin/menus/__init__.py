@@ -6,7 +6,7 @@ names are checked by the tree, values hardly. `Menu.modelled` says which case it
 
 from __future__ import annotations
 
-from atlantis_netcfg.twin.menus import _firewall, _interface, _ip, _routing, _services, _system, _wifi, _wireless
+from atlantis_netcfg.twin.menus import _firewall, _interface, _ip, _lte, _routing, _services, _system, _wifi, _wireless
 from atlantis_netcfg.twin.menus._generic import generic, unmodelled
 from atlantis_netcfg.twin.menus._model import Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.twin.menus._order import EXPORT_ORDER
@@ -28,7 +28,7 @@ __all__ = [
 
 MODELLED: dict[str, Menu] = {
     menu.path: menu
-    for module in (_interface, _wireless, _wifi, _ip, _firewall, _routing, _services, _system)
+    for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system)
     for menu in module.MENUS
 }
 INTERFACES = (
@@ -37,5 +37,6 @@ INTERFACES = (
     "/interface/ovpn-client",
     "/interface/wireless",
     "/interface/wifi",
+    "/interface/lte",
 )
 """Modelled menus whose rows are interfaces and also show under `/interface`."""
