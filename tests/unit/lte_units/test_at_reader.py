@@ -109,9 +109,13 @@ def test_a_lock_file_of_a_living_process_counts(tmp_path: Path) -> None:
 
 
 def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
-    sleeper = tmp_path / "ModemManager"
-    shutil.copy(shutil.which("cat") or "", sleeper)
-    with subprocess.Popen([sleeper], stdin=subprocess.PIPE) as process:
+    program = tmp_path / "ModemManager"
+    shutil.copy(shutil.which("cat") or "", program)
+    with subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(b"here\n")
+        assert process.stdout.read(5) == b"here\n"
         with pytest.raises(PortOwned) as caught:
             require_free("/dev/ttyUSB2", locks=())
         process.communicate()
