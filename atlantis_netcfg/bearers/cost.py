@@ -134,7 +134,7 @@ class Preview:
         if not self.link.metered:
             return f"over {self.link.name}, which is not paid by the byte: about {size(self.bill.payload_bytes)}"
         missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not declared)"
-        return f"over {self.link.name}, which is paid by the byte: about {self.bill.words}{missing}"
+        return f"over {self.link.name} of {self.link.site}, which is paid by the byte: about {self.bill.words}{missing}"
 
     def refusal(self) -> CostRefused:
         """The error for an action beyond the cap."""

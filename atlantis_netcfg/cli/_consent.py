@@ -1,12 +1,19 @@
-"""A person's word before devices change."""
+"""A person's word before devices change, and before money is spent: two questions, neither answers the other."""
 
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed, UsageError
+from atlantis_netcfg.operations.costs import unpaid
 
-__all__ = ["Declined", "agreed"]
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["Declined", "agreed", "pays"]
+
+_PAY = "pay"
 
 
 class Declined(DeviceFailed):
@@ -26,3 +33,17 @@ def agreed(question: str) -> None:
         answer = ""
     if answer.strip().lower() not in {"yes", "y"}:
         raise Declined("not agreed, so nothing was changed")
+
+
+def pays(words: Sequence[str], *, ask: bool) -> None:
+    """Return when the person pays for what the words tell. Raises CostRefused (`ask`: not where a program reads)."""
+    if not ask or not sys.stdin.isatty():
+        raise unpaid(words)
+    for each in words:
+        print(f"This goes {each}")
+    try:
+        answer = input(f"Pay for it? Type {_PAY} to go on: ")
+    except EOFError:
+        answer = ""
+    if answer.strip().lower() != _PAY:
+        raise unpaid(words)

@@ -12,15 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
-from atlantis_netcfg.cli._arguments import STREAM, UNPROTECTED
-from atlantis_netcfg.cli._consent import agreed
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, STREAM, UNPROTECTED
+from atlantis_netcfg.cli._consent import agreed, pays
 from atlantis_netcfg.cli._playbook import play
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.handled import handled
 from atlantis_netcfg.operations.vault import decrypter
+from atlantis_netcfg.report.cost import asked
 from atlantis_netcfg.report.run import RunReport
 from atlantis_netcfg.site import choose, load
 
@@ -98,6 +100,7 @@ class Session:
             back_to=self.back_to,
             restore=self.restore,
             unprotected=self._says(UNPROTECTED),
+            accept_cost=self._says(ACCEPT_COST),
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
 
@@ -108,9 +111,14 @@ class Session:
         plans: Mapping[str, str] | None = None,
         run: str | None = None,
         via: Mapping[str, str] | None = None,
+        paid: bool = False,
     ) -> RunReport:
-        """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones."""
+        """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones.
+
+        Before its first byte goes over a link that is paid by the byte a person is asked, unless that is `paid`.
+        """
         request = self.request(mode, plans=plans, run=run, via=via)
+        request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
         with progress(quiet=self.as_json) as notify:
             names = [host.name for host in self.asked]
             outcome = play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
@@ -122,6 +130,22 @@ class Session:
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(outcome.runs.values()),
         )
+
+    def paid(self, request: Request) -> Request:
+        """The request with a person's word to pay, if it needs one. Raises CostRefused.
+
+        Example values lead nowhere, and a rehearsal costs nothing: there is nothing to ask.
+        """
+        if request.rehearsed or self.declaration.pilot.example_values:
+            return request
+        accepted = request.model_copy(update={"accept_cost": True})
+        gate(self.declaration, self.asked, accepted)
+        words = [each.words for each in beforehand(self.declaration, self.asked, request)]
+        if words and not request.accept_cost:
+            pays(words, ask=not self.as_json)
+        elif not self.as_json:
+            print("".join(f"This goes {each}\n" for each in words), end="", flush=True)
+        return accepted if words else request
 
     def _says(self, flag: Flag) -> bool:
         """Whether a flag was given that not every command has."""
@@ -153,9 +177,12 @@ class Session:
         planned = self.plan()
         if planned.exit is not ExitCode.CHANGES:
             return planned
+        dear = [asked(one["cost"]) for one in planned.devices.values() if one["planned"] and "cost" in one]
+        if dear and not self._says(ACCEPT_COST):
+            pays(dear, ask=not self.as_json)
         agreed(f"Change {', '.join(name for name, one in planned.devices.items() if one['planned'])} now")
         plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
-        return self.perform(Mode.APPLY, plans=plans)
+        return self.perform(Mode.APPLY, plans=plans, paid=bool(dear))
 
     def _exports(self) -> dict[str, str]:
         """What the twins hold, without the comment lines, which tell the time."""
@@ -185,7 +212,8 @@ def _cost(result: Mapping[str, Any]) -> str:
     size = estimate["bytes"] / 1000
     cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
     changes = f"  {result['planned']} changes over {estimate['bearer']}: {cost}"
-    return f"{changes}\n  protection: {result['protection_words']}"
+    dear = f"\n  {asked(result['cost'])}" if "cost" in result else ""
+    return f"{changes}{dear}\n  protection: {result['protection_words']}"
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,6 +30,7 @@ COMMAND = Command(
         Flag("limit", "the same as `only=`, as Ansible calls it", takes="HOSTS"),
         Flag("junit", "write a JUnit file for a build server: a suite a device, a case a menu", takes="FILE"),
         Flag("rehearse", "the same against emulated devices of the site, as they are after `provision adopt`"),
+        ACCEPT_COST,
         JSON,
     ),
     details="Exit code 6 says that something differs, 0 that nothing does, 4 that a device could not be read.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, UNPROTECTED, VERBOSE, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, UNPROTECTED, VERBOSE, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -28,6 +28,7 @@ COMMAND = Command(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same on an emulated device, fresh from `provision adopt`", harmless=True),
         Flag("yes", "do not ask before changing the device"),
+        ACCEPT_COST,
         UNPROTECTED,
         JSON,
         VERBOSE,

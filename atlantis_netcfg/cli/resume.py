@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, UNPROTECTED, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, UNPROTECTED, VERBOSE, Command, Word
 from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ COMMAND = Command(
         Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
         INVENTORY,
     ),
-    flags=(UNPROTECTED, JSON, VERBOSE),
+    flags=(ACCEPT_COST, UNPROTECTED, JSON, VERBOSE),
     changes=True,
 )
 

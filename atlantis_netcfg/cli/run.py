@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, STREAM, UNPROTECTED, VERBOSE, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    INVENTORY,
+    JSON,
+    ONLY,
+    STREAM,
+    UNPROTECTED,
+    VERBOSE,
+    VIA,
+    Command,
+    Flag,
+    Word,
+)
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -25,6 +37,7 @@ COMMAND = Command(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
         Flag("yes", "do not ask before changing devices"),
+        ACCEPT_COST,
         UNPROTECTED,
         JSON,
         STREAM,

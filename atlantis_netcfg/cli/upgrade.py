@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -35,6 +35,7 @@ COMMAND = Command(
         Flag("plan", "show what would happen and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same against the emulated device", harmless=True),
         Flag("yes", "do not ask before sending and rebooting"),
+        ACCEPT_COST,
         JSON,
     ),
     details="Nothing is downloaded. The device reboots; what it feeds and carries is down meanwhile.",

@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.report.cost import cost_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -66,6 +67,7 @@ class DriftReport:
             "verdict": verdict(result),
             **compared,
             **{key: result[key] for key in kept},
+            **({"cost": result["cost"]} if "cost" in result else {}),
             "unfinished": self.unfinished.get(name),
         }
 
@@ -90,6 +92,7 @@ class DriftReport:
             yield _last(result["comparison"])
         if result["hint"]:
             yield result["hint"]
+        yield from cost_lines(result, rehearsed=self.rehearsed)
         yield from (f"note: {note}" for note in result["notes"])
         if name in self.unfinished:
             yield f"note: run {self.unfinished[name]} left its outcome open; `provision resume` settles it"

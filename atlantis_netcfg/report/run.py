@@ -6,13 +6,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.report.cost import cost_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 __all__ = ["Pass", "RunReport"]
 
-_WORST_FIRST = (ExitCode.OUR_FAULT, ExitCode.UNKNOWN, ExitCode.FAILED, ExitCode.USAGE, ExitCode.CHANGES)
+_WORST_FIRST = (
+    ExitCode.OUR_FAULT,
+    ExitCode.UNKNOWN,
+    ExitCode.FAILED,
+    ExitCode.USAGE,
+    ExitCode.CHANGES,
+    ExitCode.CHECKS_FAILED,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +38,8 @@ class Pass:
 
     def as_json(self) -> dict[str, Any]:
         """What it cost."""
-        return {name: self.result[name] for name in ("exit", "planned", "round_trips", "bytes", "seconds")}
+        kept = ("exit", "planned", "round_trips", "bytes", "seconds", "cost")
+        return {name: self.result[name] for name in kept if name in self.result}
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +102,11 @@ class RunReport:
             yield f"  {name:<18} {result['message']}{_cost(result)}"
             if result["hint"]:
                 yield f"  {'':<18} {result['hint']}"
+            yield from self._bill(result)
             for one in self.passes:
                 if one.device == name:
                     yield f"  {'':<18} again over {one.bearer}: {_left(one)}{_cost(one.result)}"
+                    yield from self._bill(one.result)
             yield from (f"  {'':<18} note: {note}" for note in result["notes"])
             yield from (f"  {'':<18} drift: {drift['message']}" for drift in result["drift"])
         for name, kind in self.not_handled.items():
@@ -104,6 +115,9 @@ class RunReport:
             yield from (f"  not rehearsed: {one}" for one in self.not_rehearsed)
         if self.runs:
             yield f"  recorded as {', '.join(self.runs)}"
+
+    def _bill(self, result: Mapping[str, Any]) -> Iterable[str]:
+        return (f"  {'':<18} {line}" for line in cost_lines(result, rehearsed=self.rehearsed))
 
 
 def _left(one: Pass) -> str:

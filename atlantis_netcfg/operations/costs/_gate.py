@@ -60,16 +60,14 @@ def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> N
     if not request.accept_cost:
         dear = beforehand(declaration, hosts, request)
         if dear:
-            raise unpaid(dear, request.command)
+            raise unpaid([each.words for each in dear], request.command)
 
 
-def unpaid(previews: Sequence[Preview], command: str = "provision") -> CostRefused:
+def unpaid(words: Sequence[str], command: str = "provision") -> CostRefused:
     """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
     flag = f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{ACCEPT}`"
-    sites = {each.link.site for each in previews}
-    told = "; ".join(f"{each.link.site} {each.words}" if len(sites) > 1 else each.words for each in previews)
     return CostRefused(
-        f"nobody has agreed to pay for this, so nothing was sent: {told}",
+        f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
         hint=f"type the same with {flag}; `--yes` does not say that. Or go over another link, as in `via=lan`",
     )
 

@@ -154,6 +154,7 @@ class Meter:
             "accepted": self.request.accept_cost,
             "expected": None if self.expected is None else dict(self.expected.bill.as_dict()),
             "words": self._asks(),
+            "instead": next(self._elsewhere(), None),
             "bill": dict(spent.as_dict()),
             "bill_words": _words(spent, router, self.link),
             "router": router,

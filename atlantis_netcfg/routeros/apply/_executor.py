@@ -141,7 +141,9 @@ def _toll(work: Work, mode: Mode) -> DeviceResult | None:
         return None
     spends = bool(work.aim.actions) and mode is not Mode.DRIFT
     verdict = work.job.toll.judge(work.seen, work.estimate, spends=spends, planned=mode is Mode.PLAN)
-    work.notes += verdict.notes
+    for note in verdict.notes:
+        work.notes.append(note)
+        work.say(Stage.PLANNED, note)
     if verdict.refusal is None:
         return None
     return work.result(Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)

@@ -98,10 +98,12 @@ def test_a_dearer_tariff_never_costs_less(nbytes: int, seconds: float, tariff: T
 
 def test_a_preview_names_the_bearer_the_price_and_what_is_not_declared() -> None:
     satellite = Link("satellite", "coastal", metered=True, tariff=CERTUS_100, cap_bytes=5_000_000)
-    assert preview(60_000, 40.0, satellite).words == "over satellite, which is paid by the byte: about 60 kB, 0.48 EUR"
+    assert preview(60_000, 40.0, satellite).words == (
+        "over satellite of coastal, which is paid by the byte: about 60 kB, 0.48 EUR"
+    )
     lte = Link("4g", "coastal", metered=True, cap_bytes=5_000_000)
     assert preview(60_000, 2.0, lte).words == (
-        "over 4g, which is paid by the byte: about 60 kB, price unknown"
+        "over 4g of coastal, which is paid by the byte: about 60 kB, price unknown"
         " (`billing` of bearer `4g` in group_vars/coastal.yml is not declared)"
     )
     cable = Link("lan", "coastal", metered=False)
