@@ -42,9 +42,12 @@ class Store:
         """The site's lock, to be entered before anything of the site is read for a change."""
         return SiteLock(self._site(site) / "lock", site, command)
 
-    def start(self, started: RunStarted) -> Journal:
-        """Open the journal of a new run. Raises JournalFailed."""
-        directory = self._new(started.site)
+    def start(self, started: RunStarted, name: str = "") -> Journal:
+        """Open the journal of a new run, under this name if it is free. Raises JournalFailed.
+
+        A run that changes devices of two sites as one has one name at both, so that it is resumed and taken back whole.
+        """
+        directory = self._new(started.site, name)
         journal = Journal(directory, self._now)
         with translated("the journal", directory):
             sync_directory(directory)
@@ -108,9 +111,9 @@ class Store:
         runs = self._runs(site)
         return sorted(path.name for path in runs.iterdir()) if runs.is_dir() else []
 
-    def _new(self, site: str) -> Path:
+    def _new(self, site: str, name: str) -> Path:
         runs = self._runs(site)
-        stamp = self._now().strftime("%Y%m%dT%H%M%SZ")
+        stamp = name or self._now().strftime("%Y%m%dT%H%M%SZ")
         with translated("the journal", runs):
             make_private(runs)
             number = 1

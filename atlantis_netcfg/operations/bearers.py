@@ -10,8 +10,9 @@ from atlantis_netcfg.routeros.estimate import Bearer
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Bearer as Declared
 
-__all__ = ["LAN", "bearer_of"]
+__all__ = ["LAN", "as_bearer", "bearer_of"]
 
 LAN = Bearer(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
 """The technician's cable: an ordinary 100 Mbit/s port."""
@@ -26,9 +27,13 @@ def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> B
     if name not in bearers:
         known = ", ".join([LAN.name, *bearers])
         raise UsageError(f"`via={name}`: {host.site} has no such bearer", hint=f"it has: {known}")
-    bearer = bearers[name]
+    return as_bearer(bearers[name])
+
+
+def as_bearer(bearer: Declared) -> Bearer:
+    """A declared bearer in the units of estimates."""
     return Bearer(
-        name=name,
+        name=bearer.name,
         rtt_s=bearer.rate.rtt_ms / 1000,
         rate_up_bps=bearer.rate.up_kbps * 1000,
         rate_down_bps=bearer.rate.down_kbps * 1000,

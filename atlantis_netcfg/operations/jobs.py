@@ -12,10 +12,12 @@ from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.restoring import confirmed_state, restored
 from atlantis_netcfg.routeros.api import Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, SshEndpoint
+from atlantis_netcfg.routeros.apply import DeviceJob, Fitting, SshEndpoint
 from atlantis_netcfg.routeros.desired import from_export, read
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.journal import Pins, Recorder
     from atlantis_netcfg.operations.kinds import Managed
@@ -36,13 +38,14 @@ def device_job(
     known = managed(declaration, host)
     access = known.access
     store = Store(request.state, rehearsed=request.rehearsed)
-    pins = store.pins
+    pins, states = store.pins, _states(known, request, store)
     return DeviceJob(
         name=host.name,
         site=host.site,
         address=str(access.address),
         endpoint=_endpoint(host, access, request, pins.get(host.name)),
-        desired=_desired(known, request, store),
+        desired=next(iter(states.values())),
+        fitting=None if "" in states else Fitting(states, known.unfit),
         bearer=bearer_of(declaration, host, request.via.get(host.name)),
         events=notify,
         journal=journal,
@@ -60,11 +63,14 @@ def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) 
     notify(Event(name, Stage.CONNECTING, f"first contact: its certificate is pinned, SHA-256 {certificate}"))
 
 
-def _desired(known: Managed, request: Request, store: Store) -> Desired:
+def _states(known: Managed, request: Request, store: Store) -> Mapping[str, Desired]:
+    """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
+    return {text.radio: _desired(known.host, text.text, request, store) for text in known.texts()}
+
+
+def _desired(host: Host, text: str, request: Request, store: Store) -> Desired:
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
-    host = known.host
-    (text,) = known.texts()
-    declared = read(text.text, source=f"the desired text of {host.name}")
+    declared = read(text, source=f"the desired text of {host.name}")
     if request.restore is not None:
         return restored(confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed), declared)
     if request.back_to is None:

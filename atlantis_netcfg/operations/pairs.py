@@ -1,8 +1,8 @@
 """Which declared CPEs are the two ends of one radio bridge, and which of them is near to where the technician stands.
 
 The near end is reached without the bridge: over the technician's cable (`lan`), or over a bearer that is not the
-bridge itself. The far end is reached through the near one's radio. CPEs have no templates yet; whoever renders their
-texts makes two jobs of a `Bridge` and hands them to the engine as `routeros.pair.Pair`.
+bridge itself. The far end is reached through the near one's radio. Both are changed as one (`routeros.pair`), also
+where only one of them was asked for.
 """
 
 from __future__ import annotations
@@ -11,15 +11,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.operations.bearers import LAN
+from atlantis_netcfg.operations.bearers import LAN, as_bearer
+from atlantis_netcfg.routeros.pair import Pair, Signal
 from atlantis_netcfg.site.model import BearerKind, Cpe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.routeros.apply import DeviceJob
+    from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["Bridge", "bridges"]
+__all__ = ["Bridge", "bridges", "far_bearer", "pair_of", "with_other_ends"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,37 @@ class Bridge:
 
     near: Host
     far: Host
+
+    @property
+    def ends(self) -> tuple[Host, Host]:
+        """Near end first."""
+        return self.near, self.far
+
+
+def with_other_ends(declaration: Declaration, hosts: Sequence[Host]) -> tuple[Host, ...]:
+    """Return the hosts, and the other ends of all bridges that one of them is an end of, wherever they stand."""
+    names = [host.name for host in hosts]
+    ends = [end for pair in _ends(declaration, names) for end in pair]
+    return tuple({host.name: host for host in (*hosts, *ends)}.values())
+
+
+def pair_of(bridge: Bridge, near: DeviceJob, far: DeviceJob) -> Pair:
+    """Make one member of a run of two jobs; each end has to be heard within the bounds that both declare."""
+    ptps = [end.device.ptp for end in bridge.ends if isinstance(end.device, Cpe)]
+    signal = Signal(
+        weakest_dbm=max(ptp.signal.weakest_dbm for ptp in ptps),
+        strongest_dbm=min(ptp.signal.strongest_dbm for ptp in ptps),
+    )
+    return Pair(near, far, link_timeout_s=max(ptp.link_timeout_s for ptp in ptps), signal=signal)
+
+
+def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> Bearer | None:
+    """What a session to the far end runs over: the near end's bearer and the bridge, of which the slower one counts."""
+    if near.bearer is not None and near.bearer.name != LAN.name:
+        return near.bearer
+    names = {end.name for end in bridge.ends}
+    bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
+    return next((as_bearer(one) for one in bearers if one.kind == BearerKind.WIFI_PTP and one.device in names), None)
 
 
 def bridges(

@@ -15,12 +15,17 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.operations.members import members_of
+from atlantis_netcfg.operations.pairs import with_other_ends
+from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.site.model import Cpe
 from atlantis_netcfg.twin import (
     NOT_REHEARSED,
+    Air,
     Link,
     Management,
     Radio,
+    RadioPair,
     RouterSpec,
     SiteSpec,
     SpawnedSite,
@@ -37,6 +42,16 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Rehearsal", "factory_spec", "rehearsal", "rehearse_adoption", "site_spec"]
+
+_LISTENS_S = 1.0
+"""Instead of the minute (or ten) for which an access point listens for radar: nobody would rehearse twice."""
+_NOMINAL_M = 150.0
+"""Where no distance is declared: from the coastal testbed to the control centre."""
+_RADIO_NOT_REHEARSED = (
+    "radio: the minute or ten that an access point listens for radar are one second",
+    "radio: aim, interference, rain, tide and the antenna's real gain; the level is that of free space",
+    "radio: the other end of a new bridge is reached by a cable of its own until its radio is switched on",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +74,7 @@ class Rehearsal:
 @contextmanager
 def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
-    emulated = [host for host in hosts if handled(host)]
+    emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
     with (
         tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
         spawn(site_spec(declaration, emulated, via), Path(folder)) as twins,
@@ -74,13 +89,28 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
             )
             for name, ready in twins.ready.items()
         }
-        yield Rehearsal(targets, NOT_REHEARSED, twins)
+        radio = _RADIO_NOT_REHEARSED if any(managed(declaration, host).hardware.radios for host in emulated) else ()
+        yield Rehearsal(targets, (*NOT_REHEARSED, *radio), twins)
 
 
 def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> SiteSpec:
     """Describe the twins of these hosts, each of a kind that the engine handles."""
     name = ",".join(sorted({host.site for host in hosts}))
-    return SiteSpec(name=name, twins=tuple(_twin(declaration, host, via) for host in hosts))
+    twins = tuple(_twin(declaration, host, via) for host in hosts)
+    return SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts)))
+
+
+def _air(declaration: Declaration, hosts: Sequence[Host]) -> Iterator[RadioPair]:
+    """Describe the radio links between these hosts; the twins' near end is where the technician stands."""
+    names = [host.name for host in hosts]
+    for member in members_of(declaration, names, Request(state=Path())):
+        if member.bridge is None or not all(end.name in names for end in member.hosts):
+            continue
+        near, far = member.bridge.ends
+        radios = [managed(declaration, end).hardware.radios[0] for end in (near, far)]
+        distance = next((end.device.ptp.distance_m for end in (near, far) if isinstance(end.device, Cpe)), None)
+        air = Air(distance_m=distance or _NOMINAL_M, dfs_wait_s=_LISTENS_S, weather_wait_s=_LISTENS_S)
+        yield RadioPair(near=near.name, far=far.name, near_radio=radios[0], far_radio=radios[1], air=air)
 
 
 @contextmanager

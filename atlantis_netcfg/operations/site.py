@@ -16,8 +16,10 @@ from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.members import Member, members_of
+from atlantis_netcfg.operations.pairs import far_bearer, pair_of
 from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.operations.turns import Turn
+from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import fleet
 from atlantis_netcfg.site import load
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
+    from atlantis_netcfg.routeros.pair import Pair
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
@@ -40,6 +43,7 @@ def perform(
     request: Mapping[str, Any] | None,
     *,
     plan_only: bool,
+    accept_cost: bool = False,
     decrypt: Callable[[str], str],
 ) -> dict[str, Any]:
     """Do what is asked and give `per_host`, each device's result as Ansible shows it. Raises NetcfgError.
@@ -49,6 +53,8 @@ def perform(
     asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
     if plan_only:
         asked = asked.model_copy(update={"mode": Mode.PLAN})
+    if accept_cost:
+        asked = asked.model_copy(update={"accept_cost": True})
     channel = Channel(asked.events_fd)
     try:
         results = _perform(load(inventory, decrypt=decrypt), hosts, asked, channel)
@@ -78,10 +84,12 @@ def _perform(
             "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
         )
-    hosts = [declaration.hosts[name] for name in names if handled(declaration.hosts[name])]
+    members = members_of(declaration, [one for one in names if handled(declaration.hosts[one])], request)
+    hosts = [host for member in members for host in member.hosts]
     gate(declaration, hosts, request)
     store, costs = Store(request.state, rehearsed=request.rehearsed), Costs(declaration, request)
-    turns = {site: Turn(declaration, site, hosts, request) for site in sorted({one.site for one in hosts})}
+    called = RunName()
+    turns = {site: Turn(declaration, site, hosts, request, called) for site in sorted({one.site for one in hosts})}
     results: dict[str, Mapping[str, Any]] = {}
 
     def ended(result: DeviceResult) -> None:
@@ -96,28 +104,47 @@ def _perform(
     with ExitStack() as stack:
         for turn in turns.values():
             stack.callback(turn.close)
-        waiting = _waiting(costs, hosts, turns, channel)
+        waiting = _waiting(costs, members, turns, channel)
         asyncio.run(fleet.stream(waiting, ended, mode=request.mode.value))
     return results
 
 
-def _waiting(costs: Costs, hosts: Sequence[Host], turns: Mapping[str, Turn], channel: Channel) -> list[fleet.Waiting]:
-    """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that."""
+def _waiting(
+    costs: Costs, members: Sequence[Member], turns: Mapping[str, Turn], channel: Channel
+) -> list[fleet.Waiting]:
+    """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that.
 
-    def make(host: Host) -> DeviceJob:
+    A bridge to another site waits for its turn in any case: only its two ends fail if somebody works at that site.
+    """
+
+    def job_of(host: Host) -> DeviceJob:
         turn = turns[host.site]
         turn.begin()
         job = device_job(costs.declaration, host, costs.request, turn.journal, channel.event)
         return costs.beside(replace(job, confirmed=turn.confirmed.get(host.name)))
 
-    if len(turns) > 1:
-        ordered = sorted(hosts, key=lambda host: host.site)
-        return [fleet.Waiting(host.name, partial(make, host)) for host in ordered]
-    jobs = [make(host) for host in hosts]
-    return [fleet.Waiting(job.name, partial(_made, job)) for job in jobs]
+    def make(member: Member) -> DeviceJob | Pair:
+        if member.bridge is None:
+            return job_of(member.hosts[0])
+        for site in sorted({host.site for host in member.hosts}):
+            turns[site].begin()
+        near, far = (job_of(host) for host in member.bridge.ends)
+        return pair_of(member.bridge, near, replace(far, bearer=far_bearer(costs.declaration, member.bridge, near)))
+
+    alone = len({host.site for member in members if member.bridge is None for host in member.hosts}) == 1
+    ordered = sorted(members, key=lambda member: member.hosts[0].site)
+    return [
+        fleet.Waiting(
+            member.hosts[0].name,
+            partial(_made, make(member)) if alone and member.bridge is None else partial(make, member),
+            member.bridge.far.name if member.bridge is not None else None,
+            member.after,
+        )
+        for member in (members if alone else ordered)
+    ]
 
 
-def _made(job: DeviceJob) -> DeviceJob:
+def _made(job: DeviceJob | Pair) -> DeviceJob | Pair:
     return job
 
 

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
+from atlantis_netcfg.journal import (
+    Journal,
+    JournalFailed,
+    NoJournal,
+    NoSuchRun,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    Store,
+)
 from atlantis_netcfg.operations.request import Mode
 
 if TYPE_CHECKING:
@@ -18,7 +28,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceResult
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["Turn"]
+__all__ = ["RunName", "Turn"]
+
+
+@dataclass(slots=True)
+class RunName:
+    """What a request is called in the journals of all its sites: the first one chooses."""
+
+    name: str = ""
 
 
 class Turn:
@@ -29,8 +46,11 @@ class Turn:
     order of the sites' names and never waited for, so that two such runs cannot block each other.
     """
 
-    def __init__(self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request) -> None:
+    def __init__(
+        self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request, called: RunName
+    ) -> None:
         self._declaration = declaration
+        self._called = called
         self._site = site
         self._request = request
         self._hosts = sorted(host.name for host in hosts if host.site == site)
@@ -44,7 +64,7 @@ class Turn:
         self.confirmed: Mapping[str, Confirmed] = {}
 
     def begin(self) -> None:
-        """Lock the site and open its journal, unless that is done. Raises SiteBusy, JournalFailed, NoSuchRun."""
+        """Lock the site and open its journal, unless that is done. Raises SiteBusy, JournalFailed."""
         if self._opened:
             return
         request = self._request
@@ -55,6 +75,7 @@ class Turn:
                 journal = opening.enter_context(self._journal(store))
                 self._open = opening.pop_all()
             self.journal, self.run = journal, journal.run
+            self._called.name = self._called.name or journal.run
         elif not request.rehearsed:
             # An emulated device is new with every rehearsal: what an earlier one was says nothing about it.
             self.confirmed = Store(request.state).last_confirmed(self._site, self._hosts)
@@ -81,7 +102,8 @@ class Turn:
         request, revision = self._request, self._declaration.revision
         if request.mode is Mode.RESUME and request.run is not None:
             resumed = RunResumed(revision=revision, tool=__version__, command=request.command)
-            return store.resume(self._site, request.run, resumed)
+            with suppress(NoSuchRun):  # it had not come to this site, which has the other end of a bridge
+                return store.resume(self._site, request.run, resumed)
         return store.start(
             RunStarted(
                 site=self._site,
@@ -92,5 +114,6 @@ class Turn:
                 command=request.command,
                 back_to=request.back_to,
                 restore=request.restore,
-            )
+            ),
+            self._called.name,
         )

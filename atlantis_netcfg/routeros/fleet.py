@@ -17,7 +17,7 @@ from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 __all__ = ["AT_ONCE", "MOST", "PATIENCE_S", "Waiting", "run", "stream"]
 
@@ -42,6 +42,11 @@ class Waiting:
     make: Callable[[], DeviceJob | Pair]
     other: str | None = None
     """A pair: its far end; `name` is the near one."""
+    after: tuple[str, ...] = ()
+    """Devices of the run that the way to this one leads through: it begins when they have ended, however they ended.
+
+    They must not wait for anything themselves.
+    """
 
 
 async def run(
@@ -75,7 +80,9 @@ def _itself(job: DeviceJob | Pair) -> DeviceJob | Pair:
 
 async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, done: Told | None) -> None:
     room = _Room(at_once)
-    tasks = [asyncio.create_task(_one(job, mode, room, told, done), name=job.name) for job, told in turns]
+    ways = {name for job, _ in turns for name in job.after}
+    over = {name: asyncio.Event() for job, _ in turns for name in _names(job) if name in ways}
+    tasks = [asyncio.create_task(_one(job, mode, room, over, told, done), name=job.name) for job, told in turns]
     await _finish(tasks)
     for (job, told), task in zip(turns, tasks, strict=True):
         if task.cancelled():
@@ -85,9 +92,19 @@ async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, 
             task.result()
 
 
-async def _one(job: Waiting, mode: Mode, room: _Room, told: Told, done: Told | None) -> None:
-    async with room.place():
-        results = await _converge(job, mode)
+async def _one(  # noqa: PLR0913, PLR0917 - one call, from one place
+    job: Waiting, mode: Mode, room: _Room, over: Mapping[str, asyncio.Event], told: Told, done: Told | None
+) -> None:
+    for name in job.after:
+        if name in over:
+            await over[name].wait()
+    try:
+        async with room.place():
+            results = await _converge(job, mode)
+    finally:
+        for name in _names(job):
+            if name in over:
+                over[name].set()
     for result in results:
         told(result)
         if done is not None:

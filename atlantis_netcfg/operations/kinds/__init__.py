@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.operations.kinds._cpe import ManagedCpe
 from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, Text
 from atlantis_netcfg.operations.kinds._router import ManagedRouter
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Hardware", "Managed", "Place", "Text", "handled", "managed"]
 
-_KINDS: tuple[type[Managed], ...] = (ManagedRouter,)
+_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedCpe)
 
 
 def handled(host: Host) -> bool:

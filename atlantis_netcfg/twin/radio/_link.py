@@ -2,7 +2,8 @@
 
 A radio whose settings change starts anew: an access point listens for radar first where that is the law, a station has
 to find it again. What the technician sends to the far end goes through the near end's cable, bridge and radio; while
-the link is down it vanishes, and nobody is told.
+the link is down it vanishes, and nobody is told. A far end whose management port is a socket is reached there by a
+cable of its own while its radio is off, as a box is that has only been adopted.
 """
 
 from __future__ import annotations
@@ -134,9 +135,18 @@ class RadioLink:
     def _carries(self) -> bool:
         """Tell whether frames get from the technician's cable through the near end into the air and out of it."""
         near = self.near.router
+        if self._on_a_cable():
+            return True
         return (
             self.up and not near.booting and near.device.core.topology.joins(near.spec.management.port, self.near.radio)
         )
+
+    def _on_a_cable(self) -> bool:
+        """Tell whether the far end, managed at a port, has its radio still off: then somebody has a cable in it."""
+        far = self.far
+        if far.router.spec.management.port == far.radio:
+            return False
+        return far.settings is None or not far.settings.enabled
 
     def _show(self, now: float) -> None:
         """Let both devices show what their radios see."""

@@ -59,11 +59,10 @@ def cpes() -> Iterator[CpeView]:
             ptp = host.device.ptp.model_copy(update={"protocol": PtpProtocol(protocol)})
             view = cpe_view(declaration, replace(host, device=host.device.model_copy(update={"ptp": ptp})), family)
             yield view
-            for mode in (True, False):
-                said = {"tx_power_dbm": 10, "antenna_gain_dbi": 16, "distance_km": 3, "is_ap": mode}
-                yield replace(view, radio=replace(view.radio, **said))
-                unsaid = {"tx_power_dbm": None, "antenna_gain_dbi": None, "distance_km": None, "is_ap": mode}
-                yield replace(view, radio=replace(view.radio, **unsaid))
+            for is_ap in (True, False):
+                radio = replace(view.radio, is_ap=is_ap)
+                yield replace(view, radio=replace(radio, tx_power_dbm=10, antenna_gain_dbi=16, distance_km=3))
+                yield replace(view, radio=replace(radio, tx_power_dbm=None, antenna_gain_dbi=None, distance_km=None))
 
 
 @cache
