@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import Prepared, Upgraded
 
 __all__ = ["COMMAND", "run"]
@@ -63,13 +64,14 @@ def run(arguments: Arguments) -> ExitCode:
         progress(quiet=opened.as_json) as notify,
     ):
         (host,) = opened.hosts
+        looking = opened.paid(opened.request(Mode.PLAN))
         request = opened.request(Mode.APPLY)
         files = [Path(name) for name in arguments.many("packages")]
         prepared = Prepared.of(
             opened.declaration,
             host,
             files,
-            request,
+            looking,
             notify,
             give_up=arguments.many("drop"),
             # An emulated router is back within seconds, however far away its bearer is.
@@ -78,10 +80,11 @@ def run(arguments: Arguments) -> ExitCode:
         if not prepared.upgrade.send:
             return _close(opened, prepared.unchanged())
         _show(opened, prepared)
+        prepared.affordable(request)
         if arguments.flag("plan"):
             return _close(opened, prepared.planned())
-        _ask(opened, prepared)
-        return _close(opened, prepared.carry_out(opened.declaration, request))
+        accepted = _ask(opened, prepared, request)
+        return _close(opened, prepared.carry_out(opened.declaration, accepted))
 
 
 def _show(opened: Session, prepared: Prepared) -> None:
@@ -95,15 +98,24 @@ def _show(opened: Session, prepared: Prepared) -> None:
     dear = ", which is paid by the byte" if prepared.bearer.metered else ""
     cost = f"{upgrade.size / 1e6:.1f} MB over {prepared.bearer.name}{dear}: about {prepared.seconds:.0f} s"
     print(f"  {cost}; then a reboot")
+    if prepared.bearer.metered:
+        print(f"  {prepared.cost.words}")
     for note in upgrade.notes:
         print(f"  note: {note}")
 
 
-def _ask(opened: Session, prepared: Prepared) -> None:
-    from atlantis_netcfg.cli._consent import agreed
+def _ask(opened: Session, prepared: Prepared, request: Request) -> Request:
+    """Ask for a person's money, then for the reboot; return the request with the first answer."""
+    from atlantis_netcfg.cli._consent import agreed, pays
 
-    if not opened.arguments.flag("yes") and opened.rehearsal is None:
+    if opened.rehearsal is not None:
+        return request
+    if prepared.bearer.metered and not request.accept_cost:
+        pays([prepared.cost.words], ask=not opened.as_json)
+        request = request.model_copy(update={"accept_cost": True})
+    if not opened.arguments.flag("yes"):
         agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now")
+    return request
 
 
 def _close(opened: Session, upgraded: Upgraded) -> ExitCode:

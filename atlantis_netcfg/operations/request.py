@@ -5,7 +5,9 @@ from __future__ import annotations
 from enum import StrEnum
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
+
+from atlantis_netcfg.paths import state_dir
 
 __all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "Target"]
 
@@ -50,7 +52,7 @@ class Target(_Data):
 class Request(_Data):
     """Everything that the declaration does not say about a run."""
 
-    state: Path
+    state: Path = Field(default_factory=state_dir)
     """Folder of journals, backups and pins."""
     mode: Mode = Mode.APPLY
     rehearsed: bool = False

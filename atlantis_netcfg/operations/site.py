@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import paths
 from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.journal import Store
@@ -43,18 +42,15 @@ def perform(
     request: Mapping[str, Any] | None,
     *,
     plan_only: bool,
-    accept_cost: bool = False,
     decrypt: Callable[[str], str],
 ) -> dict[str, Any]:
     """Do what is asked and give `per_host`, each device's result as Ansible shows it. Raises NetcfgError.
 
     Of `hosts`, those that the engine does not handle are passed over, and have no entry.
     """
-    asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
+    asked = Request.model_validate(request or {})
     if plan_only:
         asked = asked.model_copy(update={"mode": Mode.PLAN})
-    if accept_cost:
-        asked = asked.model_copy(update={"accept_cost": True})
     channel = Channel(asked.events_fd)
     try:
         results = _perform(load(inventory, decrypt=decrypt), hosts, asked, channel)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.cost import ACCEPT, bill, preview, size
+from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, bill, preview, size
 from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.journal import CostCounted, Counters, Store
@@ -73,18 +73,24 @@ class Meter:
         if not self.link.metered or estimate is None:
             return Admission(notes)
         self.expected = preview(estimate.wire_bytes, estimate.seconds, self.link)
-        if not spends or self.request.rehearsed:
+        refusal = self._refusal(planned=planned) if spends else None
+        if refusal is None:
             return Admission(notes)
+        if self.request.rehearsed:
+            return Admission((*notes, f"a real run would be refused: {refusal}"))
+        return Admission(notes, str(refusal), refusal.hint)
+
+    def _refusal(self, *, planned: bool) -> CostRefused | None:
+        """Why what the plan would send may not be sent; a plan alone needs nobody's consent, nor does a rehearsal."""
+        assert self.expected is not None  # noqa: S101 - `judge` has just said what it expects
         if self.expected.over_cap:
-            refusal = self.expected.refusal()
-            return Admission(notes, str(refusal), refusal.hint)
-        if not planned and not self.request.accept_cost:
-            return Admission(
-                notes,
-                f"nobody has agreed to pay for it: {self.expected.words}",
-                f"type the same with `{ACCEPT}`, or wait until {self.declared} is back",
-            )
-        return Admission(notes)
+            return self.expected.refusal()
+        if planned or self.request.rehearsed or self.request.accept_cost:
+            return None
+        return CostRefused(
+            f"nobody has agreed to pay for it: {self.expected.words}",
+            hint=f"type the same with `{ACCEPT}`, or wait until {self.declared} is back",
+        )
 
     def told(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
         """Write down what it came to; return what the result shall say of it: `cost`, where it was paid by the byte.

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Journal, NoJournal, Outcome, RunEnded, RunStarted, Store
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import gate, link_of, unpaid
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.request import Mode as Asked
 from atlantis_netcfg.operations.upgrade._device import Upgrading, Waiting
 from atlantis_netcfg.packages import read_npk
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.estimate import beforehand
 from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.bearers.cost import Link, Preview
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.upgrade._look import Seen
@@ -73,6 +79,8 @@ class Prepared:
     seen: Seen
     upgrade: Upgrade
     bearer: Bearer
+    cost: Preview
+    """What sending comes to, with saving and reading back; the reboot itself sends nothing."""
     job: DeviceJob = field(repr=False)
 
     @classmethod
@@ -87,15 +95,21 @@ class Prepared:
         give_up: Sequence[str] = (),
         waiting: Waiting = Waiting(),  # noqa: B008 - frozen
     ) -> Self:
-        """Read files, then the device. Raises NotAPackage before it is contacted, UpgradeRefused and DeviceFailed."""
+        """Read files, then the device. Raises NotAPackage and CostRefused before it is contacted.
+
+        UpgradeRefused and DeviceFailed after.
+        """
         if not isinstance(host.device, Router):
             raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
         given = tuple(read_npk(path) for path in files)
+        gate(declaration, [host], request.model_copy(update={"mode": Asked.PLAN}))
         job = device_job(declaration, host, request, NoJournal(), notify)
         assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
         upgrading = Upgrading(host.name, job.endpoint, job.ssh, given, tuple(give_up), notify, waiting)
         seen, upgrade = asyncio.run(upgrading.look())
-        return cls(upgrading, seen, upgrade, bearer_of(declaration, host, request.via.get(host.name)), job)
+        bearer = bearer_of(declaration, host, request.via.get(host.name))
+        cost = _cost(upgrade, bearer, link_of(declaration, host.site, bearer.name))
+        return cls(upgrading, seen, upgrade, bearer, cost, job)
 
     @property
     def seconds(self) -> float:
@@ -103,7 +117,13 @@ class Prepared:
         return self.upgrade.size * _OVERHEAD * 8 / self.bearer.rate_up_bps
 
     def carry_out(self, declaration: Declaration, request: Request) -> Upgraded:
-        """Do it under the site's lock, with a journal. Raises SiteBusy and JournalFailed before anything is changed."""
+        """Do it under the site's lock, with a journal.
+
+        Raises CostRefused, SiteBusy and JournalFailed before anything is sent.
+        """
+        self.affordable(request)
+        if self.bearer.metered and not request.rehearsed and not request.accept_cost:
+            raise unpaid([self.cost.words], request.command)
         store = Store(request.state, rehearsed=request.rehearsed)
         with store.lock(self.job.site, request.command), store.start(self._started(declaration, request)) as journal:
             result = self._journalled(journal)
@@ -112,6 +132,11 @@ class Prepared:
             )
             journal.write(RunEnded(exit=int(result.exit)))
             return result
+
+    def affordable(self, request: Request) -> None:
+        """Raise CostRefused for files beyond the bearer's cap, which nobody's consent lifts; a rehearsal goes on."""
+        if self.cost.over_cap and not request.rehearsed:
+            raise self.cost.refusal()
 
     def planned(self) -> Upgraded:
         """The words for a plan: nothing was sent."""
@@ -170,6 +195,12 @@ class Prepared:
             raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
         back = await self.upgrading.carry_out(self.seen, self.upgrade, journal)
         return back, await converge(self.job, mode=Mode.PLAN)
+
+
+def _cost(upgrade: Upgrade, bearer: Bearer, link: Link) -> Preview:
+    beside = (beforehand(bearer, exports=True), beforehand(bearer), beforehand(bearer))
+    sent = ceil(upgrade.size * _OVERHEAD) + sum(each.wire_bytes for each in beside)
+    return preview(sent, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link)
 
 
 def _configuration(planned: DeviceResult) -> str:

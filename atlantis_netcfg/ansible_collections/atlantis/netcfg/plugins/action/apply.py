@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible.errors import AnsibleActionFail
+from ansible.module_utils.parsing.convert_bool import boolean
 from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
@@ -29,6 +30,18 @@ def _inventory(variables: dict[str, Any]) -> Path:
     """
     given = Path(str(variables.get("inventory_dir") or "."))
     return given if (given / "group_vars").is_dir() else Path(str(variables["playbook_dir"])).parent / "inventory"
+
+
+def _accepted(variables: dict[str, Any]) -> dict[str, bool]:
+    """What a person says of links that are paid by the byte: `-e atlantis_accept_cost=true`."""
+    from atlantis_netcfg.operations.request import ACCEPT_COST  # noqa: PLC0415 - Ansible imports every action plugin
+
+    if ACCEPT_COST not in variables:
+        return {}
+    try:
+        return {"accept_cost": boolean(variables[ACCEPT_COST], strict=True)}
+    except TypeError as error:
+        raise AnsibleActionFail(f"{ACCEPT_COST} is neither true nor false: {variables[ACCEPT_COST]}") from error
 
 
 class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
@@ -51,7 +64,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
             outcome = perform(
                 _inventory(variables),
                 tuple(variables["ansible_play_hosts"]),
-                self._task.args.get("request") or None,
+                {**(self._task.args.get("request") or {}), **_accepted(variables)},
                 plan_only=bool(self._task.check_mode),
                 decrypt=_decrypt,
             )
