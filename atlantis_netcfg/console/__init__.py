@@ -1,4 +1,4 @@
-r"""The text console of a RouterOS device, over SSH or a serial line, and files onto it by SFTP.
+r"""The text console of a RouterOS device, over SSH or a serial line, files onto it by SFTP, and commands on others.
 
 The host key is compared before a password is sent; what is typed is in no log and no exception.
 Values for the command line are quoted by `atlantis_netcfg.rsc.quote`: outside quotes `$` and `\` are syntax errors.
@@ -13,6 +13,7 @@ from atlantis_netcfg.console._errors import (
     SafeModeHeld,
     UnknownHostKey,
 )
+from atlantis_netcfg.console._exec import CommandEnd, Commands, open_commands
 from atlantis_netcfg.console._keys import fingerprint
 from atlantis_netcfg.console._rows import parse_rows
 from atlantis_netcfg.console._serial import open_serial
@@ -23,6 +24,8 @@ from atlantis_netcfg.console._types import COMMAND_S, CONNECT_S, Console
 __all__ = [
     "COMMAND_S",
     "CONNECT_S",
+    "CommandEnd",
+    "Commands",
     "Console",
     "ConsoleLost",
     "ConsoleRefused",
@@ -32,6 +35,7 @@ __all__ = [
     "SafeModeHeld",
     "UnknownHostKey",
     "fingerprint",
+    "open_commands",
     "open_serial",
     "open_ssh",
     "parse_rows",

@@ -19,8 +19,20 @@ __all__ = ["Gate", "Shell"]
 class Gate(asyncssh.SSHServer):
     """Who may in: one user, by password."""
 
-    def __init__(self, spec: RutosSpec) -> None:
+    def __init__(self, spec: RutosSpec, there: set[asyncssh.SSHServerConnection]) -> None:
         self._spec = spec
+        self._there = there
+        self._connection: asyncssh.SSHServerConnection | None = None
+
+    def connection_made(self, conn: asyncssh.SSHServerConnection) -> None:
+        """Somebody has come."""
+        self._connection = conn
+        self._there.add(conn)
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncssh's signature
+        """And is gone."""
+        if self._connection is not None:
+            self._there.discard(self._connection)
 
     def begin_auth(self, username: str) -> bool:  # noqa: ARG002 - asyncssh's signature
         """Nobody enters without proof."""

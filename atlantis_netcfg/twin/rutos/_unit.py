@@ -50,6 +50,7 @@ class Rutos:
         self._flash = state_dir
         self._servers: list[asyncio.Server] = []
         self._ssh: asyncssh.SSHAcceptor | None = None
+        self._visitors: set[asyncssh.SSHServerConnection] = set()
         self.https_port = 0
         self.ssh_port = 0
         self.pin = ""
@@ -65,7 +66,7 @@ class Rutos:
         self.https_port = server.sockets[0].getsockname()[1]
         key = self._flash / "ssh_host_key"
         self._ssh = await asyncssh.create_server(
-            lambda: Gate(self.spec),
+            lambda: Gate(self.spec, self._visitors),
             _HOST,
             0,
             server_host_keys=[asyncssh.import_private_key(host_key(key))],
@@ -78,8 +79,12 @@ class Rutos:
         """Let everybody go."""
         for server in self._servers:
             server.close()
+        await self.web.hang_up()
         if self._ssh is not None:
             self._ssh.close()
+            for visitor in tuple(self._visitors):
+                visitor.abort()
+                await visitor.wait_closed()
             await self._ssh.wait_closed()
 
     async def __aenter__(self) -> Self:

@@ -31,6 +31,7 @@ class Web:
         self._spec = spec
         self._modem = modem
         self._tokens: dict[str, float] = {}
+        self._visits: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
         self.requests: list[str] = []
         self.failed_logins = 0
         self.expire_after: int | None = None
@@ -38,10 +39,25 @@ class Web:
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """One connection, kept open between requests."""
-        with suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.LimitOverrunError, ValueError):
-            while await self._one(reader, writer):
-                pass
-        writer.close()
+        visit = asyncio.current_task()
+        assert visit is not None  # noqa: S101 - asyncio's servers make one for each connection
+        self._visits[visit] = writer
+        try:
+            with suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.LimitOverrunError, ValueError):
+                while await self._one(reader, writer):
+                    pass
+        finally:
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+            del self._visits[visit]
+
+    async def hang_up(self) -> None:
+        """Close every connection that is left."""
+        visits = tuple(self._visits)
+        for writer in self._visits.values():
+            writer.transport.abort()
+        await asyncio.gather(*visits, return_exceptions=True)
 
     async def _one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1")

@@ -15,21 +15,43 @@ from atlantis_netcfg.bearers.lte.rutos._errors import (
 )
 from atlantis_netcfg.bearers.lte.rutos._read import READS, UBUS_READS, RutosLook, read
 from atlantis_netcfg.bearers.lte.rutos._record import modem_of, reading_of
+from atlantis_netcfg.bearers.lte.rutos._settings import (
+    RELOAD,
+    SHOW,
+    WRITE,
+    Change,
+    LteSettings,
+    SettingRefused,
+    batch,
+    changes,
+    parse_show,
+    pin_held,
+)
 from atlantis_netcfg.bearers.lte.rutos._wire import TIMEOUT_S, RutosEndpoint
 
 __all__ = [
     "READS",
+    "RELOAD",
+    "SHOW",
     "TIMEOUT_S",
     "UBUS_READS",
+    "WRITE",
     "CertificateChanged",
     "CertificateUnknown",
+    "Change",
+    "LteSettings",
     "NotOffered",
     "RutosEndpoint",
     "RutosLoginFailed",
     "RutosLook",
     "RutosRefused",
     "RutosUnreachable",
+    "SettingRefused",
+    "batch",
+    "changes",
     "modem_of",
+    "parse_show",
+    "pin_held",
     "read",
     "reading_of",
 ]
