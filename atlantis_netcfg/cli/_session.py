@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, STREAM, UNPROTECTED
+from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pays
 from atlantis_netcfg.cli._playbook import play
 from atlantis_netcfg.cli._progress import progress
@@ -21,6 +22,7 @@ from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.terminals import is_terminal
 from atlantis_netcfg.operations.vault import decrypter
 from atlantis_netcfg.report.cost import asked
 from atlantis_netcfg.report.run import RunReport
@@ -120,15 +122,19 @@ class Session:
         request = self.request(mode, plans=plans, run=run, via=via)
         request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
         with progress(quiet=self.as_json) as notify:
-            names = [host.name for host in self.asked]
+            names = [host.name for host in (*self.asked, *self._declared(mode))]
             outcome = play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
         return RunReport(
             site=self.site,
             rehearsed=self.rehearsed,
             devices=outcome.devices,
-            not_handled={host.name: host.device.kind for host in self.hosts if not handled(host)},
+            not_handled={
+                host.name: host.device.kind
+                for host in self.hosts
+                if not handled(host) and host.name not in outcome.devices
+            },
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
-            runs=tuple(outcome.runs.values()),
+            runs=tuple(dict.fromkeys(outcome.runs.values())),
         )
 
     def paid(self, request: Request) -> Request:
@@ -146,6 +152,12 @@ class Session:
         elif not self.as_json:
             print("".join(f"This goes {each}\n" for each in words), end="", flush=True)
         return accepted if words else request
+
+    def _declared(self, mode: Mode) -> tuple[Host, ...]:
+        """The hosts that nothing is sent to, and whose evidence is looked at beside a plan or a change."""
+        if mode not in (Mode.PLAN, Mode.APPLY) or self.back_to is not None or self.restore is not None:
+            return ()
+        return tuple(host for host in self.hosts if is_terminal(host))
 
     def _says(self, flag: Flag) -> bool:
         """Whether a flag was given that not every command has."""
@@ -196,6 +208,9 @@ class Session:
         if self.as_json:
             return
         for name, result in report.devices.items():
+            if result["status"] == "declared":
+                print(f"{name}:\n  {result['message']}\n")
+                continue
             print(f"{name}:\n{result['diff'].rstrip() or '  nothing to change'}\n{_cost(result)}\n")
 
     def close(self, report: RunReport) -> ExitCode:
@@ -242,7 +257,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     if site is None:
         site = arguments.word("site")
     hosts = choose(declaration, site, only)
-    _require_handled(hosts)
+    _require_handled(hosts, declared=arguments.command.name == DEFAULT)
     with ExitStack() as stack:
         twins = None
         if rehearse:
@@ -252,7 +267,8 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         yield Session(arguments, declaration, site, hosts, twins, paths.state_dir(), via)
 
 
-def _require_handled(hosts: tuple[Host, ...]) -> None:
-    if not any(handled(host) for host in hosts):
+def _require_handled(hosts: tuple[Host, ...], *, declared: bool) -> None:
+    """Refuse where no role has anything to do; `declared`: the command also looks at what is only declared."""
+    if not any(handled(host) or (declared and is_terminal(host)) for host in hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
         raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")

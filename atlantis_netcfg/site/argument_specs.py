@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
-from atlantis_netcfg.site.model import Pilot, Router, Site
+from atlantis_netcfg.site.model import Pilot, Router, SatelliteTerminal, Site
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,6 +33,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
     "routeros": (
         "Bring RouterOS devices to their declared state",
         {"pilot": Pilot, "site": Site, "device": Router},
+    ),
+    "satellite_terminal": (
+        "Compare what is declared of satellite terminals with the evidence",
+        {"pilot": Pilot, "site": Site, "device": SatelliteTerminal},
     ),
 }
 """Role -> what it is for, and the variables that it takes."""

@@ -18,14 +18,16 @@ class TerminalEvidence(Model):
     firmware: Text
     """As the terminal shows it."""
     backup_file: Text | None = None
-    """Name of the backup that the terminal exported."""
+    """Name of the backup that the terminal exported; the file itself is looked for in `evidence/` of the inventory."""
     backup_sha256: Sha256 | None = None
     """Of that file, so that a changed terminal is noticed by its next backup."""
     allow_list: StrictBool
     """Whether the terminal's own filter holds the declared destinations and nothing else."""
+    sim_address: Address | None = None
+    """The terminal's address towards the network, if its page shows one: behind a carrier's NAT it is a private one."""
     by: Text
     """Who has looked."""
-    on: Day
+    seen_on: Day
     """Day, like 2026-11-21."""
 
 

@@ -90,6 +90,23 @@ def one_factory_address(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(Part("device", host), ("address",), message, hint)
 
 
+def evidence_is_whole(draft: Draft) -> Iterator[Finding]:
+    """A backup is a file's name and its hash: one without the other proves nothing."""
+    for host, _, terminal in draft.boxes(SatelliteTerminal):
+        seen, part = terminal.evidence, Part("device", host)
+        if seen is None:
+            continue
+        if (seen.backup_file is None) != (seen.backup_sha256 is None):
+            missing = "backup_sha256" if seen.backup_sha256 is None else "backup_file"
+            message = f"the evidence of `{host}` names a backup without `{missing}`"
+            hint = "add it (sha256sum FILE prints the hash), or remove both"
+            yield draft.wrong(part, ("evidence",), message, hint)
+        if seen.backup_file is not None and ("/" in seen.backup_file or seen.backup_file.startswith(".")):
+            message = f"`{seen.backup_file}` is no plain file name"
+            hint = "put the file into the inventory's folder evidence/, and write its name only"
+            yield draft.wrong(part, ("evidence", "backup_file"), message, hint)
+
+
 def _satellites(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
@@ -111,4 +128,5 @@ RULES: tuple[Rule, ...] = (
     each_once,
     refused_means_refused,
     one_factory_address,
+    evidence_is_whole,
 )

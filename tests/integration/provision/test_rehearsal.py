@@ -53,7 +53,12 @@ def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path:
     assert router["not_rehearsed"] == list(NOT_REHEARSED)
     others = {name: told for name, told in told["devices"].items() if name != ROUTERS[site]}
     assert others
-    assert {told["status"] for told in others.values()} == {"not handled yet"}
+    assert {told["status"] for told in others.values()} <= {"not handled yet", "changed", "declared"}
+    terminals = {name: told for name, told in others.items() if told["status"] == "declared"}
+    assert list(terminals) == [name for name in (f"{site}-sat",) if site != "scc"]
+    for told in terminals.values():
+        assert (told["exit"], told["planned"]) == (0, 0)
+        assert [finding["code"] for finding in told["findings"]] == ["terminal-not-looked-at"]
 
 
 @pytest.mark.slow
@@ -71,8 +76,14 @@ def test_a_mistyped_site_ends_with_what_exists(tmp_path: Path) -> None:
 
 
 def test_devices_that_no_role_handles_are_not_called_done(tmp_path: Path) -> None:
-    done = provision(tmp_path, "site=coastal", "only=coastal-sat", "--rehearse", code=7)
+    done = provision(tmp_path, "site=coastal", "only=coastal-gateway", "--rehearse", code=7)
     assert "no role handles these devices yet" in done.stderr
+
+
+def test_a_terminal_by_itself_is_looked_at_and_nothing_is_sent(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=coastal", "only=coastal-sat", "--rehearse", code=0)
+    assert "WARN: nobody has looked at the terminal coastal-sat" in done.stdout
+    assert "not handled" not in done.stdout
 
 
 def test_example_values_are_for_rehearsals_only(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ class Stage:
     def name(self, who: str) -> str:
         return f"{self.prefix}-{who}"
 
-    def socket(self, who: str, kind: int, protocol: int = 0, family: int = socket.AF_INET) -> socket.socket:
+    def open(self, who: str, kind: int, protocol: int = 0, family: int = socket.AF_INET) -> socket.socket:
         """A socket that lives in a namespace, whoever uses it."""
         made: list[socket.socket] = []
         with Path("/run/netns", self.name(who)).open("rb") as namespace:
@@ -91,18 +91,18 @@ class Stage:
         return made[0]
 
     def udp(self, who: str, address: str = "0.0.0.0", port: int = 0) -> socket.socket:  # noqa: S104 - own namespace
-        made = self.socket(who, socket.SOCK_DGRAM)
+        made = self.open(who, socket.SOCK_DGRAM)
         made.bind((address, port))
         return made
 
     def listener(self, who: str, address: str, port: int) -> socket.socket:
-        made = self.socket(who, socket.SOCK_STREAM)
+        made = self.open(who, socket.SOCK_STREAM)
         made.bind((address, port))
         made.listen()
         return made
 
     def watch(self, who: str) -> Watch:
-        made = self.socket(who, socket.SOCK_RAW, socket.htons(_ETH_P_IP), socket.AF_PACKET)
+        made = self.open(who, socket.SOCK_RAW, socket.htons(_ETH_P_IP), socket.AF_PACKET)
         made.bind(("near", _ETH_P_IP))
         return Watch(made)
 
@@ -142,7 +142,7 @@ class Watch:
 
     def until(self, token: bytes) -> list[Seen]:
         """Everything up to the packet that holds the token, without it."""
-        found = []
+        found: list[Seen] = []
         while True:
             frame, address = self.socket.recvfrom(65536)
             if address[2] == _OUTGOING or not (seen := _seen(frame)):
@@ -192,8 +192,8 @@ def _seen(frame: bytes) -> Seen | None:
     src, dst = (str(ip_address(packet[at : at + 4])) for at in (12, 16))
     if protocol == "icmp":
         return Seen(protocol, src, dst, 0, packet[length], packet[length:])
-    ports = struct.unpack("!HH", packet[length : length + 4])
-    return Seen(protocol, src, dst, *ports, packet[length:])
+    src_port, dst_port = struct.unpack("!HH", packet[length : length + 4])
+    return Seen(protocol, src, dst, src_port, dst_port, packet[length:])
 
 
 @contextmanager

@@ -55,14 +55,14 @@ def built(site: tuple[Stage, Export]) -> Stage:
 
 def every_flow(made: Stage, who: str, addresses: tuple[str, ...]) -> None:
     """Send a first packet of everything: each address with UDP and TCP to each port, and an echo request."""
-    echo = made.socket(who, socket.SOCK_RAW, socket.IPPROTO_ICMP)
+    echo = made.open(who, socket.SOCK_RAW, socket.IPPROTO_ICMP)
     datagrams = made.udp(who)
     streams = []
     for address in addresses:
         send_echo(echo, address)
         for port in PORTS:
             send_udp(datagrams, address, port)
-            streams.append(made.socket(who, socket.SOCK_STREAM))
+            streams.append(made.open(who, socket.SOCK_STREAM))
             send_syn(streams[-1], address, port)
     for one in (echo, datagrams, *streams):
         one.close()
@@ -157,7 +157,7 @@ def test_a_datagram_flow_that_began_on_another_link_does_not_go_on(built: Stage)
 def test_a_tcp_connection_that_began_on_another_link_does_not_go_on(built: Stage) -> None:
     other = built.view.uplinks[0].name
     built.prefer(other)
-    with built.listener(other, *STRANGER) as listening, built.socket(ROBOT, socket.SOCK_STREAM) as client:
+    with built.listener(other, *STRANGER) as listening, built.open(ROBOT, socket.SOCK_STREAM) as client:
         client.connect(STRANGER)
         server, _ = listening.accept()
         server.sendall(b"hello")
@@ -271,10 +271,10 @@ def _own(made: Stage) -> str:
 
 def _knock(made: Stage, src: str, dst: str) -> None:
     """Three first packets from outside: a datagram, an echo request, a TCP connection."""
-    echo = made.socket("satellite", socket.SOCK_RAW, socket.IPPROTO_ICMP)
+    echo = made.open("satellite", socket.SOCK_RAW, socket.IPPROTO_ICMP)
     echo.bind((src, 0))
     send_echo(echo, dst)
-    datagram, stream = made.udp("satellite", src), made.socket("satellite", socket.SOCK_STREAM)
+    datagram, stream = made.udp("satellite", src), made.open("satellite", socket.SOCK_STREAM)
     send_udp(datagram, dst, 1194)
     stream.bind((src, 0))
     send_syn(stream, dst, 8729)

@@ -1,0 +1,46 @@
+"""Action `atlantis.netcfg.terminal`: what is declared of the satellite terminals of a play, held against the evidence.
+
+It runs once for the whole play and contacts nothing; `per_host` of its result holds one entry a terminal.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ansible.errors import AnsibleActionFail
+from ansible.plugins.action import ActionBase
+
+from atlantis_netcfg.errors import NetcfgError
+
+
+class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+    """Door from a play to `atlantis_netcfg.operations.terminals`."""
+
+    BYPASS_HOST_LOOP = True
+    TRANSFERS_FILES = False
+    _requires_connection = False
+    _supports_check_mode = True
+    _supports_async = False
+    _VALID_ARGS = frozenset({"request"})
+
+    def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
+        """Judge the terminals of the play; in check mode, record nothing."""
+        from atlantis_netcfg.operations.terminals import perform  # noqa: PLC0415 - Ansible imports every action plugin
+
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        variables = task_vars or {}
+        given = Path(str(variables.get("inventory_dir") or "."))
+        beside = Path(str(variables["playbook_dir"])).parent / "inventory"
+        try:
+            outcome = perform(
+                given if (given / "group_vars").is_dir() else beside,
+                tuple(variables["ansible_play_hosts"]),
+                self._task.args.get("request") or None,
+                plan_only=bool(self._task.check_mode),
+            )
+        except NetcfgError as error:
+            hint = f"\n{error.hint}" if error.hint else ""
+            raise AnsibleActionFail(f"{error}{hint}") from error
+        result.update(outcome)
+        return result

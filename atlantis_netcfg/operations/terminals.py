@@ -1,0 +1,204 @@
+"""Satellite terminals in a run: nothing is sent to them; what is declared of them is compared with the evidence.
+
+A terminal's result has the shape of a device's result, so that every report can hold it; it plans and changes nothing.
+Recorded is, by a run that may change devices, which firmware was declared: the next run says if it has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg import paths
+from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
+from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
+from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import Router, SatelliteTerminal
+from atlantis_netcfg.verdicts import Verdict, worst
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["EVIDENCE_FOLDER", "TerminalResult", "is_terminal", "look", "perform"]
+
+EVIDENCE_FOLDER = "evidence"
+"""Below the inventory: where backups that terminals have exported are looked for; ansible.cfg keeps Ansible out."""
+_CHUNK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class TerminalResult:
+    """What is to be said of one terminal."""
+
+    name: str
+    model: str | None
+    evidence: Evidence | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst finding; without any, PASS: a person has seen it, and it is recent."""
+        return worst(one.verdict for one in self.findings) if self.findings else Verdict.PASS
+
+    @property
+    def exit(self) -> ExitCode:
+        """A backup that differs is a failed check; what nobody has looked at is told, and is none."""
+        return ExitCode.CHECKS_FAILED if self.verdict in (Verdict.FAIL, Verdict.ERROR) else ExitCode.DONE
+
+    @property
+    def message(self) -> str:
+        """What stands in the report beside its name."""
+        if self.evidence is None:
+            return f"{self.verdict}: declared without evidence, has no interface of its own"
+        one = self.evidence
+        return f"{self.verdict}: declared, firmware {one.firmware}, seen by {one.by} on {one.seen_on.isoformat()}"
+
+    def as_dict(self) -> Mapping[str, Any]:
+        """As JSON-able data, with every key of a device's result."""
+        return {
+            "status": "declared",
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": None,
+            "planned": 0,
+            "confirmed": 0,
+            "diff": "",
+            "drift": [],
+            "comparison": None,
+            "notes": [_words(finding) for finding in self.findings],
+            "estimate": None,
+            "plan_hash": "",
+            "protection": None,
+            "protection_words": "nothing is sent to it",
+            "round_trips": 0,
+            "bytes": {"sent": 0, "received": 0},
+            "seconds": 0.0,
+            "version": None,
+            "board": self.model,
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+
+def is_terminal(host: Host) -> bool:
+    """Whether a host is a satellite terminal."""
+    return isinstance(host.device, SatelliteTerminal)
+
+
+def look(
+    declaration: Declaration, host: Host, store: Store, *, today: date, backup: Path | None = None
+) -> TerminalResult:
+    """Judge what is declared of a terminal; nothing is written. `backup` names the file instead of looking for it.
+
+    Raises UsageError if a named file cannot be read.
+    """
+    device = host.device
+    assert isinstance(device, SatelliteTerminal)  # noqa: S101 - callers ask `is_terminal`
+    evidence = _evidence(device)
+    found = _backup(declaration.root, evidence, backup)
+    confirmed = _recorded(store).get(host.name)
+    findings = judge_evidence(host.name, evidence, found, confirmed, today)
+    return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(declaration, host, device)))
+
+
+def perform(
+    inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, *, plan_only: bool
+) -> dict[str, Any]:
+    """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
+    asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
+    declaration = load(inventory)
+    store = Store(asked.state, rehearsed=asked.rehearsed)
+    today = datetime.now(UTC).astimezone().date()
+    results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
+    if asked.mode is Mode.APPLY and not plan_only:
+        _record(store, results.values())
+    told = {name: result.as_dict() for name, result in results.items()}
+    Channel(asked.events_fd).outcome(told, {})
+    return {"per_host": {name: _of_host(result) for name, result in results.items()}}
+
+
+def _of_host(result: TerminalResult) -> dict[str, Any]:
+    lines = "\n".join([result.message, *(_words(finding) for finding in result.findings)])
+    return {**result.as_dict(), "ok": result.exit is ExitCode.DONE, "changed": False, "message": lines, "shown": ""}
+
+
+def _words(finding: Finding) -> str:
+    hint = f" ({finding.hint})" if finding.hint else ""
+    return f"{finding.verdict}: {finding.message}{hint}"
+
+
+def _evidence(device: SatelliteTerminal) -> Evidence | None:
+    one = device.evidence
+    if one is None:
+        return None
+    return Evidence(
+        firmware=one.firmware,
+        allow_list=one.allow_list,
+        by=one.by,
+        seen_on=date.fromisoformat(one.seen_on),
+        backup_file=one.backup_file,
+        backup_sha256=one.backup_sha256,
+    )
+
+
+def _network_side(declaration: Declaration, host: Host, device: SatelliteTerminal) -> tuple[Finding, ...]:
+    address = device.evidence.sim_address if device.evidence is not None else None
+    site = declaration.sites[host.site]
+    bearer = next((bearer.name for bearer in site.bearers if bearer.device == host.name), host.name)
+    routers = [other.device for other in declaration.site_hosts(host.site) if isinstance(other.device, Router)]
+    return judge_carrier_nat(
+        bearer, None if address is None else str(address), forwards=any(router.forwards for router in routers)
+    )
+
+
+def _backup(root: Path, evidence: Evidence | None, named: Path | None) -> Backup | None:
+    """The file that a person names, or the declared one below the inventory."""
+    if named is not None:
+        return Backup(str(named), _sha256(named))
+    if evidence is None or evidence.backup_file is None:
+        return None
+    path = root / EVIDENCE_FOLDER / evidence.backup_file
+    return Backup(f"{EVIDENCE_FOLDER}/{evidence.backup_file}", _sha256(path)) if path.is_file() else None
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while data := file.read(_CHUNK):
+                digest.update(data)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        hint = "name the backup that the terminal has exported"
+        raise UsageError(f"the backup {path} cannot be read: {reason}", hint=hint) from error
+    return digest.hexdigest()
+
+
+def _recorded(store: Store) -> dict[str, str]:
+    """The firmware of each terminal as the last run has recorded it. Raises StateDamaged."""
+    path = store.root / "terminals.json"
+    try:
+        return {str(name): str(firmware) for name, firmware in json.loads(path.read_bytes()).items()}
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, AttributeError) as error:
+        hint = "remove it: the next run records anew what is declared"
+        raise StateDamaged(f"the record of the terminals cannot be read: {path}", hint=hint) from error
+
+
+def _record(store: Store, results: Iterable[TerminalResult]) -> None:
+    before = _recorded(store)
+    after = {**before, **{one.name: one.evidence.firmware for one in results if one.evidence is not None}}
+    if after != before:
+        store.root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        text = json.dumps(after, indent=1, sort_keys=True)
+        write_atomically(store.root / "terminals.json", f"{text}\n".encode())

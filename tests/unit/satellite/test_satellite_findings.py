@@ -1,0 +1,141 @@
+"""Names that move, addresses behind NAT, boxes in the wrong subnet, and what probes prove."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from atlantis_netcfg.bearers.satellite import (
+    Attempt,
+    Expected,
+    NamedTarget,
+    Outcome,
+    Probe,
+    judge_attempt,
+    judge_carrier_nat,
+    judge_factory_address,
+    judge_names,
+)
+from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
+from atlantis_netcfg.verdicts import Verdict
+
+VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in group_vars/all/pilot.yml")
+
+
+@pytest.mark.parametrize(
+    ("resolved", "told"),
+    [
+        ({"203.0.113.2"}, None),
+        (
+            {"203.0.113.9"},
+            (Verdict.FAIL, "allow-list-name-moved", "resolves it to 203.0.113.9, the allow-list admits 203"),
+        ),
+        (
+            {"203.0.113.8", "203.0.113.9"},
+            (Verdict.FAIL, "allow-list-name-moved", "203.0.113.8, 203.0.113.9, the allow-list admits 203.0.113.2"),
+        ),
+        ({"203.0.113.2", "203.0.113.9"}, (Verdict.WARN, "allow-list-name-has-more", "but also 203.0.113.9")),
+        (set(), (Verdict.WARN, "allow-list-name-unknown", "this computer knows no address of vpn.example.org")),
+        (None, (Verdict.INCONCLUSIVE, "allow-list-name-not-asked", "could not ask for vpn.example.org (VPN server)")),
+    ],
+)
+def test_a_name_that_moved_is_told_with_both(resolved: set[str] | None, told: tuple[Verdict, str, str] | None) -> None:
+    answers = {"vpn.example.org": None if resolved is None else frozenset(resolved)}
+    found = judge_names([VPN], answers, "this computer")
+    if told is None:
+        assert found == ()
+        return
+    ((verdict, code, words),) = [told]
+    assert [(one.verdict, one.code) for one in found] == [(verdict, code)]
+    assert words in found[0].message
+    assert found[0].hint
+
+
+def test_a_name_that_nobody_asked_about_is_not_taken_for_good() -> None:
+    assert [one.verdict for one in judge_names([VPN], {}, "the router")] == [Verdict.INCONCLUSIVE]
+
+
+@pytest.mark.parametrize(
+    ("address", "shared"),
+    [
+        ("100.64.0.1", True),
+        ("100.127.255.254", True),
+        ("100.128.0.1", False),
+        ("172.31.7.9", True),
+        ("172.32.0.1", False),
+        ("10.1.2.3", True),
+        ("192.168.100.4", True),
+        ("203.0.113.7", False),
+        (None, False),
+        ("N/A", False),
+        ("", False),
+    ],
+)
+def test_an_address_behind_the_carriers_nat_is_named(address: str | None, *, shared: bool) -> None:
+    quiet = judge_carrier_nat("satellite", address, forwards=False)
+    loud = judge_carrier_nat("satellite", address, forwards=True)
+    assert [one.verdict for one in quiet] == ([Verdict.WARN] if shared else [])
+    assert [one.verdict for one in loud] == ([Verdict.FAIL] if shared else [])
+    assert all(str(address) in one.message for one in quiet + loud)
+
+
+@pytest.mark.parametrize(
+    ("answers", "factory", "code"),
+    [
+        (True, None, None),
+        (True, "192.168.1.1", "factory-address-answers"),
+        (False, "192.168.1.1", "box-in-wrong-subnet"),
+        (False, None, "box-silent"),
+    ],
+)
+def test_a_terminal_in_the_wrong_subnet_is_named(answers: bool, factory: str | None, code: str | None) -> None:  # noqa: FBT001 - a case
+    found = judge_factory_address("coastal-sat", "ether3", "10.10.2.1", answers=answers, answers_at_factory=factory)
+    assert [one.code for one in found] == ([] if code is None else [code])
+
+
+def test_a_terminal_that_is_declared_at_the_factory_address_is_where_it_should_be() -> None:
+    here = "192.168.1.1"
+    assert judge_factory_address("coastal-sat", "ether3", here, answers=True, answers_at_factory=here) == ()
+
+
+ALLOWED = Attempt("VPN server", "203.0.113.2 udp 1194", Expected.REACHED, Probe.ICMP, Outcome.ANSWERED, 71.4, WINDOW_S)
+FORBIDDEN = replace(ALLOWED, expected=Expected.REFUSED, outcome=Outcome.SILENT, after_s=None)
+
+
+@pytest.mark.parametrize(
+    ("attempt", "verdict", "words"),
+    [
+        (ALLOWED, Verdict.PASS, "was reached after 71 s over the satellite"),
+        (replace(ALLOWED, outcome=Outcome.SILENT), Verdict.FAIL, "did not answer in 90 s"),
+        (replace(ALLOWED, outcome=Outcome.SILENT, window_s=89.9), Verdict.INCONCLUSIVE, "an ordinary gap"),
+        (
+            replace(ALLOWED, outcome=Outcome.SILENT, probe=Probe.UDP_COUNTER, note="no answers were counted"),
+            Verdict.INCONCLUSIVE,
+            "no answers were counted",
+        ),
+        (replace(ALLOWED, outcome=Outcome.REFUSED_HERE), Verdict.FAIL, "is allowed, and the router refuses it"),
+        (
+            replace(ALLOWED, outcome=Outcome.NOT_TRIED, note="no way"),
+            Verdict.INCONCLUSIVE,
+            "could not be tried: no way",
+        ),
+        (FORBIDDEN, Verdict.PASS, "was not reached in 90 s"),
+        (replace(FORBIDDEN, outcome=Outcome.REFUSED_HERE), Verdict.PASS, "nothing was sent"),
+        (replace(FORBIDDEN, outcome=Outcome.ANSWERED), Verdict.FAIL, "is not allowed, and was reached"),
+        (replace(FORBIDDEN, outcome=Outcome.ANSWERED, filter_open=True), Verdict.WARN, "only the router enforces"),
+        (replace(FORBIDDEN, filter_open=True), Verdict.PASS, "the terminal or the network refuses it"),
+        (replace(FORBIDDEN, filter_open=True, window_s=30.0), Verdict.INCONCLUSIVE, "too short to tell"),
+    ],
+)
+def test_what_a_probe_proves(attempt: Attempt, verdict: Verdict, words: str) -> None:
+    found = judge_attempt(attempt, link_seen=True)
+    assert found.verdict is verdict
+    assert words in found.message
+
+
+def test_over_a_dead_link_nothing_is_proved_to_be_refused() -> None:
+    for attempt in (FORBIDDEN, replace(FORBIDDEN, filter_open=True)):
+        assert judge_attempt(attempt, link_seen=False).verdict is Verdict.INCONCLUSIVE
+    here = replace(FORBIDDEN, outcome=Outcome.REFUSED_HERE)
+    assert judge_attempt(here, link_seen=False).verdict is Verdict.PASS
