@@ -44,7 +44,7 @@ def _again(opened: Session, twins: Rehearsal) -> Iterator[Pass]:
     for name in dict.fromkeys([LAN.name, *(one.name for host in opened.asked for one in sites[host.site].bearers)]):
         via = {host.name: name for host in opened.asked if name in {LAN.name, *_names(opened, host.site)}}
         for host in opened.asked:
-            twins.relink(host.name, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
+            twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
         for device, result in opened.perform(Mode.APPLY, via=via).devices.items():
             if device in via:
                 yield Pass(device, name, result)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.operations.pairs import with_other_ends
@@ -66,9 +67,9 @@ class Rehearsal:
         """What the twin's own `/export` says now."""
         return str(self.twins.do(name, "export"))
 
-    def relink(self, name: str, bearer: Bearer) -> None:
-        """Put the twin behind another bearer."""
-        self.twins.do(name, "link", **link(bearer).model_dump())
+    def relink(self, host: Host, bearer: Bearer) -> None:
+        """Put the twin of a host behind another bearer."""
+        self.twins.do(host.name, "link", **link(bearer, host).model_dump())
 
 
 @contextmanager
@@ -161,10 +162,11 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
             management=Management(address=place.address, port=place.port, technician=place.technician),
             certificates=known.certificates,
         ),
-        link=link(bearer_of(declaration, host, via)),
+        link=link(bearer_of(declaration, host, via), host),
     )
 
 
-def link(bearer: Bearer) -> Link:
-    """Make the twin's link as slow as the bearer is declared to be."""
-    return Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps)
+def link(bearer: Bearer, host: Host) -> Link:
+    """Make the twin's link as slow as the bearer is declared to be, and count on the router's port that it hangs on."""
+    port = next((port for port, name in ports_of(host).items() if name == bearer.name), None)
+    return Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps, port=port)

@@ -65,6 +65,8 @@ class Core:
         self.started = now()
         self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
         self.store = Store(self.schema)
+        self.octets: dict[str, tuple[int, int]] = {}
+        """Factory name of a port to the bytes that it has received and sent since the start: of our sessions only."""
         self.history = History(spec.history_limit)
         self.sessions: dict[int, Caller] = {}
         self.listeners: list[Listener] = []
@@ -102,6 +104,11 @@ class Core:
         self.boot_clock = spec.clock
         self._topology: Topology | None = None
         self._numbers = 0
+
+    def count(self, port: str, *, received: bool, size: int) -> None:
+        """Let the byte counter of a port rise."""
+        rx, tx = self.octets.get(port, (0, 0))
+        self.octets[port] = (rx + size, tx) if received else (rx, tx + size)
 
     @property
     def topology(self) -> Topology:

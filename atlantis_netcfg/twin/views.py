@@ -34,7 +34,8 @@ __all__ = [
 HIDDEN = "*****"
 """What a group without policy `sensitive` sees of a secret."""
 TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
-"""Counters of an interface (Manual, CLI reference, `/interface`); nothing passes through a twin, so they stay 0."""
+"""Counters of an interface (Manual, CLI reference, `/interface`): our own sessions are counted, as bytes of the port
+that they come in by; nothing else passes through a twin."""
 _COUNTERS = ("bytes", "packets", *TRAFFIC)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.costs._gate import beforehand, gate, unpaid
-from atlantis_netcfg.operations.costs._links import link_of, links_of, ways_of
+from atlantis_netcfg.operations.costs._links import link_of, links_of, ports_of, ways_of
 from atlantis_netcfg.operations.costs._meter import Meter
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.site import Declaration
 
-__all__ = ["Costs", "Meter", "beforehand", "gate", "link_of", "links_of", "unpaid", "ways_of"]
+__all__ = ["Costs", "Meter", "beforehand", "gate", "link_of", "links_of", "ports_of", "unpaid", "ways_of"]
 
 
 @dataclass(slots=True)

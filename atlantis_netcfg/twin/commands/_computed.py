@@ -54,7 +54,9 @@ def _interface(core: Core, table: Table, item: Item, interface: Interface) -> di
     flags = {"running": interface.running, "disabled": not interface.enabled}
     if interface.master is not None:
         flags["slave"] = True
-    return row | dict.fromkeys(TRAFFIC, "0") | {name: _truth(value) for name, value in flags.items()}
+    rx, tx = core.octets.get(row.get("default-name", ""), (0, 0))
+    traffic = dict.fromkeys(TRAFFIC, "0") | {"rx-byte": str(rx), "tx-byte": str(tx)}
+    return row | traffic | {name: _truth(value) for name, value in flags.items()}
 
 
 def _update(core: Core, _call: Call) -> Rows:

@@ -20,6 +20,12 @@ __all__ = ["Bearer", "Chunk", "Direction", "End", "Line", "Link"]
 
 SEGMENT = 1400
 """Bytes that travel together: a TCP segment within a tunnel's MTU."""
+HEADERS = 54
+"""Ethernet 14, IP 20, TCP 20: what a port's byte counter has for a segment besides its payload (inferred)."""
+
+
+def _uncounted(_port: str | None, _direction: Direction, _size: int) -> None:
+    """Nobody counts."""
 
 
 class Link(BaseModel):
@@ -39,6 +45,8 @@ class Link(BaseModel):
     """Until TCP has sent the lost segment again."""
     tcp_connect: bool = True
     """The connection itself costs a round trip, which loopback would give away."""
+    port: str | None = None
+    """Factory name of the port that the bearer hangs on, whose counters rise; None: the technician's."""
 
 
 class Direction(Enum):
@@ -80,6 +88,8 @@ class Bearer:
         self.link = link
         self._free_at = dict.fromkeys(Direction, 0.0)
         self._segments = dict.fromkeys(Direction, 0)
+        self.count: Callable[[str | None, Direction, int], None] = _uncounted
+        """Told the link's port and every segment's bytes, its headers included; acknowledgements are not (inferred)."""
 
     def arrival(self, direction: Direction, size: int, departure: float) -> float:
         """When `size` bytes that are handed over at `departure` have arrived at the other end."""
@@ -87,6 +97,8 @@ class Bearer:
         start = max(departure, self._free_at[direction])
         sent = start if rate is None else start + size * 8 / rate
         self._free_at[direction] = sent
+        if size:
+            self.count(self.link.port, direction, size + HEADERS)
         return sent + self.link.delay_s + self._retransmission(direction, size)
 
     def _retransmission(self, direction: Direction, size: int) -> float:

@@ -10,7 +10,7 @@ from atlantis_netcfg.twin.wire.connection import Connection
 from atlantis_netcfg.twin.wire.dialogue import Dialogue
 from atlantis_netcfg.twin.wire.faults import Fault, FaultKind, Faults
 from atlantis_netcfg.twin.wire.knobs import Knobs, Pace
-from atlantis_netcfg.twin.wire.link import Bearer, Link
+from atlantis_netcfg.twin.wire.link import Bearer, Direction, Link
 from atlantis_netcfg.twin.wire.tls import Channel, Plain, Tls, context
 from atlantis_netcfg.twin.wire.way import Way
 
@@ -57,6 +57,7 @@ class Switchboard:
         """Whether what lies before the router lets packets through; None: a cable, which does."""
         self.failure: BaseException | None = None
         self._device = device
+        self.bearer.count = self._count
         self._path = device.spec.management
         self._changed = changed
         self._certificate = certificate
@@ -105,6 +106,10 @@ class Switchboard:
         """Set the knobs; the shuffling begins anew."""
         self.chance = None if knobs.shuffle is None else random.Random(knobs.shuffle)  # noqa: S311 (repeatable, no secret)
         self.knobs = knobs
+
+    def _count(self, port: str | None, direction: Direction, size: int) -> None:
+        """The device forgets it when it restarts, as a router does."""
+        self._device.core.count(port or self._path.port, received=direction is Direction.UP, size=size)
 
     # Faults.
 

@@ -1,0 +1,149 @@
+"""The byte counters of ports, read along: what they say, what they cost, and what a reboot makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from engine_bench import Bench, run
+
+from atlantis_netcfg.routeros import Status
+from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
+from atlantis_netcfg.routeros.apply import Admission
+from atlantis_netcfg.routeros.counting import counting, looks, read_counts, seconds
+from atlantis_netcfg.routeros.estimate import Bearer, on_the_wire
+from atlantis_netcfg.twin import Link
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.routeros import DeviceResult
+    from atlantis_netcfg.routeros._types import Observed
+    from atlantis_netcfg.routeros.estimate import Estimate
+
+SATELLITE = Bearer("satellite", 0.7, 352_000, 704_000, metered=True)
+
+
+def twice(folder: Path, *counted: str) -> tuple[DeviceResult, DeviceResult]:
+    async def act() -> tuple[DeviceResult, DeviceResult]:
+        async with Bench(folder) as bench:
+            bench.router.relink(Link(port="ether3"))
+            return await bench.converge(counted=counted), await bench.converge(counted=counted)
+
+    return run(act())
+
+
+def test_counters_cost_no_round_trip(tmp_path: Path) -> None:
+    without, with_them = twice(tmp_path / "without"), twice(tmp_path / "with", "ether2", "ether3")
+    assert [one.status for one in with_them] == [Status.CHANGED, Status.UNCHANGED]
+    assert [one.round_trips for one in with_them] == [one.round_trips for one in without]
+    assert all(one.counts == () for one in without)
+
+
+def test_what_the_router_counts_is_what_we_have_sent(tmp_path: Path) -> None:
+    for result in twice(tmp_path, "ether2", "ether3"):
+        first, last = result.counts
+        assert first.ports["ether2"] == last.ports["ether2"] == (0, 0)
+        risen = sum(last.ports["ether3"]) - sum(first.ports["ether3"])
+        ours = on_the_wire(result.sent + result.received, result.sessions)
+        # The first look is after the handshake and the login, the last one before the last answers have gone.
+        assert 0 < risen < ours
+    assert first.uptime_s is not None
+    assert last.uptime_s is not None
+    assert last.at >= first.at
+
+
+def test_a_first_configuration_is_counted_nearly_whole(tmp_path: Path) -> None:
+    first, _ = twice(tmp_path, "ether3")
+    before, after = first.counts
+    risen = sum(after.ports["ether3"]) - sum(before.ports["ether3"])
+    assert risen == pytest.approx(on_the_wire(first.sent + first.received, first.sessions), rel=0.5)
+
+
+def test_a_port_that_is_not_there_is_not_counted_as_nothing(tmp_path: Path) -> None:
+    for result in twice(tmp_path, "ether33"):
+        assert result.counts == ()
+
+
+def test_a_reboot_sets_the_counters_back(tmp_path: Path) -> None:
+    async def act() -> tuple[DeviceResult, DeviceResult]:
+        async with Bench(tmp_path) as bench:
+            bench.router.relink(Link(port="ether3"))
+            before = await bench.converge(counted=("ether3",))
+            bench.router.reboot()
+            return before, await bench.converge(counted=("ether3",))
+
+    before, after = run(act())
+    assert sum(after.counts[0].ports["ether3"]) < sum(before.counts[-1].ports["ether3"])
+
+
+class Collector:
+    """A toll that refuses whatever would be sent."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[bool, bool, int]] = []
+
+    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
+        assert seen.rows
+        assert estimate is not None
+        self.asked.append((spends, planned, estimate.wire_bytes))
+        return Admission(("told in any case",), "too dear" if spends and not planned else None, "wait for the cable")
+
+
+def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> None:
+    collector = Collector()
+
+    async def act() -> tuple[str, DeviceResult, str, DeviceResult]:
+        async with Bench(tmp_path) as bench:
+            before = bench.export()
+            refused = await bench.converge(toll=collector, bearer=SATELLITE)
+            after = bench.export()
+            await bench.converge()
+            return before, refused, after, await bench.converge(toll=collector, bearer=SATELLITE)
+
+    before, refused, after, idle = run(act())
+    assert (refused.status, refused.message) == (Status.REFUSED, "refused, nothing was changed: too dear")
+    assert (refused.hint, refused.notes) == ("wait for the cable", ("told in any case",))
+    assert before == after
+    assert idle.status is Status.UNCHANGED
+    assert [(spends, planned) for spends, planned, _ in collector.asked] == [(True, False), (False, False)]
+    assert collector.asked[0][2] > collector.asked[1][2] > 0
+
+
+@pytest.mark.parametrize(
+    ("beside", "first", "last"),
+    [(1, 1, 1), (WINDOW - 2, 1, 1), (WINDOW - 1, 0, 1), (WINDOW, 0, 0), (WINDOW + 1, 1, 1), (2 * WINDOW, 0, 0)],
+)
+def test_looks_take_the_room_that_is_left(beside: int, first: int, last: int) -> None:
+    assert tuple(map(len, looks(("ether3",), beside))) == (first, last)
+    assert -(-(beside + first + last) // WINDOW) == -(-beside // WINDOW)
+    assert looks((), beside) == ([], [])
+
+
+def test_one_command_asks_for_all_ports() -> None:
+    assert counting(("ether1", "ether2", "ether3")).queries == (
+        "?name=ether1", "?name=ether2", "?#|", "?name=ether3", "?#|",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("0s", 0), ("1m5s", 65), ("2h", 7200), ("1w2d3h4m5s", 788_645), ("", None), ("soon", None), ("5", None)],
+)
+def test_times_of_routeros_are_read(text: str, expected: float | None) -> None:
+    assert seconds(text) == expected
+
+
+def test_answers_without_numbers_are_no_counters() -> None:
+    resource = Reply(({"uptime": "1m"},))
+    whole = Reply(
+        ({"name": "ether1", "rx-byte": "7", "tx-byte": "8"}, {"name": "ether2", "rx-byte": "", "tx-byte": "8"})
+    )
+    found = read_counts(whole, resource)
+    assert found is not None
+    assert (dict(found.ports), found.uptime_s) == ({"ether1": (7, 8)}, 60.0)
+    assert read_counts(replace(whole, rows=whole.rows[1:]), resource) is None
+    assert counting(("ether1",)) == Command(
+        "/interface/print", ((".proplist", "name,rx-byte,tx-byte"),), ("?name=ether1",)
+    )
