@@ -157,6 +157,7 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
             ports=hardware.ports,
             poe_ports=hardware.poe_ports,
             radios=tuple(Radio(name=name) for name in hardware.radios),
+            modem=hardware.modem,
             packages=hardware.packages,
             users=(User(name=access.user, password=access.password.reveal()),),
             management=Management(address=place.address, port=place.port, technician=place.technician),

@@ -9,11 +9,13 @@ from __future__ import annotations
 from atlantis_netcfg.render._cpe import CpeView, RadioView, cpe, cpe_prerequisites, cpe_view, radio_name
 from atlantis_netcfg.render._declared import RenderError
 from atlantis_netcfg.render._environment import environment, template_folder
+from atlantis_netcfg.render._lte import LteView, lte, lte_bearer, lte_prerequisites, lte_view
 from atlantis_netcfg.render._router import prerequisites, router, router_view
 from atlantis_netcfg.render.view import Prerequisite, RouterView
 
 __all__ = [
     "CpeView",
+    "LteView",
     "Prerequisite",
     "RadioView",
     "RenderError",
@@ -22,6 +24,10 @@ __all__ = [
     "cpe_prerequisites",
     "cpe_view",
     "environment",
+    "lte",
+    "lte_bearer",
+    "lte_prerequisites",
+    "lte_view",
     "prerequisites",
     "radio_name",
     "router",

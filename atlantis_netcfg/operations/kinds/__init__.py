@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.operations.kinds._cpe import ManagedCpe
+from atlantis_netcfg.operations.kinds._lte import ManagedLte
 from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, Text
 from atlantis_netcfg.operations.kinds._router import ManagedRouter
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Hardware", "Managed", "Place", "Text", "handled", "managed"]
 
-_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedCpe)
+_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedCpe, ManagedLte)
 
 
 def handled(host: Host) -> bool:

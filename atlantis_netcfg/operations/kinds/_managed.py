@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.render import Prerequisite
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Access
+    from atlantis_netcfg.twin import ModemSpec
 
 __all__ = ["Hardware", "Managed", "Place", "Text"]
 
@@ -45,6 +46,7 @@ class Hardware:
     ports: tuple[str, ...]
     poe_ports: tuple[str, ...] = ()
     radios: tuple[str, ...] = ()
+    modem: ModemSpec | None = None
     packages: tuple[str, ...] = ("routeros",)
     board: str = "RB5009UPr+S+"
 

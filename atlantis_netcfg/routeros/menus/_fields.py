@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "COMMENT",
     "DISABLED",
+    "asked",
     "boolean",
     "cosmetic",
     "flag",
@@ -131,6 +132,11 @@ def secret(field: Field) -> Field:
 
 def unread(field: Field) -> Field:
     return replace(field, unread=True, keep=True)
+
+
+def asked(field: Field) -> Field:
+    """Mark a field that is only sent while the device asks for it (routeros/pin.py)."""
+    return replace(field, asked=True)
 
 
 def cosmetic(field: Field) -> Field:

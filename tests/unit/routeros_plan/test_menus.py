@@ -25,7 +25,7 @@ IN_USE = """
 /tool/mac-server /tool/mac-server/mac-winbox /tool/mac-server/ping /tool/bandwidth-server /user /user/group
 /certificate /interface/wireless /interface/wireless/security-profiles /interface/wireless/connect-list
 /interface/wireless/access-list /interface/wifi /interface/wifi/configuration /interface/wifi/channel
-/interface/wifi/security /interface/wifi/datapath
+/interface/lte /interface/lte/apn /interface/lte/settings /interface/wifi/security /interface/wifi/datapath
 """
 
 RADIOS = ("/interface/wireless", "/interface/wifi")
@@ -44,6 +44,7 @@ HOLES = {
         "power-cycle-ping-enabled",
         "power-cycle-ping-timeout",
     },
+    "/interface/lte": {"default-name"},
     "/interface/wifi": {"default-name"},
     "/interface/wireless": {"default-name"},
     "/ip/neighbor/discovery-settings": {"lldp-poe-power"},

@@ -40,6 +40,7 @@ HOLES = (
     Hole("/interface/w60g", "no 60 GHz radio (manual, W60G)"),
     Hole("/zerotier", "not in the set of x86 packages (manual, ZeroTier)"),
     Hole("/interface/ethernet", _KEY, "set", "default-name"),
+    Hole("/interface/lte", _KEY, "set", "default-name"),
     Hole("/interface/wifi", _KEY, "set", "default-name"),
     Hole("/interface/wireless", _KEY, "set", "default-name"),
     Hole("/ip/service", _KEY, "set", "name"),

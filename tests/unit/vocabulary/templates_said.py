@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 from spoken import Said, lines
 from trees import ROOT, TREES
 
-from atlantis_netcfg.render import cpe_view, environment, router_view, template_folder
+from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
+from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Cpe, PtpProtocol
+from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, PtpProtocol
 from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from trees import Tree
 
-    from atlantis_netcfg.render import CpeView, RouterView
+    from atlantis_netcfg.render import CpeView, LteView, RouterView
 
 NEWER = {("/interface/wifi", "configuration.installation"): "7.18.2"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""
@@ -65,12 +66,29 @@ def cpes() -> Iterator[CpeView]:
                 yield replace(view, radio=replace(radio, tx_power_dbm=None, antenna_gain_dbi=None, distance_km=None))
 
 
+def lte_boxes() -> Iterator[LteView]:
+    """Yield the views of all MikroTik LTE boxes of the shipped inventory, with all that a SIM can need and without."""
+    declaration = load(ROOT / "inventory")
+    for host in declaration.hosts.values():
+        if isinstance(host.device, LteRouter) and host.device.driver is LteDriver.ROUTEROS:
+            view = lte_view(declaration, host)
+            yield view
+            secrets = {"password": Secret("EXAMPLE-apn"), "pin": Secret("1234")}
+            yield replace(view, apn="umts", user="user", roaming=True, bands=(3,), **secrets)
+            yield replace(view, apn=None, user=None, password=None, pin=None, bands=())
+
+
 @cache
 def rendered() -> tuple[str, ...]:
     """Every text that can come out; a new kind of template has to be rendered here."""
     template = environment().get_template("routeros/router.rsc.j2")
     radio = environment().get_template("routeros/cpe.rsc.j2")
-    return (*(template.render(router=view) for view in routers()), *(radio.render(cpe=view) for view in cpes()))
+    box = environment().get_template("routeros/lte.rsc.j2")
+    return (
+        *(template.render(router=view) for view in routers()),
+        *(radio.render(cpe=view) for view in cpes()),
+        *(box.render(lte=view) for view in lte_boxes()),
+    )
 
 
 def sources() -> dict[str, str]:
