@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "adopt": "atlantis_netcfg.cli.adopt",
     "backup": "atlantis_netcfg.cli.backup",
     "drift": "atlantis_netcfg.cli.drift",
+    "links": "atlantis_netcfg.cli.links",
     "runs": "atlantis_netcfg.cli.runs",
     "resume": "atlantis_netcfg.cli.resume",
     "rollback": "atlantis_netcfg.cli.rollback",

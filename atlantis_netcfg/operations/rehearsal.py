@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.operations.pairs import with_other_ends
 from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.site.model import Cpe
+from atlantis_netcfg.site.model import Cpe, Router
 from atlantis_netcfg.twin import (
     NOT_REHEARSED,
     Air,
@@ -162,9 +162,18 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
             users=(User(name=access.user, password=access.password.reveal()),),
             management=Management(address=place.address, port=place.port, technician=place.technician),
             certificates=known.certificates,
+            neighbours=_around(declaration, host),
         ),
         link=link(bearer_of(declaration, host, via), host),
     )
+
+
+def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
+    """Who answers a router's pings: of each of its bearers the next hop and the canaries, as if all were well."""
+    if not isinstance(host.device, Router):
+        return ()
+    bearers = declaration.sites[host.site].bearers
+    return tuple(str(address) for bearer in bearers for address in (bearer.gateway, *bearer.canaries))
 
 
 def link(bearer: Bearer, host: Host) -> Link:

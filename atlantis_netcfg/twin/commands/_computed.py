@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.commands.radio import registrations
@@ -212,12 +213,44 @@ def _poe(core: Core, _call: Call) -> Rows:
     ]
 
 
+def _arp(core: Core, _call: Call) -> Rows:
+    """Who is there: the neighbours of the spec that are in a network of ours and not silent.
+
+    Names of fields: Manual, ARP. That such an entry is always there is inferred: a real one ages when nothing is sent.
+    """
+    found = []
+    for local in core.topology.locals:
+        if not local.works or local.actual is None:
+            continue
+        for text in core.spec.neighbours:
+            address = IPv4Address(text)
+            if address in local.network and address != local.address.ip and core.topology.up(local.actual):
+                found.append((core.topology.name(local.actual), address))
+    return [
+        {
+            ".id": id_text(number),
+            "address": str(address),
+            "mac-address": f"02:00:5E:10:{int(address) >> 8 & 255:02X}:{int(address) & 255:02X}",
+            "interface": interface,
+            "published": "false",
+            "status": "reachable",
+            "invalid": "false",
+            "DHCP": "false",
+            "dynamic": "true",
+            "complete": "true",
+            "disabled": "false",
+        }
+        for number, (interface, address) in enumerate(found, start=1)
+    ]
+
+
 COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
     "/file": _files,
     "/interface": _interfaces,
     "/interface/ethernet/poe": _poe,
     "/interface/wifi/registration-table": registrations,
     "/interface/wireless/registration-table": registrations,
+    "/ip/arp": _arp,
     "/log": _log,
     "/safe-mode": _safe_mode,
     "/system/device-mode": _device_mode,

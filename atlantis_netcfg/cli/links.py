@@ -1,0 +1,113 @@
+"""`provision links`: how every link of a site is, which one carries the traffic, and what is wrong."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations.links import Looked
+    from atlantis_netcfg.report.links import LinksReport
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "links",
+    "say how every link of a site is, which one carries the traffic, and what is wrong",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        ONLY,
+        VIA,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        ACCEPT_COST,
+        JSON,
+    ),
+    details=(
+        "Nothing is changed, and nothing is sent over a satellite. Exit code 6 says that a link fails or a device does "
+        "not answer, 0 that all is well but for warnings, 7 that nobody was asked."
+    ),
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Ask every box of the site's links at once, and tell."""
+    import json
+
+    from atlantis_netcfg.cli._session import session
+
+    _one_site(arguments.word("site"))
+    with session(
+        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), unsealed=True
+    ) as opened:
+        if opened.rehearsal is not None:
+            _configure(opened)
+        report = _report(opened, _look(opened))
+    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else report.as_text())
+    return report.exit
+
+
+def _one_site(site: str) -> None:
+    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.site import ALL
+
+    if site == ALL:
+        raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
+
+
+def _configure(opened: Session) -> None:
+    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links."""
+    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.operations import Mode
+
+    report = opened.perform(Mode.APPLY)
+    if report.exit is not ExitCode.DONE:
+        raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
+
+
+def _look(opened: Session) -> Looked:
+    """Look, once it is agreed what the looking may cost."""
+    import asyncio
+    import sys
+
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.links import look
+
+    _no_examples(opened)
+    request = opened.paid(opened.request(Mode.DRIFT))
+    with progress(quiet=opened.as_json, out=sys.stderr) as notify:
+        return asyncio.run(look(opened.declaration, opened.site, opened.hosts, request, notify))
+
+
+def _no_examples(opened: Session) -> None:
+    from atlantis_netcfg.errors import UsageError
+
+    if opened.declaration.pilot.example_values and not opened.rehearsed:
+        raise UsageError(
+            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
+        )
+
+
+def _report(opened: Session, looked: Looked) -> LinksReport:
+    from atlantis_netcfg.report.links import LinksReport
+
+    return LinksReport(
+        site=opened.site,
+        title=opened.declaration.sites[opened.site].title,
+        rehearsed=opened.rehearsed,
+        bearers=looked.as_dict(),
+        asked=looked.asked,
+        unreachable=[{"device": one.device, "message": one.message, "hint": one.hint} for one in looked.unreachable],
+        not_asked=looked.not_asked,
+        round_trips=looked.round_trips,
+        notes=looked.notes,
+        not_rehearsed=opened.rehearsal.not_rehearsed if opened.rehearsal else (),
+    )

@@ -1,0 +1,143 @@
+"""Whom a look at the links of a site asks, and how; whoever is not asked is named, with the reason."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.links._door import Door
+from atlantis_netcfg.operations.links._own import Silent
+from atlantis_netcfg.operations.links._radio import read_radio
+from atlantis_netcfg.operations.links._router import read_router
+from atlantis_netcfg.operations.links._unit import Unit, read_unit
+from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Iterator, Sequence
+
+    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["Round", "boxes"]
+
+
+@dataclass(slots=True)
+class Round:
+    """All questions of one look; `ask` sends them to all devices at once."""
+
+    declaration: Declaration
+    request: Request
+    notify: Subscriber
+    answers: dict[str, Any] = field(default_factory=dict)
+    """Host name to its reading, or to Silent."""
+    not_asked: dict[str, str] = field(default_factory=dict)
+    """Host name to the reason."""
+    doors: dict[str, Door] = field(default_factory=dict)
+    """Host name to what was spent on it; RouterOS devices only."""
+    requests: dict[str, int] = field(default_factory=dict)
+    """Host name to the requests that were sent to it; 4G units of other makes only."""
+
+    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], ways: Sequence[Way]) -> None:
+        """Ask every host that is `chosen` and can be asked, all at the same time."""
+        names = {host.name for host in chosen}
+        work = []
+        for host in hosts:
+            reason = self._why_not(host) if host.name in names else "left out by `only=`"
+            if reason is None:
+                work.append(self._one(host, ways))
+            else:
+                self.not_asked[host.name] = reason
+        await asyncio.gather(*work)
+
+    @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Who was asked and did not answer."""
+        return tuple(answer for answer in self.answers.values() if isinstance(answer, Silent))
+
+    def _why_not(self, host: Host) -> str | None:
+        """Why a host is not to be asked; None if it is."""
+        device = host.device
+        if isinstance(device, SatelliteTerminal):
+            return "no machine interface of it is documented: a person looks at its pages"
+        if isinstance(device, LteRouter) and device.driver is not LteDriver.ROUTEROS:
+            return self._why_not_unit(host, device)
+        if not handled(host):
+            return f"nobody reads a {device.kind.replace('_', ' ')} yet"
+        return self._why_not_emulated(host)
+
+    def _why_not_unit(self, host: Host, device: LteRouter) -> str | None:
+        if device.driver is LteDriver.MANUAL:
+            return "`driver: manual`: a person looks at its own page"
+        if device.driver is LteDriver.RUTOS and device.access is None:
+            return f"no `access` is declared in host_vars/{host.name}.yml"
+        return self._why_not_emulated(host)
+
+    def _why_not_emulated(self, host: Host) -> str | None:
+        missing = self.request.rehearsed and host.name not in self.request.targets
+        return "it is not emulated in this rehearsal" if missing else None
+
+    async def _one(self, host: Host, ways: Sequence[Way]) -> None:
+        self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
+        try:
+            self.answers[host.name] = await self._reading(host, ways)
+        except NetcfgError as error:
+            self.answers[host.name] = Silent(host.name, str(error), error.hint)
+            self.notify(Event(host.name, Stage.FAILED, str(error)))
+        else:
+            self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))
+
+    def _reading(self, host: Host, ways: Sequence[Way]) -> Awaitable[Any]:
+        if isinstance(host.device, Router):
+            return read_router(self._door(host), ways)
+        if isinstance(host.device, Cpe):
+            return read_radio(self._door(host))
+        assert isinstance(host.device, LteRouter)  # noqa: S101 - `boxes` yields no other kind that can be asked
+        door = self._door(host) if host.device.driver is LteDriver.ROUTEROS else None
+        return read_unit(Unit(host, host.device, self.request, door, self.requests))
+
+    def _door(self, host: Host) -> Door:
+        """Raises NothingMatched for a device that the engine does not handle."""
+        access = managed(self.declaration, host).access
+        pins = Store(self.request.state, rehearsed=self.request.rehearsed).pins
+        if self.request.rehearsed:
+            target = self.request.targets[host.name]
+            endpoint = Endpoint(target.host, target.port, access.user, access.password, target.pin)
+        else:
+            endpoint = Endpoint(str(access.address), access.port, access.user, access.password, pins.get(host.name))
+        self.doors[host.name] = Door(host.name, endpoint, _first_contact(pins.pin, self.notify))
+        return self.doors[host.name]
+
+    def _spent(self, name: str) -> str:
+        if name in self.doors:
+            door = self.doors[name]
+            return f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        return f"read in {self.requests[name]} requests" if name in self.requests else "read"
+
+
+def _first_contact(pin: Callable[[str, str], object], notify: Subscriber) -> Callable[[str, str], None]:
+    def pinned(name: str, certificate: str) -> None:
+        pin(name, certificate)
+        notify(Event(name, Stage.CONNECTING, f"first contact: its certificate is pinned, SHA-256 {certificate}"))
+
+    return pinned
+
+
+def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
+    """Yield the router and the boxes of its site's bearers, each once, both ends of a bridge among them."""
+    yield router
+    seen = {router.name}
+    for bearer in declaration.sites[router.site].bearers:
+        box = declaration.hosts.get(bearer.device or "")
+        far = declaration.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, Cpe) else None
+        for host in (box, far):
+            if host is not None and host.name not in seen:
+                seen.add(host.name)
+                yield host

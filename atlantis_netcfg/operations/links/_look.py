@@ -1,0 +1,231 @@
+"""One look at every bearer of a site: all boxes at once, nothing changed, and what each of them said put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers.lte import manual
+from atlantis_netcfg.bearers.policy import active_bearers, probe_commands
+from atlantis_netcfg.errors import NetcfgError, NothingMatched
+from atlantis_netcfg.journal import Counters, MonthBytes, Store
+from atlantis_netcfg.operations.costs import ways_of
+from atlantis_netcfg.operations.links._ask import Round, boxes
+from atlantis_netcfg.operations.links._bearer import Seen, ranked, told, twice
+from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge, of_unit
+from atlantis_netcfg.operations.links._router import PINGS, RouterReading
+from atlantis_netcfg.operations.links._terminal import kept_off, of_terminal
+from atlantis_netcfg.site.model import BearerKind, Cpe, LteDriver, LteRouter, Router
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.bearers import BearerStatus, Finding
+    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Bearer
+
+__all__ = ["Looked", "look"]
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """What one look has shown, in the order of preference."""
+
+    bearers: tuple[BearerStatus, ...]
+    boxes: Mapping[str, str]
+    """Bearer to the box or boxes of it."""
+    months: Mapping[str, MonthBytes]
+    probe_bytes: Mapping[str, int]
+    """Bearer to what its pings may have cost on the wire."""
+    unreachable: tuple[Silent, ...]
+    not_asked: Mapping[str, str]
+    """Device to the reason."""
+    round_trips: Mapping[str, int]
+    """Of each RouterOS device that was asked, its login included."""
+    asked: tuple[str, ...]
+    """Devices, whether or not they answered."""
+    notes: tuple[str, ...] = ()
+    """What went wrong beside the links."""
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """Each bearer as JSON-able data: what `BearerStatus` promises, and what was found beside it."""
+        return {
+            one.name: {
+                **one.as_dict(),
+                "verdict": one.verdict.value,
+                "box": self.boxes[one.name],
+                "probe_bytes": self.probe_bytes.get(one.name, 0),
+                "month_since": _stamp(self.months[one.name].since),
+                "month_gaps": list(self.months[one.name].gaps),
+            }
+            for one in self.bearers
+        }
+
+
+def _stamp(moment: datetime | None) -> str | None:
+    return None if moment is None else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+
+
+async def look(
+    declaration: Declaration, site: str, chosen: Sequence[Host], request: Request, notify: Subscriber
+) -> Looked:
+    """Look at a site; of its boxes only those `chosen` are asked, and of a bridge with one end the other one, too.
+
+    What does not answer is a finding and no error. Raises NothingMatched for a site without a router.
+    """
+    router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), None)
+    if router is None:
+        raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
+    ways = ways_of(declaration, router)
+    turn = Round(declaration, request, notify)
+    await turn.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), ways)
+    return _Site(declaration, router, ways, turn, request, datetime.now(UTC)).put_together()
+
+
+def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Host]:
+    peers = [declaration.hosts.get(one.device.ptp.peer) for one in chosen if isinstance(one.device, Cpe)]
+    return [*chosen, *(one for one in peers if one is not None)]
+
+
+def _told(seen: Sequence[Seen]) -> list[BearerStatus]:
+    shared = twice(seen)
+    return [_with(told(one), [finding for name, finding in shared if name == one.way.name]) for one in seen]
+
+
+def _with(status: BearerStatus, more: list[Finding]) -> BearerStatus:
+    return replace(status, findings=(*status.findings, *more))
+
+
+@dataclass(slots=True)
+class _Site:
+    declaration: Declaration
+    router: Host
+    ways: tuple[Way, ...]
+    turn: Round
+    request: Request
+    now: datetime
+    notes: list[str] = field(default_factory=list)
+
+    def put_together(self) -> Looked:
+        """Judge what was heard, and keep the counters."""
+        site = self.declaration.sites[self.router.site]
+        months = self._months()
+        active = self._active()
+        seen = [
+            Seen(
+                way=way,
+                router=self._answer(self.router),
+                own=self._own(way, bearer),
+                active=None if active is None else way.name in active,
+                month_bytes=months[way.name].bytes,
+                box=bearer.device,
+                next_hop=str(bearer.gateway),
+                network=bearer.network,
+                powered=self._powered(bearer),
+            )
+            for way, bearer in zip(self.ways, site.bearers, strict=True)
+        ]
+        return Looked(
+            bearers=ranked(_told(seen), site.failover.fail_back_s),
+            boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
+            months=months,
+            probe_bytes=self._probe_bytes(seen),
+            unreachable=self.turn.silent,
+            not_asked=dict(self.turn.not_asked),
+            round_trips={name: door.round_trips for name, door in self.turn.doors.items()},
+            asked=tuple(self.turn.answers),
+            notes=tuple(self.notes),
+        )
+
+    @property
+    def _reading(self) -> RouterReading | None:
+        answer = self._answer(self.router)
+        return answer if isinstance(answer, RouterReading) else None
+
+    def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
+        return None if host is None else self.turn.answers.get(host.name)
+
+    def _active(self) -> tuple[str, ...] | None:
+        reading = self._reading
+        return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
+
+    def _own(self, way: Way, bearer: Bearer) -> Own:
+        box = self.declaration.hosts.get(bearer.device or "")
+        if bearer.kind is BearerKind.SATELLITE:
+            own = self._terminal(box)
+            return replace(own, quality=kept_off(bearer, way.port, self._reading) | own.quality)
+        if box is not None and isinstance(box.device, Cpe):
+            far = self.declaration.hosts.get(box.device.ptp.peer)
+            return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))
+        if box is not None and isinstance(box.device, LteRouter):
+            if box.device.driver is LteDriver.MANUAL:
+                return Own(findings=(manual.finding(str(box.device.address)),))
+            return of_unit(box, self._answer(box), forwards=self._forwards)
+        return Own()
+
+    @property
+    def _forwards(self) -> bool:
+        return isinstance(self.router.device, Router) and bool(self.router.device.forwards)
+
+    def _terminal(self, box: Host | None) -> Own:
+        store = Store(self.request.state, rehearsed=self.request.rehearsed)
+        try:
+            return of_terminal(self.declaration, box, store, self.now.astimezone().date())
+        except NetcfgError as error:
+            self.notes.append(str(error))
+            return Own()
+
+    def _boxes(self, bearer: Bearer) -> str:
+        box = self.declaration.hosts.get(bearer.device or "")
+        if box is not None and isinstance(box.device, Cpe):
+            return f"{box.name} to {box.device.ptp.peer}"
+        if box is not None and isinstance(box.device, LteRouter):
+            return f"{box.name} ({box.device.driver.value})"
+        return bearer.device or ""
+
+    def _powered(self, bearer: Bearer) -> str | None:
+        box = self.declaration.hosts.get(bearer.device or "")
+        source = getattr(box.device, "powered_by", None) if box is not None else None
+        return source.port if source is not None and source.device == self.router.name else None
+
+    def _probe_bytes(self, seen: Sequence[Seen]) -> dict[str, int]:
+        """Of the bearers whose pings were carried out."""
+        costs: dict[str, int] = {}
+        for probe in probe_commands(self.ways, count=PINGS):
+            costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
+        return {one.way.name: costs[one.way.name] for one in seen if one.echoes}
+
+    def _months(self) -> dict[str, MonthBytes]:
+        """Keep the counters of this look, and say what is known of the month with them."""
+        usage = Store(self.request.state, rehearsed=self.request.rehearsed).usage(self.router.site)
+        found = dict.fromkeys((way.name for way in self.ways), MonthBytes())
+        try:
+            for name, counters in self._counters():
+                usage.record(name, counters)
+            found |= {name: usage.month(name, self.now) for name in found}
+        except NetcfgError as error:
+            self.notes.append(f"the bytes of this month are not known: {error}")
+        return found
+
+    def _counters(self) -> list[tuple[str, Counters]]:
+        reading = self._reading
+        ports = {} if reading is None else reading.ports or {}
+        found = []
+        for way in self.ways:
+            port = ports.get(way.port or "")
+            if reading is None or port is None or way.port is None or port.rx_bytes is None or port.tx_bytes is None:
+                continue
+            counters = Counters(
+                device=self.router.name,
+                interface=way.port,
+                rx_bytes=port.rx_bytes,
+                tx_bytes=port.tx_bytes,
+                at=self.now,
+                uptime_s=reading.uptime_s,
+            )
+            found.append((way.name, counters))
+        return found

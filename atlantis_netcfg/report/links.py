@@ -1,0 +1,227 @@
+"""The links of a site for a technician and for a program: one block a bearer, from the same data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+__all__ = ["LinksReport"]
+
+_KINDS = {"wifi_ptp": "Wi-Fi bridge", "lte": "4G", "satellite": "satellite", "ethernet": "cable"}
+_STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "not known"}
+_FAILS = frozenset({Verdict.FAIL.value, Verdict.ERROR.value})
+_MARGIN = 14
+"""Column at which the words of a line begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinksReport:
+    """One look; `bearers` in order of preference, each as `BearerStatus.as_dict` with what was found beside it."""
+
+    site: str
+    title: str
+    rehearsed: bool
+    bearers: Mapping[str, Mapping[str, Any]]
+    asked: tuple[str, ...]
+    """Devices that were asked, whether or not they answered."""
+    unreachable: Sequence[Mapping[str, str | None]] = ()
+    not_asked: Mapping[str, str] = field(default_factory=dict)
+    round_trips: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    not_rehearsed: tuple[str, ...] = ()
+
+    @property
+    def exit(self) -> ExitCode:
+        """Nothing asked is no green; a link that fails or a device that does not answer is a failed check."""
+        if not self.asked:
+            return ExitCode.NOTHING
+        failed = any(finding["verdict"] in _FAILS for one in self.bearers.values() for finding in one["findings"])
+        return ExitCode.CHECKS_FAILED if failed or self.unreachable else ExitCode.DONE
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "site": self.site,
+            "rehearsed": self.rehearsed,
+            "exit": int(self.exit),
+            "bearers": {name: dict(one) for name, one in self.bearers.items()},
+            "unreachable": [dict(one) for one in self.unreachable],
+            "not_asked": dict(self.not_asked),
+            "round_trips": dict(self.round_trips),
+            "notes": list(self.notes),
+            "not_rehearsed": list(self.not_rehearsed),
+            "errors": [],
+        }
+
+    def as_text(self) -> str:
+        """What a person reads."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        what = "emulated devices, nothing real was asked" if self.rehearsed else "nothing was changed"
+        yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
+        for number, (name, one) in enumerate(self.bearers.items(), start=1):
+            yield ""
+            yield from _block(number, name, one)
+        yield ""
+        yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
+        yield from (f"note: {note}" for note in self.notes)
+        yield from (f"not rehearsed: {one}" for one in self.not_rehearsed)
+        yield self._closing()
+
+    def _closing(self) -> str:
+        """Which link carries the traffic, and whether that is the preferred one."""
+        preferred = next(iter(self.bearers), "")
+        active = [name for name, one in self.bearers.items() if one["active"]]
+        if any(one["active"] is None for one in self.bearers.values()):
+            return f"Which link carries the traffic of {self.site} is not known: the router was not read"
+        if not active:
+            return f"NOTHING carries the traffic of {self.site}"
+        if len(active) > 1:
+            return f"{' and '.join(active)} carry the traffic of {self.site} together"
+        words = f"{active[0]} carries the traffic of {self.site}"
+        if active[0] == preferred:
+            return f"{words}: it is the preferred link"
+        paid = "; every byte on it is paid" if self.bearers[active[0]]["metered"] else ""
+        return f"{words}: it is NOT the preferred link, which is {preferred}{paid}"
+
+
+def _block(number: int, name: str, one: Mapping[str, Any]) -> Iterator[str]:
+    kind, box = _KINDS.get(one["kind"], one["kind"]), f", {one['box']}" if one["box"] else ""
+    yield f"{number}. {name}: {kind}{box}"
+    yield _line("state", ", ".join(_state(one)))
+    for title, words in _quality(one["kind"], one["quality"]):
+        yield _line(title, words)
+    if one["probe_bytes"]:
+        paid = f" ({_size(one['probe_bytes'])}, which is paid for)" if one["metered"] else ""
+        yield _line("probe", f"{_probe(one['quality'])}{paid}")
+    yield _line("this month", _month(one))
+    for finding in one["findings"]:
+        yield _line(finding["verdict"], finding["message"])
+        if finding["hint"]:
+            yield _line("", finding["hint"])
+
+
+def _line(title: str, words: str) -> str:
+    return f"   {title:<{_MARGIN}}{words}".rstrip()
+
+
+def _state(one: Mapping[str, Any]) -> Iterator[str]:
+    if one["state"] == "unknown" and one["kind"] == "satellite":
+        yield "not probed, because its airtime is for traffic"
+    else:
+        yield _STATES[one["state"]]
+    if one["active"]:
+        yield "carries traffic now"
+    if one["metered"]:
+        yield "paid by the byte"
+
+
+def _probe(quality: Mapping[str, Any]) -> str:
+    loss, rtt = quality.get("loss_percent"), quality.get("rtt_ms")
+    if loss == 100:  # noqa: PLR2004 - per cent
+        return "no canary answers"
+    time = "" if rtt is None else f" within {rtt:g} ms"
+    return f"canaries answer{time}" + (f", {loss} % lost" if loss else "")
+
+
+def _month(one: Mapping[str, Any]) -> str:
+    if one["month_bytes"] is None:
+        return "not counted yet"
+    gaps = len(one["month_gaps"])
+    more = f"; at least, there are {gaps} gaps" if gaps > 1 else "; at least, there is a gap" if gaps else ""
+    return f"{_size(one['month_bytes'])}, counted since {one['month_since']}{more}"
+
+
+def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The readings in words, line by line; what could not be read is left out."""
+    words = {"wifi_ptp": _radio, "lte": _unit, "satellite": _terminal}.get(kind)
+    if words is not None:
+        yield from words(quality)
+    if quality.get("port_link") is not None:
+        yield "port", f"{quality['port']}, link {quality['port_link']}"
+
+
+def _radio(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    if quality.get("signal_dbm") is not None:
+        chains = [value for name, value in quality.items() if name.startswith("signal_chain") and value is not None]
+        more = f" (chains {', '.join(f'{value:g}' for value in chains)})" if chains else ""
+        far = quality.get("far_signal_dbm")
+        back = "" if far is None else f"; the other end hears {far:g} dBm"
+        yield "signal", f"{_radio_grade(quality['signal_dbm'])}{quality['signal_dbm']:g} dBm{more}{back}"
+    flow = [*_pair(quality, "rate", "rate_mbps", "Mbit/s"), *_pair(quality, "CCQ", "ccq_percent", "%")]
+    if flow:
+        yield "flow", ", ".join(flow)
+    if quality.get("status") is not None or quality.get("channel") is not None:
+        yield "radio", ", ".join(str(quality[name]) for name in ("status", "channel") if quality.get(name) is not None)
+
+
+def _radio_grade(level: float) -> str:
+    """Bands of a short link: devices.md, section 8; which bounds hold is for the findings to say."""
+    if level > -35:  # noqa: PLR2004
+        return "too strong, "
+    return "good, " if level >= -65 else "fair, " if level >= -75 else "poor, "  # noqa: PLR2004
+
+
+def _pair(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
+    sent, received = quality.get(f"tx_{name}"), quality.get(f"rx_{name}")
+    if sent is not None and received is not None:
+        yield f"{title} {sent:g}/{received:g} {unit} sent/received"
+    elif sent is not None or received is not None:
+        yield f"{title} {sent if sent is not None else received:g} {unit}"
+
+
+_GRADES = {
+    "rsrp_dbm": ("RSRP", -90, -105, "dBm"),
+    "rsrq_db": ("RSRQ", -10, -15, "dB"),
+    "sinr_db": ("SINR", 13, 0, "dB"),
+}
+"""Name, good above, poor below: devices.md, section 4, from memory; they only describe."""
+
+
+def _unit(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    levels = [_level(key, quality[key]) for key in _GRADES if quality.get(key) is not None]
+    if levels:
+        yield "signal", ", ".join(levels)
+    network = [str(quality[name]) for name in ("operator", "plmn", "access_tech", "band") if quality.get(name)]
+    if quality.get("registration") is not None:
+        yield "network", ", ".join([str(quality["registration"]).replace("_", " "), *network])
+    if quality.get("address") is not None or quality.get("apn") is not None:
+        told = [("address", quality.get("address")), ("APN", quality.get("apn"))]
+        words = ", ".join(f"{name} {value}" for name, value in told if value is not None)
+        yield "data", f"{words}{', behind the NAT of its network' if quality.get('carrier_nat') == 'yes' else ''}"
+
+
+def _level(key: str, value: float) -> str:
+    name, good, poor, unit = _GRADES[key]
+    grade = "good" if value > good else "poor" if value < poor else "fair"
+    return f"{name} {value:g} {unit} ({grade})"
+
+
+def _terminal(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    seen = {"yes": "answers the router", "no": "has not answered the router of late"}.get(
+        str(quality.get("next_hop_seen"))
+    )
+    declared = None
+    if quality.get("firmware") is not None:
+        declared = f"firmware {quality['firmware']}, seen by {quality['seen_by']} on {quality['seen_on']}"
+    if seen or declared:
+        yield "terminal", ", ".join(words for words in (seen, declared) if words)
+    if quality.get("kept_off_packets") is not None:
+        packets, nbytes = quality["kept_off_packets"], _size(quality["kept_off_bytes"])
+        yield "kept off", f"{packets} packets ({nbytes}) that the allow-list does not admit"
+
+
+def _size(nbytes: int) -> str:
+    """Decimal units, as providers bill."""
+    if nbytes < 1000:  # noqa: PLR2004
+        return f"{nbytes} B"
+    if nbytes < 999_500:  # noqa: PLR2004 - from here on it would be rounded to `1000 kB`
+        return f"{nbytes / 1000:.1f} kB" if nbytes < 10_000 else f"{nbytes / 1000:.0f} kB"  # noqa: PLR2004
+    return f"{nbytes / 1_000_000:.1f} MB"
