@@ -12,9 +12,10 @@ from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.rsc import Statement
 
-__all__ = ["Desired", "Item", "Mistake", "item_of", "known_menu", "near"]
+__all__ = ["Desired", "Item", "Mistake", "RunTime", "item_of", "known_menu", "near"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,24 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
+class RunTime:
+    """A value that the device itself puts in place of the declared one while it works, and takes back again."""
+
+    menu: str
+    name: str
+    declared: str
+    instead: str
+
+    def covers(self, menu: Menu, name: str, wanted: str | None, found: Row) -> bool:
+        """Tell whether what was found in the row is what the device makes of the wanted value."""
+        each = menu.by_name[name]
+        mine = (self.menu, self.name) == (menu.path, name)
+        return (
+            mine and each.form(self.declared) == each.form(wanted) and each.form(self.instead) == menu.form(name, found)
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Desired:
     """Everything that a text declares for one device."""
 
@@ -59,6 +78,8 @@ class Desired:
     """The text is a saved state: in its entire menus, what it leaves out is at its default."""
     notes: tuple[str, ...] = ()
     """What could not be taken over from the text."""
+    run_time: tuple[RunTime, ...] = ()
+    """Values that the device changes by itself: neither drift nor anything to put right."""
 
     @property
     def menus(self) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """Desired state: export-style text, plus directives in comments, to the rows that a device shall have.
 
-`# atlantis:entire /ip firewall filter` says that the menu is ours entirely. All mistakes are
-reported together.
+`# atlantis:entire /ip firewall filter` says that the menu is ours entirely.
+`# atlantis:run-time /ip route distance=10 distance=110` says that the device itself puts 110 where 10 is declared while
+it works, so that a row with either is as declared. All mistakes are reported together.
 """
 
 from __future__ import annotations
@@ -9,19 +10,20 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._items import Desired, Item, Mistake, item_of, known_menu, near
+from atlantis_netcfg.routeros._items import Desired, Item, Mistake, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.rsc import parse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from atlantis_netcfg.rsc import Statement
 
 __all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
-_ENTIRE = "entire"
+_ENTIRE, _RUN_TIME = "entire", "run-time"
+_EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
 
 def read(text: str, source: str = "text") -> Desired:
@@ -31,7 +33,9 @@ def read(text: str, source: str = "text") -> Desired:
     """
     export = parse(text, source)
     mistakes: list[str] = []
-    entire = frozenset(_entire_menus(text, source, mistakes))
+    entire: dict[str, None] = {}
+    run_time: list[RunTime] = []
+    _directives(text, source, mistakes, (entire, run_time))
     items: dict[str, list[Item]] = {menu: [] for menu in (*export.menus, *entire) if menu in MENUS}
     first: dict[tuple[str, tuple[str, ...]], int] = {}
     for statement in export.statements:
@@ -44,22 +48,43 @@ def read(text: str, source: str = "text") -> Desired:
             items[item.menu].append(item)
     if mistakes:
         raise Mistake("\n".join(mistakes))
-    return Desired(source, {menu: tuple(rows) for menu, rows in items.items()}, entire)
+    declared = {menu: tuple(rows) for menu, rows in items.items()}
+    return Desired(source, declared, frozenset(entire), run_time=tuple(run_time))
 
 
-def _entire_menus(text: str, source: str, mistakes: list[str]) -> Iterator[str]:
+def _directives(text: str, source: str, mistakes: list[str], found: tuple[dict[str, None], list[RunTime]]) -> None:
+    entire, run_time = found
     for match in _DIRECTIVE.finditer(text):
+        word, argument = match.groups()
         try:
-            yield _entire_menu(*match.groups())
+            if word == _ENTIRE:
+                entire[_entire_menu(argument)] = None
+            elif word == _RUN_TIME:
+                run_time.append(_run_time(argument))
+            else:
+                raise Mistake(f"`atlantis:{word}` is no directive{near(word, [_ENTIRE, _RUN_TIME])}")  # noqa: TRY301
         except Mistake as mistake:
             line = text.count("\n", 0, match.start()) + 1
             mistakes.append(f"{source}, line {line}: {mistake}")
 
 
-def _entire_menu(word: str, argument: str) -> str:
-    if word != _ENTIRE:
-        raise Mistake(f"`atlantis:{word}` is no directive{near(word, [_ENTIRE])}")
-    menu = known_menu("/" + "/".join(argument.strip("/").replace("/", " ").split()))
+def _menu_named(title: str) -> Menu:
+    return known_menu("/" + "/".join(title.strip("/").replace("/", " ").split()))
+
+
+def _run_time(argument: str) -> RunTime:
+    match = _EITHER.fullmatch(argument)
+    if match is None:
+        raise Mistake("write `atlantis:run-time /menu property=declared property=instead`")
+    title, name, declared, instead = match.groups()
+    menu = _menu_named(title)
+    if name not in menu.by_name:
+        raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
+    return RunTime(menu.path, name, declared, instead)
+
+
+def _entire_menu(argument: str) -> str:
+    menu = _menu_named(argument)
     if menu.shape is not Shape.LIST or menu.readonly:
         raise Mistake(f"{menu.title} cannot be ours entirely, because nobody can add rows to it")
     return menu.path

@@ -6,12 +6,12 @@ All commands go out in batches of `api.WINDOW`, each batch in one round trip. A 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Facts, Observed, Row
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.counting import looks, read_counts
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.versions import Version
@@ -19,7 +19,7 @@ from atlantis_netcfg.versions import Version
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.routeros.api import Endpoint, Reply
+    from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply._job import Channel
 
 __all__ = ["MenuMissing", "merged", "observe", "printing"]
@@ -51,29 +51,34 @@ class _Preflight:
 
 # Last, so that who holds safe mode is the latest that is known.
 _PREFLIGHT = (_RESOURCE, _SAFE_MODE, _DEVICE_MODE, _ACTIVE, _HISTORY)
+_AGAIN = 2
+"""So many of them are asked of a device that is known already: what it runs, and who holds safe mode."""
 
 
-async def observe(
+async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known already
     session: Channel,
     endpoint: Endpoint,
     needed: Sequence[str],
     looked_at: Sequence[str] = (),
     counted: Sequence[str] = (),
+    known: Facts | None = None,
 ) -> Observed:
     """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
 
     The byte counters of the ports `counted` are read first and last, as far as the round trips of the reading have room
-    for it: they never cost one of their own.
+    for it: they never cost one of their own. `known`: what an earlier reading of this run has told of the device
+    itself, of which only version, name and the holder of safe mode are told anew.
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY, _USER, _GROUP)))
-    commands = [*map(printing, menus), *_PREFLIGHT]
+    commands = [*map(printing, menus), *(_PREFLIGHT if known is None else _PREFLIGHT[:_AGAIN])]
     first, last = looks(counted, len(commands))
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
     answers = dict(zip(menus, replies, strict=False))
-    seen = _Preflight(*replies[len(menus) :])
+    silent = [Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
+    seen = _Preflight(*replies[len(menus) :], *silent)
     rows = {path: _rows(reply, needed=path in needed) for path, reply in answers.items()}
     version = _version(seen.resource.checked())
     missing = [path for path in needed if rows[path] is None]
@@ -85,7 +90,12 @@ async def observe(
         )
     found = {path: there for path, there in rows.items() if there is not None}
     counts = (read_counts(reply, seen.resource) for reply in counters)
-    return Observed(_facts(seen, endpoint, version, found), found, tuple(each for each in counts if each is not None))
+    facts = _facts(seen, endpoint, version, found)
+    if known is not None:
+        facts = replace(
+            facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
+        )
+    return Observed(facts, found, tuple(each for each in counts if each is not None))
 
 
 def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:

@@ -68,6 +68,10 @@ async def _gap(router: Router, seconds: float) -> None:
     router.gap(seconds)
 
 
+async def _silence(router: Router, addresses: list[str]) -> None:
+    router.silence(addresses)
+
+
 async def _drop(router: Router) -> None:
     router.drop()
 
@@ -122,6 +126,7 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "connections": _connections,
     "reset": _reset,
     "gap": _gap,
+    "silence": _silence,
     "drop": _drop,
     "vanish": _vanish,
     "reboot": _reboot,

@@ -14,15 +14,19 @@ from atlantis_netcfg.twin.topology import Topology
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from ipaddress import IPv4Address
 
     from atlantis_netcfg.twin.answers import Answer, Caller
     from atlantis_netcfg.twin.commands._call import Call
     from atlantis_netcfg.twin.radio._state import RadioState
     from atlantis_netcfg.twin.spec import RouterSpec
 
-__all__ = ["GREETINGS", "Core", "File", "Listener", "Record"]
+__all__ = ["GREETINGS", "NETWATCH_GROUP", "Core", "File", "Gateway", "Listener", "Record", "Watch", "Watched"]
 
 _LOG_LINES = 1000
+NETWATCH_GROUP = "*netwatch"
+NETWATCH_POLICIES = frozenset({"read", "reboot", "test", "write"})
+"""What scripts of netwatch may do, whoever has written them (Manual, Netwatch)."""
 GREETINGS = ("licence", "default-configuration", "password")
 """The questions of a first login, in their order."""
 
@@ -54,6 +58,47 @@ class Listener:
     tag: str
     call: Call
     seen: dict[str, dict[str, str]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Watch:
+    """A row of `/tool/netwatch` at work: the test under way, and what the last ones have shown."""
+
+    values: dict[str, str]
+    """The row's own values when it began; others, and it begins anew."""
+    at: float
+    """When something is to be done for it: send a packet, or give up waiting."""
+    begun: float
+    """When its test began."""
+    sent: int = 0
+    answered: int = 0
+    waiting: bool = False
+    """Every packet is sent, and not every one answered."""
+    status: str = "unknown"
+    since: float = 0.0
+    done: int = 0
+    failed: int = 0
+    last: tuple[int, int] = (0, 0)
+    """Packets sent and answered in the last complete test."""
+
+
+@dataclass(slots=True)
+class Gateway:
+    """A next hop that `check-gateway` watches."""
+
+    at: float
+    missed: int = 0
+    waiting: bool = False
+
+
+@dataclass(slots=True)
+class Watched:
+    """What the router watches by itself."""
+
+    rows: dict[int, Watch] = field(default_factory=dict)
+    gateways: dict[IPv4Address, Gateway] = field(default_factory=dict)
+    revision: int | None = None
+    """Of the configuration when this was brought into line with it; None: the router has just started."""
 
 
 class Core:
@@ -101,6 +146,11 @@ class Core:
         self.linked: frozenset[int] = frozenset()
         """Radios that are connected to another one, and a modem that is connected to its network."""
         self.sim = SimState(spec.modem.sim.tries if spec.modem is not None and spec.modem.sim is not None else 0)
+        self.silent: frozenset[IPv4Address] = frozenset()
+        """Addresses from which no answer comes, whatever way a packet takes; whoever emulates the world says so."""
+        self.dead: frozenset[IPv4Address] = frozenset()
+        """Gateways that `check-gateway` has given up."""
+        self.watched = Watched()
         self.boot_clock = spec.clock
         self._topology: Topology | None = None
         self._numbers = 0
@@ -114,7 +164,7 @@ class Core:
     def topology(self) -> Topology:
         """The network that the configuration amounts to now."""
         if self._topology is None or self._topology.revision != self.store.revision:
-            self._topology = Topology(self.store, self.linked)
+            self._topology = Topology(self.store, self.linked, self.dead)
         return self._topology
 
     def number(self) -> int:
@@ -133,6 +183,7 @@ class Core:
     def resume(self, before: Core) -> None:
         """Go on with the clock of before a restart, and with the numbers of its sessions."""
         self.boot_clock = before.time()
+        self.silent = before.silent
         self._numbers = before.number()
         self.sim = before.sim
         self.sim.restart()
@@ -159,6 +210,8 @@ class Core:
 
     def policies(self, caller: Caller) -> frozenset[str]:
         """What the session may do: the policies of its user's group."""
+        if caller.group == NETWATCH_GROUP:
+            return NETWATCH_POLICIES
         groups = self.store.table("/user/group")
         for item in groups.items:
             if self.store.text(groups, item, "name") == caller.group:

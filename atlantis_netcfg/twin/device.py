@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
+from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.twin.access import admit
@@ -16,6 +17,7 @@ from atlantis_netcfg.twin.console.export import Form, export_text
 from atlantis_netcfg.twin.console.side import ConsoleSide
 from atlantis_netcfg.twin.console.typed import Printed
 from atlantis_netcfg.twin.core import Core, File
+from atlantis_netcfg.twin.failover import next_watch, watch
 from atlantis_netcfg.twin.listen import emit, listen
 from atlantis_netcfg.twin.not_rehearsed import NOT_REHEARSED
 from atlantis_netcfg.twin.path import path_open
@@ -27,7 +29,7 @@ from atlantis_netcfg.twin.storage import FileSide
 from atlantis_netcfg.twin.store import Store
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.twin.spec import RouterSpec
 
@@ -184,7 +186,8 @@ class Device(ConsoleSide, FileSide):
 
     def due(self) -> float | None:
         """When, on the `now` clock, `tick` has something to do; None if nothing is scheduled."""
-        moments = [*self._lost.values(), *self._core.expires.values(), self._unroll_at, next_run(self._core)]
+        own = (self._unroll_at, next_run(self._core), next_watch(self._core))
+        moments = [*self._lost.values(), *self._core.expires.values(), *own]
         return min((moment for moment in moments if moment is not None), default=None)
 
     def tick(self) -> None:
@@ -200,7 +203,13 @@ class Device(ConsoleSide, FileSide):
                 self._core.note("system,info", f"safe mode of {holder.user} undone")
         self._expire(now)
         run_due(self._core)
+        watch(self._core)
         emit(self._core)
+
+    def silence(self, addresses: Iterable[str]) -> None:
+        """Let no answer come from these addresses, and from all others again."""
+        self.tick()
+        self._core.silent = frozenset(IPv4Address(address) for address in addresses)
 
     def _expire(self, now: float) -> None:
         """Let entries of address lists go whose time is over; that is no action of the history."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.store import Item, Table
     from atlantis_netcfg.twin.topology import Topology
 
-__all__ = ["answers", "path_open", "route_to"]
+__all__ = ["answers", "heard", "path_open", "route_to"]
 
 _CLIENT_PORT = 50000
 _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"
@@ -160,10 +160,15 @@ def _first_hop(topology: Topology, dst: IPv4Address, table: int, least: int) -> 
 
 def answers(core: Core, target: IPv4Address, source: str | None) -> bool:
     """Tell whether an echo request of the router's reaches somebody who answers, and the answer is let in."""
-    topology = core.topology
-    if topology.is_local(target):
+    if core.topology.is_local(target):
         return True
-    if str(target) not in core.spec.neighbours:
+    return str(target) in core.spec.neighbours and heard(core, target, source)
+
+
+def heard(core: Core, target: IPv4Address, source: str | None) -> bool:
+    """Tell whether an echo request gets out and its answer in, taking it that whoever is not silent answers."""
+    topology = core.topology
+    if target in core.silent:
         return False
     src = IPv4Address(source) if source else None
     way = route_to(topology, target, src)

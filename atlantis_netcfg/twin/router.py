@@ -229,6 +229,11 @@ class Router:
         """Let the bearer carry nothing for a while."""
         self._board.gap(seconds)
 
+    def silence(self, addresses: Sequence[str]) -> None:
+        """Let no answer come from these addresses to what the router asks, and from all others again."""
+        self.device.silence(addresses)
+        self._board.tell()
+
     def drop(self) -> None:
         """Reset all connections under both ends."""
         for connection in self._board.connections:

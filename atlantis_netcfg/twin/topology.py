@@ -1,9 +1,9 @@
 """What the configuration amounts to on the network: interfaces, who is whose slave, addresses, lists, active routes.
 
 Links are up on every enabled Ethernet port and on radios that found another one, a bridge runs as soon as it is
-enabled, a tunnel never comes up, and every gateway that is reachable on link answers (`check-gateway` is taken as up):
-the twin has no neighbours. Sources: Manual, Bridging and Switching; Manual, IP Routing ("Nexthop lookup": scope and
-target-scope); Manual, Interface Lists.
+enabled, a tunnel never comes up, and every gateway that is reachable on link answers, unless it is among the `dead`, of
+which `check-gateway` has heard nothing (see failover.py). Sources: Manual, Bridging and Switching; Manual, IP Routing
+("Nexthop lookup": scope and target-scope); Manual, Interface Lists.
 """
 
 from __future__ import annotations
@@ -71,15 +71,20 @@ class Route:
     enabled: bool = True
     active: bool = False
     hops: list[tuple[IPv4Address | None, int]] = field(default_factory=list)
+    way: list[tuple[IPv4Address | None, int]] = field(default_factory=list)
+    """The hops as they would be if its gateway answered."""
 
 
 class Topology:
     """Computed once per revision of the store."""
 
-    def __init__(self, store: Store, linked: frozenset[int] = frozenset()) -> None:
-        """`linked`: radios that are connected to another one."""
+    def __init__(
+        self, store: Store, linked: frozenset[int] = frozenset(), dead: frozenset[IPv4Address] = frozenset()
+    ) -> None:
+        """`linked`: radios that are connected to another one; `dead`: gateways that `check-gateway` has given up."""
         self.store = store
         self._linked = linked
+        self._dead = dead
         self.revision = store.revision
         self.interfaces = {interface.id: interface for interface in self._interfaces()}
         self._enslave()
@@ -246,7 +251,8 @@ class Topology:
             before = [(route.active, list(route.hops)) for route in self.routes]
             for route in self.routes:
                 if not route.connected:
-                    route.hops = self._resolve(route)
+                    route.way = self._resolve(route)
+                    route.hops = [] if route.gateway in self._dead else route.way
             self._elect()
             if before == [(route.active, route.hops) for route in self.routes]:
                 return

@@ -124,12 +124,25 @@ def _expiring(core: Core, item: Item) -> dict[str, str]:
     return {} if when is None else {"timeout": interval(max(0, round(when - core.now())))}
 
 
+def _netwatch(core: Core, item: Item) -> dict[str, str]:
+    """A row that is disabled, or has not begun, knows nothing (Manual, Netwatch: status)."""
+    row = core.watched.rows.get(item.id)
+    if row is None:
+        return {"status": "unknown"}
+    sent, answered = row.last
+    counts = {"sent-count": sent, "response-count": answered, "loss-count": sent - answered} if row.done else {}
+    tests = {"done-tests": row.done, "failed-tests": row.failed}
+    shown = {"status": row.status, "since": core.stamp(core.moment(row.since))}
+    return shown | {name: str(count) for name, count in (tests | counts).items()}
+
+
 _OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
     "/certificate": _certificate,
     "/ip/firewall/address-list": _expiring,
     "/ip/service": _service,
     "/system/clock": _clock,
     "/system/scheduler": _schedule,
+    "/tool/netwatch": _netwatch,
 }
 
 

@@ -155,7 +155,8 @@ async def _read_anew(work: Work) -> Observed:
         try:
             session = await work.contact.reach(max(0.0, until - clock()), "verifying", insist=False)
             job = work.job
-            return await observe(session, job.endpoint, job.desired.menus, tuple(work.seen.rows), job.counted)
+            menus, seen = job.desired.menus, work.seen
+            return await observe(session, job.endpoint, menus, tuple(seen.rows), job.counted, seen.facts)
         except SessionLost as lost:
             if clock() >= until:
                 raise VerificationFailed(f"no new session lasts long enough to read the device: {lost}") from lost

@@ -35,6 +35,7 @@ __all__ = [
     "policy",
     "prefix",
     "prefixes",
+    "rate",
     "secret",
     "sequence",
     "since",
@@ -74,6 +75,10 @@ def time(name: str, default: str | None = None) -> Field:
 
 def size(name: str, default: str | None = None) -> Field:
     return Field(name, Kind.SIZE, default)
+
+
+def rate(name: str, default: str | None = None) -> Field:
+    return Field(name, Kind.RATE, default)
 
 
 def mac(name: str, default: str | None = None) -> Field:

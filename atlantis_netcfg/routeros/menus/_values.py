@@ -28,6 +28,8 @@ class Kind(Enum):
     """`10m`, `600s`, `600` and `00:10:00` are the same."""
     SIZE = auto()
     """`4096`, `4096KiB` and `4MiB` are the same."""
+    RATE = auto()
+    """Bits per second: `280k` and `280000` are the same."""
     MAC = auto()
     PREFIX = auto()
     """An address, a prefix that keeps its host part, or a range of addresses."""
@@ -54,6 +56,8 @@ _UNITS = re.compile(r"(\d+)(ms|[wdhms])")
 _SPAN = re.compile(r"(?:\d+(?:ms|[wdhms]))+")
 _CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(\d+):(\d\d):(\d\d)(?:\.(\d{1,3}))?")
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)(|KiB|MiB|GiB)")
+_RATE = re.compile(r"(\d+)([kMG]?)")
+_BITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
 _KIB = {"": 1, "KiB": 1, "MiB": 1024, "GiB": 1024 * 1024}
 
 
@@ -102,6 +106,11 @@ def _size(text: str) -> str:
     return f"{float(match[1]) * _KIB[match[2]]:g}KiB" if match else text
 
 
+def _rate(text: str) -> str:
+    match = _RATE.fullmatch(text)
+    return str(int(match[1]) * _BITS[match[2]]) if match else text
+
+
 def _mac(text: str) -> str:
     return text.upper()
 
@@ -144,6 +153,7 @@ _FORMS = {
     Kind.NUMBER: _number,
     Kind.TIME: _time,
     Kind.SIZE: _size,
+    Kind.RATE: _rate,
     Kind.MAC: _mac,
     Kind.PREFIX: _prefix,
     Kind.NETWORK: _network,

@@ -137,7 +137,10 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
         report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
         return {}
     value = item.values[name]
-    changes = _differing(menu, row, name, menu.default_of(name, row) if value is None else value)
+    wanted = menu.default_of(name, row) if value is None else value
+    if any(either.covers(menu, name, wanted, row) for either in context.desired.run_time):
+        return {}
+    changes = _differing(menu, row, name, wanted)
     if changes and each.board and not any(other.board and other.name in row for other in menu.fields):
         report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
         return {}

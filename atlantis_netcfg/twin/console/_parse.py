@@ -1,4 +1,7 @@
-"""Statements of the subset: `:put`, `:do { ... } on-error={ ... }`, and commands of menus with their arguments.
+"""Statements of the subset: `:put`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus with their arguments.
+
+A condition of `:if` compares a number with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
+`([:len [/ip route find disabled=no]] > 0)`.
 
 Names are looked up while parsing, as RouterOS does: a script with a misspelt menu, command or argument does not start.
 """
@@ -6,10 +9,11 @@ Names are looked up while parsing, as RouterOS does: a script with a misspelt me
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.twin.console.where import Condition, Where
+from atlantis_netcfg.twin.console._statements import Attempt, Choice, Command, Find, Put, Statement, Variable
+from atlantis_netcfg.twin.console.where import Condition
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,13 +21,19 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.console._text import Text
     from atlantis_netcfg.twin.core import Core
 
-__all__ = ["Attempt", "Command", "Find", "Parser", "Put", "Statement"]
+__all__ = ["Parser"]
 
 _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
 _NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
 _UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
+_IF = re.compile(r":if(?=\s|\()")
+_LEN = re.compile(r"\[:len\s+")
+_VARIABLE = re.compile(r"\$(?:\"[a-z0-9-]+\"|[a-z0-9]+)")
+_COMPARISON = re.compile(r"!=|<=|>=|[=<>]")
+_INTEGER = re.compile(r"\d+")
+_THEN, _ELSE = re.compile(r"do="), re.compile(r"else=")
 _PROPERTY = re.compile(r"\.?[A-Za-z0-9][A-Za-z0-9.-]*")
 _SIGN = re.compile(r"!=|[=~<>]")
 _JOINT = re.compile(r"(?:and|or)(?=\s)|&&|\|\|")
@@ -41,45 +51,6 @@ _POSITIONAL = {
     "sign": ("number",),
     "ping": ("address",),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Find:
-    """`[find name=value ...]`."""
-
-    menu: str
-    where: Where
-    place: int
-
-
-@dataclass(slots=True)
-class Command:
-    """A command with its arguments."""
-
-    menu: str
-    name: str
-    arguments: dict[str, str | Find | Command] = field(default_factory=dict)
-    unset: list[str] = field(default_factory=list)
-    where: Where = ()
-    place: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Put:
-    """`:put` with a text or a command whose return value it prints."""
-
-    what: str | Command | Find
-
-
-@dataclass(frozen=True, slots=True)
-class Attempt:
-    """`:do { ... } on-error={ ... }`: the second block runs where a command of the first one fails."""
-
-    tried: tuple[Statement, ...]
-    rescue: tuple[Statement, ...]
-
-
-Statement = Command | Put | Attempt
 
 
 @dataclass(slots=True)
@@ -115,6 +86,8 @@ class Parser:
             return Put(self._bracket() if self.text.peek() == "[" else self._put_text())
         if self.text.match(_DO) is not None:
             return self._attempt()
+        if self.text.match(_IF) is not None:
+            return self._choice()
         if self.text.peek() in tuple(":{}()[]$\\\"'"):
             raise self.text.error("syntax error")
         command = self._command()
@@ -132,6 +105,43 @@ class Parser:
         attempt = Attempt(tried, self._block())
         self.menu = menu
         return attempt
+
+    def _choice(self) -> Choice:
+        menu = self.menu
+        self._expect("(")
+        left = self._counted()
+        self.text.space()
+        sign = self.text.match(_COMPARISON)
+        self.text.space()
+        right = self.text.match(_INTEGER)
+        if sign is None or right is None:
+            raise self.text.error("syntax error")
+        self._expect(")")
+        self.text.space()
+        if self.text.match(_THEN) is None:
+            raise self.text.error("syntax error")
+        then = self._block()
+        self.text.space()
+        otherwise = self._block() if self.text.match(_ELSE) is not None else ()
+        self.menu = menu
+        return Choice(left, sign, int(right), then, otherwise)
+
+    def _counted(self) -> Variable | Find:
+        self.text.space()
+        if (variable := self.text.match(_VARIABLE)) is not None:
+            return Variable(variable.strip('$"'))
+        if self.text.match(_LEN) is None:
+            raise self.text.error("syntax error")
+        found = self._bracket()
+        self._expect("]")
+        if not isinstance(found, Find):
+            raise self.text.error("syntax error")
+        return found
+
+    def _expect(self, sign: str) -> None:
+        self.text.space()
+        if not self.text.take(sign):
+            raise self.text.error("syntax error")
 
     def _block(self) -> tuple[Statement, ...]:
         self.text.space()

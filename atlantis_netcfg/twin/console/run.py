@@ -6,24 +6,36 @@ a mistake in its last line has changed the router by then. Both stop at the firs
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.commands._call import Call, MissingArgument
 from atlantis_netcfg.twin.commands.read import all_rows, select
-from atlantis_netcfg.twin.console._parse import Attempt, Command, Find, Parser, Put, Statement
+from atlantis_netcfg.twin.console._parse import Parser
+from atlantis_netcfg.twin.console._statements import Attempt, Choice, Command, Find, Put, Statement
 from atlantis_netcfg.twin.console._text import ConsoleError, Text
 from atlantis_netcfg.twin.console.people import View, reported, shown, summed
 from atlantis_netcfg.twin.console.where import Where, fits
 from atlantis_netcfg.twin.views import without_counters
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from atlantis_netcfg.twin.answers import Caller
     from atlantis_netcfg.twin.core import Core
 
 __all__ = ["Outcome", "check_syntax", "run_file", "run_line", "run_script"]
 
+_COMPARE: dict[str, Callable[[int, int], bool]] = {
+    "=": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    ">": operator.gt,
+    "<=": operator.le,
+    ">=": operator.ge,
+}
 _NUMBERS = frozenset({"destination", "number", "numbers"})
 
 
@@ -42,15 +54,15 @@ class Outcome:
         return "\n".join(self.lines if self.error is None else [*self.lines, self.error])
 
 
-def run_script(core: Core, caller: Caller, script: str) -> Outcome:
-    """Parse all of it, then run it."""
+def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> Outcome:
+    """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
     outcome = Outcome()
     try:
         statements = list(Parser(core, Text(script)).statements())
     except ConsoleError as error:
         outcome.error = str(error)
         return outcome
-    _run(core, caller, statements, outcome)
+    _run(core, caller, statements, outcome, variables=variables)
     return outcome
 
 
@@ -93,8 +105,15 @@ def check_syntax(core: Core, text: str) -> str | None:
     return None
 
 
-def _run(core: Core, caller: Caller, statements: list[Statement], outcome: Outcome, width: int | None = None) -> None:
-    runner = _Runner(core, caller, width)
+def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words go
+    core: Core,
+    caller: Caller,
+    statements: list[Statement],
+    outcome: Outcome,
+    width: int | None = None,
+    variables: Mapping[str, str] | None = None,
+) -> None:
+    runner = _Runner(core, caller, width, variables or {})
     for statement in statements:
         try:
             outcome.lines.extend(runner.run(statement))
@@ -112,12 +131,16 @@ class _Runner:
     core: Core
     caller: Caller
     width: int | None
+    variables: Mapping[str, str]
     paged: bool = False
     """Somebody may want to read it page by page."""
 
     def run(self, statement: Statement) -> list[str]:
         if isinstance(statement, Attempt):
             return self._attempt(statement)
+        if isinstance(statement, Choice):
+            chosen = statement.then if self._holds(statement) else statement.otherwise
+            return [line for inner in chosen for line in self.run(inner)]
         if isinstance(statement, Put):
             what = statement.what
             return [what if isinstance(what, str) else self._returned(what)]
@@ -133,6 +156,13 @@ class _Runner:
             for statement in attempt.rescue:
                 lines += self.run(statement)
         return lines
+
+    def _holds(self, choice: Choice) -> bool:
+        """Compare numbers; a variable that nobody has set is no number, and nothing holds of it."""
+        if isinstance(choice.left, Find):
+            return _COMPARE[choice.sign](len(self._found(choice.left)), choice.right)
+        value = self.variables.get(choice.left.name, "")
+        return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
 
     def _returned(self, what: Command | Find) -> str:
         """Return what stands for `[...]`: ids of rows, a property, a count."""

@@ -6,7 +6,18 @@ names are checked by the tree, values hardly. `Menu.modelled` says which case it
 
 from __future__ import annotations
 
-from atlantis_netcfg.twin.menus import _firewall, _interface, _ip, _lte, _routing, _services, _system, _wifi, _wireless
+from atlantis_netcfg.twin.menus import (
+    _firewall,
+    _interface,
+    _ip,
+    _lte,
+    _netwatch,
+    _routing,
+    _services,
+    _system,
+    _wifi,
+    _wireless,
+)
 from atlantis_netcfg.twin.menus._generic import generic, unmodelled
 from atlantis_netcfg.twin.menus._model import Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.twin.menus._order import EXPORT_ORDER
@@ -28,7 +39,7 @@ __all__ = [
 
 MODELLED: dict[str, Menu] = {
     menu.path: menu
-    for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system)
+    for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system, _netwatch)
     for menu in module.MENUS
 }
 INTERFACES = (

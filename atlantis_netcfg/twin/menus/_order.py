@@ -20,6 +20,7 @@ EXPORT_ORDER = (
     "/interface/wireless",
     "/ip/pool",
     "/ip/dhcp-server",
+    "/queue/tree",
     "/routing/table",
     "/system/logging/action",
     "/user/group",
@@ -61,4 +62,5 @@ EXPORT_ORDER = (
     "/tool/mac-server",
     "/tool/mac-server/mac-winbox",
     "/tool/mac-server/ping",
+    "/tool/netwatch",
 )

@@ -16,6 +16,7 @@ __all__ = [
     "Moment",
     "Not",
     "Pattern",
+    "Rate",
     "Size",
     "Text",
     "Time",
@@ -27,6 +28,7 @@ _UNITS = (("w", 604800), ("d", 86400), ("h", 3600), ("m", 60), ("s", 1))
 _UNIT_SECONDS = {**dict(_UNITS), "ms": 0.001}
 _SPAN = re.compile(r"(\d+)(ms|[wdhms])")
 _CLOCK = re.compile(r"(?:(\d+)d ?)?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,3}))?)?")
+_RATE_UNITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
 _YES = ("yes", "true")
 _NO = ("no", "false")
 
@@ -108,6 +110,24 @@ class Size(Kind):
     def show(self, stored: str) -> str:
         """Leave the unit out, as the API does."""
         return stored.removesuffix("KiB")
+
+
+@dataclass(frozen=True, slots=True)
+class Rate(Kind):
+    """Bits per second: `280k` and `280000` are the same, and exports say the shorter; the API says the number."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise it to the largest unit that leaves a whole number."""
+        match = re.fullmatch(r"(\d+)([kMG]?)", text)
+        if match is None:
+            raise BadValue
+        value = int(match[1]) * _RATE_UNITS[match[2]]
+        unit = next(unit for unit in ("G", "M", "k", "") if value % _RATE_UNITS[unit] == 0)
+        return f"{value // _RATE_UNITS[unit]}{unit}" if value else "0"
+
+    def show(self, stored: str) -> str:
+        """Spell it as the API does."""
+        return str(int(stored[:-1]) * _RATE_UNITS[stored[-1]]) if stored[-1:].isalpha() else stored
 
 
 @dataclass(frozen=True, slots=True)

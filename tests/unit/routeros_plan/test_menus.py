@@ -26,6 +26,7 @@ IN_USE = """
 /certificate /interface/wireless /interface/wireless/security-profiles /interface/wireless/connect-list
 /interface/wireless/access-list /interface/wifi /interface/wifi/configuration /interface/wifi/channel
 /interface/lte /interface/lte/apn /interface/lte/settings /interface/wifi/security /interface/wifi/datapath
+/queue/tree /tool/netwatch
 """
 
 RADIOS = ("/interface/wireless", "/interface/wifi")
