@@ -51,7 +51,7 @@ def judge(reading: LteReading, wanted: LteWanted) -> tuple[Finding, ...]:
 def link_state(reading: LteReading) -> LinkState:
     """What the unit itself says of its link; no probe has been sent."""
     if reading.state in _REGISTERED:
-        return LinkState.UP if reading.address is not None else LinkState.UNKNOWN
+        return LinkState.UP if reading.address is not None or reading.connected else LinkState.UNKNOWN
     if reading.state is Registration.SEARCHING:
         return LinkState.SEARCHING
     return LinkState.UNKNOWN if reading.state is Registration.UNKNOWN else LinkState.DOWN
@@ -187,7 +187,7 @@ def _bare(apn: str) -> str:
 
 
 def _address(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
-    if reading.address is not None or (_foreign(reading) and not wanted.roaming):
+    if reading.address is not None or reading.connected or (_foreign(reading) and not wanted.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"

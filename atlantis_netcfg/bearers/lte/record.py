@@ -48,6 +48,8 @@ class LteReading:
     sim_slot: int | None = None
     address: str | None = None
     """IP address that the network has given; None: none, or not readable."""
+    connected: bool | None = None
+    """Whether the unit says that its data connection is up; None: not said."""
     apn: str | None = None
     """In use, read back: a declared one may be ignored."""
     pin_refused: bool | None = None

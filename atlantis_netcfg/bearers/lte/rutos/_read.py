@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.rutos._errors import NotOffered, RutosLoginFailed, RutosRefused
-from atlantis_netcfg.bearers.lte.rutos._record import connected, modem_of, reading_of, serial_of
+from atlantis_netcfg.bearers.lte.rutos._record import modem_of, reading_of, serial_of
 from atlantis_netcfg.bearers.lte.rutos._wire import Wire
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ class RutosLook:
     """What one look at a unit has given, and what it cost."""
 
     reading: LteReading
-    connected: bool | None = None
-    """Whether the unit says that its data connection is up; None: not said."""
     serial: str | None = None
     """Identifies the unit; None: this user may not read it, or the firmware does not say."""
     slots: tuple[str, ...] = ()
@@ -72,7 +70,7 @@ def _by_rest(endpoint: RutosEndpoint, wire: Wire, session: _Rest) -> RutosLook:
     rows = session.optional(slots)
     reading = reading_of(modem, session.optional(interfaces))
     serial = serial_of(session.optional(device))
-    return RutosLook(reading, connected(modem), serial, _sections(rows), wire.requests, wire.sent, wire.received)
+    return RutosLook(reading, serial, _sections(rows), wire.requests, wire.sent, wire.received)
 
 
 def _sections(rows: object) -> tuple[str, ...]:
@@ -153,7 +151,7 @@ def _by_ubus(endpoint: RutosEndpoint, wire: Wire) -> RutosLook:
             )
         cached = found.get("cache")
         merged |= found | (cached if isinstance(cached, dict) else {})
-    return RutosLook(reading_of(merged), connected(merged), None, (), wire.requests, wire.sent, wire.received)
+    return RutosLook(reading_of(merged), None, (), wire.requests, wire.sent, wire.received)
 
 
 def _call(

@@ -44,6 +44,7 @@ def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | N
         roaming=state is Registration.REGISTERED_ROAMING if registered else None,
         sim_slot=None if slot is None else int(slot),
         address=_address(interfaces),
+        connected=connected(modem),
         apn=apn,
         pin_refused=refused,
         pin_tries_left=left,
