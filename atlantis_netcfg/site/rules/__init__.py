@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.site.rules import (
     bridges,
     clock,
+    cost,
     groups,
     identity,
     lan,
@@ -43,6 +44,7 @@ RULES: tuple[Rule, ...] = (
     *links.RULES,
     *bridges.RULES,
     *probes.RULES,
+    *cost.RULES,
     *satellite.RULES,
     *ports.RULES,
     *power.RULES,
