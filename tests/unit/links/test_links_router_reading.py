@@ -1,0 +1,63 @@
+"""What a router's answers about its links mean: refusals, missing fields and unknown words are None, never 0."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+
+from atlantis_netcfg.bearers.policy import Way
+from atlantis_netcfg.operations.links._router import Echo, Neighbour, Port, questions, read
+from atlantis_netcfg.routeros.api import Reply, Trap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+CASES = yaml.safe_load(Path(__file__).with_name("router_reading_cases.yml").read_text(encoding="utf-8"))
+WAYS = (
+    Way("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
+    Way("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", metered=True),
+)
+MENUS = ("resource", "interface", "route", "arp", "filter")
+
+
+def replies(case: Mapping[str, Any]) -> list[Reply]:
+    """The answers in the order of the questions; `refused` stands for a trap."""
+    answers = [case.get(menu, []) for menu in MENUS] + case.get("pings", [[], []])
+    return [Reply(trap=Trap("no such command")) if one == "refused" else Reply(rows=tuple(one)) for one in answers]
+
+
+def plain(value: object) -> object:
+    """A reading in the words of the cases."""
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    if isinstance(value, tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, Port | Echo | Neighbour):
+        return list(astuple(value))
+    return value
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_the_answers_mean(name: str) -> None:
+    case = CASES[name]
+    _, probes = questions(WAYS)
+    reading = read(replies(case), probes)
+    found = {each: plain(getattr(reading, each)) for each in case["read"]}
+    assert found == case["read"]
+
+
+def test_a_satellite_is_sent_nothing() -> None:
+    asked, probes = questions(WAYS)
+    assert [probe.target for probe in probes] == ["198.51.100.11", "198.51.100.12"]
+    words = " ".join(word for command in asked for word in command.words())
+    assert "198.51.100.91" not in words
+    assert "10.10.2" not in words
+
+
+def test_every_question_only_reads() -> None:
+    asked, _ = questions(WAYS)
+    assert {command.path.rpartition("/")[2] for command in asked} == {"print", "ping"}
