@@ -21,6 +21,7 @@ from atlantis_netcfg.routeros.apply._fitting import fitted
 from atlantis_netcfg.routeros.apply._prerequisites import missing
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._telling import cleaned, ended, planned
+from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import observe
@@ -144,8 +145,19 @@ class End:
             yield f"RouterOS {facts.version} has no safe mode over the API (7.18 and later have); upgrade it first"
         if facts.safe_mode_owner is not None:
             yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
+        yield from self._too_dear(self.plan)
         if self.job.agreed is not None and self.job.agreed != plan_hash(self.plan):
             yield "the device has changed since the plan was shown; look at the new plan and agree to it"
+
+    def _too_dear(self, found: Plan) -> Iterator[str]:
+        """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""
+        job = self.job
+        if job.toll is None or job.bearer is None:
+            return
+        cost = estimate(found, job.bearer, self.seen)
+        refusal = job.toll.judge(self.seen, cost, spends=True, planned=False).refusal
+        if refusal is not None:
+            yield refusal
 
     def _path(self) -> ManagementPath:
         job, facts = self.job, self.seen.facts
@@ -226,6 +238,7 @@ class End:
             received=traffic.received,
             seconds=now - self.started,
             facts=self.before.facts if self.before is not None else None,
+            sessions=self.contact.sessions,
         )
 
     def clean(self, text: str) -> str:

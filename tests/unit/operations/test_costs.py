@@ -1,0 +1,337 @@
+"""Who is asked before what is sent over which link, and what is written down after: against the shipped declaration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.cli._arguments import ACCEPT_COST
+from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.events import ignore
+from atlantis_netcfg.journal import CostCounted, NoJournal, Store
+from atlantis_netcfg.operations import Mode, Request, Target, site
+from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
+from atlantis_netcfg.routeros.estimate import Estimate
+from atlantis_netcfg.site import load as load_inventory
+from atlantis_netcfg.versions import Version
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.journal import Record
+    from atlantis_netcfg.site import Declaration
+
+INVENTORY = Path(__file__).parents[3] / "inventory"
+ROUTER = "coastal-router"
+FACTS = Facts(
+    identity="r",
+    version=Version(7, 18, 2),
+    board="b",
+    architecture="a",
+    device_mode={},
+    packages=(),
+    policies=frozenset(),
+    has_safe_mode=True,
+    safe_mode_owner=None,
+    session_address="",
+    history=0,
+)
+NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
+SMALL = Estimate("satellite", 10, 30_000, 20_000, 20.0, sessions=2)
+HUGE = Estimate("satellite", 10, 30_000, 9_000_000, 20.0, sessions=2)
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load_inventory(INVENTORY)
+
+
+def capped(declaration: Declaration, cap_mb: float) -> Declaration:
+    """The declaration with another cap on coastal's satellite."""
+    there = declaration.sites["coastal"]
+    bearers = tuple(
+        one.model_copy(update={"cap_mb": cap_mb}) if one.name == "satellite" else one for one in there.bearers
+    )
+    return replace(declaration, sites={**declaration.sites, "coastal": there.model_copy(update={"bearers": bearers})})
+
+
+def request(tmp_path: Path, via: str | None = "satellite", **more: Any) -> Request:  # noqa: ANN401 - fields of Request
+    return Request(state=tmp_path, via={ROUTER: via} if via else {}, command="provision site=coastal", **more)
+
+
+def routes(*bearers: str) -> Observed:
+    """A router whose active default routes lead to the next hops of these bearers."""
+    hops = {"wifi-ptp": "10.10.0.1", "4g": "10.10.1.1", "satellite": "10.10.2.1"}
+    rows = tuple(
+        {"dst-address": "0.0.0.0/0", "gateway": hops[name], "active": "true", "distance": "1"} for name in bearers
+    )
+    return Observed(FACTS, {"/ip/route": rows})
+
+
+# --- before the first byte ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(
+    declaration: Declaration, tmp_path: Path, mode: Mode
+) -> None:
+    with pytest.raises(CostRefused, match=r"nothing was sent: over satellite of coastal, .* [0-9.]+ EUR$") as refused:
+        gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode))
+    assert refused.value.exit is ExitCode.FAILED
+    assert "`--accept-cost`" in (refused.value.hint or "")
+    gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode, accept_cost=True))
+
+
+def test_a_playbook_is_told_its_own_word(declaration: Declaration, tmp_path: Path) -> None:
+    plain = Request(state=tmp_path, via={ROUTER: "satellite"})
+    with pytest.raises(CostRefused) as refused:
+        gate(declaration, [declaration.hosts[ROUTER]], plain)
+    assert "`-e atlantis_accept_cost=true`" in (refused.value.hint or "")
+
+
+def test_a_link_that_costs_nothing_asks_nothing(declaration: Declaration, tmp_path: Path) -> None:
+    for via in (None, "lan", "wifi-ptp"):
+        gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, via))
+
+
+def test_a_rehearsal_costs_nothing(declaration: Declaration, tmp_path: Path) -> None:
+    gate(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, rehearsed=True))
+
+
+def test_a_link_that_the_site_lacks_is_refused_everywhere(declaration: Declaration, tmp_path: Path) -> None:
+    for more in ({"rehearsed": True}, {"accept_cost": True}, {}):
+        with pytest.raises(UsageError, match="coastal has no such bearer"):
+            gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, "uplink", **more))
+
+
+def test_no_consent_lifts_the_cap(declaration: Declaration, tmp_path: Path) -> None:
+    with pytest.raises(CostRefused, match=r"no action may send more than 1\.0 kB there") as refused:
+        gate(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
+    assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
+
+
+def test_the_declared_link_is_asked_for_without_any_word(declaration: Declaration, tmp_path: Path) -> None:
+    asked = Request(state=tmp_path, mode=Mode.PLAN)
+    (found,) = beforehand(declaration, [declaration.hosts["te4sea-router"], declaration.hosts[ROUTER]], asked)
+    assert (found.link.site, found.link.name) == ("te4sea", "satellite")
+
+
+def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: Declaration, tmp_path: Path) -> None:
+    router = declaration.hosts[ROUTER]
+    (one,) = beforehand(declaration, [router], request(tmp_path, mode=Mode.PLAN))
+    (two,) = beforehand(declaration, [router, router], request(tmp_path, mode=Mode.PLAN))
+    (saved,) = beforehand(declaration, [router], request(tmp_path, mode=Mode.BACKUP))
+    (written,) = beforehand(declaration, [router], request(tmp_path))
+    assert two.bill.payload_bytes == 2 * one.bill.payload_bytes
+    assert saved.bill.payload_bytes < one.bill.payload_bytes < written.bill.payload_bytes
+
+
+def test_the_bound_before_reading_is_above_what_a_first_configuration_sends(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    """A rehearsal of the shipped coastal router sends 96 kB above TLS in two sessions."""
+    (found,) = beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path))
+    assert 110_000 < found.bill.payload_bytes < 400_000
+
+
+def test_the_plain_door_is_guarded(declaration: Declaration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = replace(declaration, pilot=declaration.pilot.model_copy(update={"example_values": False}))
+    monkeypatch.setattr(site, "load", lambda *_, **__: real)
+    for plan_only in (True, False):
+        with pytest.raises(CostRefused, match="nobody has agreed to pay"):
+            site.perform(INVENTORY, ["te4sea-router"], {"state": str(tmp_path)}, plan_only=plan_only, decrypt=str)
+    assert not (tmp_path / "real").exists()
+
+
+def test_every_command_whose_session_may_go_over_a_link_can_be_told_to_pay() -> None:
+    """First contact goes over the technician's cable or a serial line only: there is nothing to pay."""
+    for name, module in COMMANDS.items():
+        source = Path(*module.split(".")).with_suffix(".py")
+        uses = (INVENTORY.parent / source).read_text(encoding="utf-8")
+        if "cli._session import session" in uses:
+            assert ACCEPT_COST in load(name, COMMANDS).COMMAND.flags, name
+    assert ACCEPT_COST not in load("adopt", COMMANDS).COMMAND.flags
+
+
+# --- beside the run ----------------------------------------------------------------------------------------------
+
+
+def test_without_a_route_the_declared_link_is_what_carries_it(declaration: Declaration, tmp_path: Path) -> None:
+    meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
+    admission = meter.judge(routes(), SMALL, spends=True, planned=False)
+    assert (admission.notes, admission.refusal) == ((), None)
+    assert (meter.active, meter.link.name) == (None, "satellite")
+
+
+def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so_and_stops(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, "wifi-ptp"))
+    refused = meter.judge(routes("4g"), SMALL, spends=True, planned=False)
+    (note,) = refused.notes
+    assert note == (
+        f"{ROUTER} is declared to be reached over wifi-ptp, but its traffic goes over 4g now,"
+        " which is paid by the byte: wifi-ptp is down"
+    )
+    assert refused.refusal is not None
+    assert refused.refusal.startswith("nobody has agreed to pay for it: over 4g of coastal")
+    assert refused.hint == "type the same with `--accept-cost`, or wait until wifi-ptp is back"
+    for harmless in ({"spends": False, "planned": False}, {"spends": True, "planned": True}):
+        told = meter.judge(routes("4g"), SMALL, **harmless)
+        assert (told.notes, told.refusal) == (refused.notes, None)
+    accepted = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, "wifi-ptp", accept_cost=True))
+    assert accepted.judge(routes("4g"), SMALL, spends=True, planned=False).refusal is None
+
+
+def test_a_better_link_than_the_declared_one_is_said_without_calling_anything_down(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
+    admission = meter.judge(routes("wifi-ptp"), SMALL, spends=True, planned=False)
+    assert admission.notes[0].endswith("but its traffic goes over wifi-ptp now")
+    assert admission.refusal is None
+    assert not meter.link.metered
+
+
+def test_over_the_cable_no_bearer_carries_the_session(declaration: Declaration, tmp_path: Path) -> None:
+    meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, None))
+    admission = meter.judge(routes("satellite"), HUGE, spends=True, planned=False)
+    assert (admission.notes, admission.refusal, meter.link.name) == ((), None, "lan")
+
+
+@pytest.mark.parametrize("planned", [True, False])
+def test_a_plan_beyond_the_cap_is_refused_whatever_anybody_accepts(
+    declaration: Declaration, tmp_path: Path, *, planned: bool
+) -> None:
+    meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
+    refused = meter.judge(routes(), HUGE, spends=True, planned=planned)
+    assert "no action may send more than 5.0 MB there" in (refused.refusal or "")
+    assert meter.judge(routes(), HUGE, spends=False, planned=planned).refusal is None
+
+
+def test_a_rehearsal_goes_on_and_says_what_a_real_run_would_be_told(declaration: Declaration, tmp_path: Path) -> None:
+    meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, rehearsed=True))
+    admission = meter.judge(routes("wifi-ptp"), HUGE, spends=True, planned=False)
+    assert admission.refusal is None
+    assert admission.notes[0].startswith("a real run would be refused: this would send about")
+    assert meter.link.name == "satellite"
+
+
+# --- after it ----------------------------------------------------------------------------------------------------
+
+
+class Journal(NoJournal):
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+
+    def write(self, record: Record) -> None:
+        self.records.append(record)
+
+
+def counts(rx: int, tx: int, at: datetime = NOON) -> PortCounts:
+    return PortCounts(at, 3600.0, {"ether1": (0, 0), "ether2": (5, 5), "ether3": (rx, tx)})
+
+
+def ended(**more: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceResult
+    return DeviceResult(
+        ROUTER,
+        Status.CHANGED,
+        ExitCode.DONE,
+        "done",
+        **{"sent": 30_000, "received": 20_000, "sessions": 2, "seconds": 40.0, **more},
+    )
+
+
+def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declaration, tmp_path: Path) -> None:
+    costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
+    meter = costs._meter(ROUTER)
+    meter.judge(routes(), SMALL, spends=True, planned=False)
+    told = costs.told(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
+    cost = told["cost"]
+    assert cost["bill"]["payload_bytes"] == 50_000 * 115 // 100 + 2 * 4000
+    assert cost["bill"]["price"] == "0.524"
+    assert cost["router"] == {"interface": "ether3", "rx_bytes": 40_000, "tx_bytes": 30_000, "bytes": 70_000}
+    assert cost["bill_words"] == (
+        "cost over satellite: 66 kB, 0.53 EUR; the router counted 70 kB on ether3, others' traffic included"
+    )
+    assert journal.records == [
+        CostCounted(
+            device=ROUTER,
+            bearer="satellite",
+            declared="satellite",
+            accepted=True,
+            expected_bytes=SMALL.wire_bytes,
+            sent_bytes=65_500,
+            router_bytes=70_000,
+            billed_bytes=65_500,
+            price="0.524",
+            currency="EUR",
+        )
+    ]
+    last = store.usage("coastal").last("satellite")
+    assert last is not None
+    assert (last.interface, last.bytes, last.at, last.uptime_s) == ("ether3", 72_000, NOON, 3600.0)
+    assert store.usage("coastal").last("wifi-ptp") is not None
+
+
+def test_a_run_over_the_cable_is_not_billed_and_still_counts_for_the_month(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    costs, journal, store = Costs(declaration, request(tmp_path, None)), Journal(), Store(tmp_path)
+    told = costs.told(ended(counts=(counts(1, 1), counts(2, 2))), journal, store)
+    assert dict(told) == {"notes": []}
+    assert journal.records == []
+    later = NOON.replace(hour=13)
+    costs.told(ended(counts=(counts(1, 1), counts(500, 2, later))), journal, store)
+    assert store.usage("coastal").month("satellite", later).bytes == 498
+
+
+def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Declaration, tmp_path: Path) -> None:
+    for looks in ((), (counts(9000, 9000), counts(10, 10))):
+        costs = Costs(declaration, request(tmp_path, accept_cost=True))
+        cost = costs.told(ended(counts=looks), Journal(), Store(tmp_path))["cost"]
+        assert cost["router"] is None
+        assert cost["bill_words"].endswith("; not counted by the router")
+
+
+def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration: Declaration, tmp_path: Path) -> None:
+    path = tmp_path / "real" / "coastal" / "usage.json"
+    path.parent.mkdir(parents=True)
+    path.write_text("torn")
+    costs = Costs(declaration, request(tmp_path, accept_cost=True))
+    told = costs.told(ended(counts=(counts(1, 1), counts(2, 2)), notes=("kept",)), Journal(), Store(tmp_path))
+    assert told["notes"][0] == "kept"
+    assert told["notes"][1].startswith("the bytes of this month cannot be read")
+    assert told["cost"]["router"]["bytes"] == 2
+
+
+def test_the_declared_links_and_ports_of_a_router(declaration: Declaration) -> None:
+    router, terminal = declaration.hosts[ROUTER], declaration.hosts["coastal-sat"]
+    assert dict(ports_of(router)) == {"ether1": "wifi-ptp", "ether2": "4g", "ether3": "satellite"}
+    assert [(way.name, way.port, way.metered) for way in ways_of(declaration, router)] == [
+        ("wifi-ptp", "ether1", False), ("4g", "ether2", True), ("satellite", "ether3", True),
+    ]  # fmt: skip
+    assert (ports_of(terminal), ways_of(declaration, terminal)) == ({}, ())
+    links = links_of(declaration, "coastal")
+    assert [(link.name, link.cap_bytes) for link in links.values()] == [
+        ("lan", None), ("wifi-ptp", None), ("4g", 5_000_000), ("satellite", 5_000_000),
+    ]  # fmt: skip
+    assert links["4g"].tariff is None
+    assert links["satellite"].tariff is not None
+
+
+def test_a_job_is_given_its_ports_and_its_toll(declaration: Declaration, tmp_path: Path) -> None:
+    target = Target(host="127.0.0.1", port=1, pin="00")
+    asked = request(tmp_path, rehearsed=True, targets={ROUTER: target})
+    job = Costs(declaration, asked).beside(
+        device_job(declaration, declaration.hosts[ROUTER], asked, NoJournal(), ignore)
+    )
+    assert job.counted == ("ether1", "ether2", "ether3")
+    assert isinstance(job.toll, Meter)
