@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,11 @@ from atlantis_netcfg.journal import Journal, Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.restoring import confirmed_state, restored
+from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, Fitting, SshEndpoint
 from atlantis_netcfg.routeros.desired import from_export, read
+from atlantis_netcfg.site.model import LteRouter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,7 +51,7 @@ def device_job(
         fitting=None if "" in states else Fitting(states, known.unfit),
         bearer=bearer_of(declaration, host, request.via.get(host.name)),
         events=notify,
-        journal=journal,
+        journal=_minding_the_sim(host, request, store, journal),
         pin=partial(_first_contact, pins, notify),
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
         ssh=_console(host, access, request, pins),
@@ -65,7 +68,15 @@ def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) 
 
 def _states(known: Managed, request: Request, store: Store) -> Mapping[str, Desired]:
     """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
-    return {text.radio: _desired(known.host, text.text, request, store) for text in known.texts()}
+    spent = "" if request.rehearsed else TriedPin(store.root, known.host.site, known.host.name).why_not
+    return {text.radio: replace(_desired(known.host, text.text, request, store), spent=spent) for text in known.texts()}
+
+
+def _minding_the_sim(host: Host, request: Request, store: Store, journal: Recorder) -> Recorder:
+    """Note on disk that a PIN is tried before it is sent; an emulated SIM is a new one in every rehearsal."""
+    if request.rehearsed or not isinstance(host.device, LteRouter):
+        return journal
+    return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
 def _desired(host: Host, text: str, request: Request, store: Store) -> Desired:

@@ -78,6 +78,8 @@ class Desired:
     """The text is a saved state: in its entire menus, what it leaves out is at its default."""
     notes: tuple[str, ...] = ()
     """What could not be taken over from the text."""
+    spent: str = ""
+    """Why the PIN of the text must not be sent once more; empty: nothing is known against it."""
     run_time: tuple[RunTime, ...] = ()
     """Values that the device changes by itself: neither drift nor anything to put right."""
 

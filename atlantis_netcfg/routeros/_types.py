@@ -72,6 +72,8 @@ class Observed:
     rows: Mapping[str, tuple[Row, ...]]
     counts: tuple[PortCounts, ...] = field(default=(), compare=False)
     """What its ports had carried before and after the reading, where that was asked and cost no round trip."""
+    modem: Row | None = field(default=None, compare=False)
+    """What the modem says of its SIM, where a text declares one."""
 
 
 class Verb(StrEnum):

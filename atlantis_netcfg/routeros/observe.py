@@ -14,6 +14,7 @@ from atlantis_netcfg.routeros._types import Facts, Observed, Row
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.counting import looks, read_counts
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID
 from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["MenuMissing", "merged", "observe", "printing"]
+__all__ = ["MenuMissing", "merged", "modem_row", "observe", "printing"]
 
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
 _SAFE_MODE = Command("/safe-mode/print")
@@ -72,10 +73,13 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY, _USER, _GROUP)))
     commands = [*map(printing, menus), *(_PREFLIGHT if known is None else _PREFLIGHT[:_AGAIN])]
+    modem = [MONITOR] if LTE in needed else []
+    commands = [*modem, *commands]
     first, last = looks(counted, len(commands))
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
+    told, replies = replies[: len(modem)], replies[len(modem) :]
     answers = dict(zip(menus, replies, strict=False))
     silent = [Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
     seen = _Preflight(*replies[len(menus) :], *silent)
@@ -95,13 +99,20 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         facts = replace(
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
-    return Observed(facts, found, tuple(each for each in counts if each is not None))
+    return Observed(facts, found, tuple(each for each in counts if each is not None), *map(modem_row, told))
+
+
+def modem_row(reply: Reply) -> Row | None:
+    """Return what a modem says of its SIM, without the numbers that name it; None: the device has no modem."""
+    if reply.trap is not None or not reply.rows:
+        return None
+    return {name: value for name, value in reply.rows[0].items() if name in SAID}
 
 
 def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:
     """Return an observation with some menus as they were read since."""
     fresh = {path: reply.checked().rows for path, reply in zip(menus, replies, strict=True)}
-    return Observed(observed.facts, {**observed.rows, **fresh})
+    return Observed(observed.facts, {**observed.rows, **fresh}, modem=observed.modem)
 
 
 def printing(path: str) -> Command:

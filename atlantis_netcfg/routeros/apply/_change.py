@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
@@ -26,7 +27,8 @@ from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, P
 from atlantis_netcfg.routeros.apply._shield import Held, Hold
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
-from atlantis_netcfg.routeros.observe import merged, observe, printing
+from atlantis_netcfg.routeros.observe import merged, modem_row, observe, printing
+from atlantis_netcfg.routeros.pin import MONITOR, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 
 if TYPE_CHECKING:
@@ -142,7 +144,7 @@ async def _take_later(work: Work, held: Held) -> None:
 async def verify(work: Work, rest: Sequence[Action]) -> None:
     """Read everything in a new session: only `rest` may be left to do. Raises VerificationFailed."""
     work.say(Stage.VERIFYING, "reading back in a new session")
-    now = await _read_anew(work)
+    now = await _until_told(work, await _read_anew(work))
     _compare(work, now, rest)
     work.after = now
     work.record(Verified(device=work.job.name, state=digest(now)))
@@ -163,6 +165,18 @@ async def _read_anew(work: Work) -> Observed:
             await asyncio.sleep(patience.first_poll_s)
         except DeviceFailed as failed:
             raise VerificationFailed(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
+
+
+async def _until_told(work: Work, now: Observed) -> Observed:
+    """Wait until the modem says what became of a PIN: it has to start anew for that. Raises VerificationFailed."""
+    patience, clock = work.job.patience, asyncio.get_running_loop().time
+    until = clock() + patience.modem_s
+    while pending(work.job.desired, now):
+        if clock() >= until:
+            raise VerificationFailed(f"the modem has not taken the PIN within {patience.modem_s:.0f} s")
+        await asyncio.sleep(patience.first_poll_s)
+        now = replace(now, modem=modem_row(await work.channel.command(MONITOR)))
+    return now
 
 
 def _compare(work: Work, now: Observed, rest: Iterable[Action]) -> None:

@@ -134,6 +134,8 @@ class Patience:
     """For safe mode of a dead session: after a silent loss the device notices it after about nine minutes."""
     dead_man_s: float = 600.0
     """From arming a dead-man job until it takes back what was not confirmed; beside safe mode `undo_s` comes to it."""
+    modem_s: float = 90.0
+    """For a modem that starts anew with a PIN, until it says whether the SIM has taken it."""
     first_poll_s: float = 1.0
     last_poll_s: float = 15.0
 

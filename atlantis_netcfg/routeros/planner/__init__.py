@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
 from atlantis_netcfg.routeros.diff import render
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
+from atlantis_netcfg.routeros.pin import sim_of
 from atlantis_netcfg.routeros.planner._change import CannotPlan, Change, Context, MenuPlan, Names
 from atlantis_netcfg.routeros.planner._firstmatch import plan_first_match
 from atlantis_netcfg.routeros.planner._identified import plan_identified
@@ -37,7 +38,8 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     problems = [problem for path in menus for problem in _unsupported(path, desired, observed.facts.version)]
     names = new_names(desired, observed.rows)
     rows = as_renamed(desired, observed.rows)
-    context = Context(desired, Names(observed.rows), "sensitive" in observed.facts.policies)
+    sensitive = "sensitive" in observed.facts.policies
+    context = Context(desired, Names(observed.rows), sensitive, sim_of(observed.modem))
     parts = [_plan_menu(path, desired, rows[path], context) for path in menus]
     for part in parts:
         _order_renames(part, names)

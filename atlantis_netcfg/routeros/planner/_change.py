@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Hidden, Layer, Verb
+from atlantis_netcfg.routeros.pin import Sim, objection
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -60,6 +61,8 @@ class Context:
     names: Names
     sensitive: bool
     """Our group may read secrets, so that a secret which is not printed is not set."""
+    sim: Sim = Sim.UNKNOWN
+    """Whether the modem's SIM asks for a PIN."""
 
     def is_entire(self, menu: Menu) -> bool:
         """Tell whether all rows of the menu are ours."""
@@ -137,6 +140,8 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
         report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
         return {}
     value = item.values[name]
+    if each.asked and value:
+        return _asked(context, report, item, row, name)
     wanted = menu.default_of(name, row) if value is None else value
     if any(either.covers(menu, name, wanted, row) for either in context.desired.run_time):
         return {}
@@ -145,6 +150,20 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
         report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
         return {}
     return changes
+
+
+def _asked(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:
+    """What the device keeps and enters by itself is only sent while it asks for it (routeros/pin.py)."""
+    value = item.values[name] or ""
+    if context.sim is Sim.FREE:
+        return {}
+    if context.sim is Sim.UNKNOWN:
+        report.notes.append(f"{report.menu.name_of(row)} does not say whether it needs `{name}`: it is not sent")
+        return {}
+    if why := objection(context.sim, row.get(name, ""), value, context.desired.spent):
+        report.problems.append(f"line {item.line}: {why}")
+        return {}
+    return {name: value}
 
 
 def _differing(menu: Menu, row: Row, name: str, wanted: str | None) -> dict[str, str | None]:

@@ -1,0 +1,89 @@
+"""A SIM's PIN: sent only while the SIM asks for it, and only once.
+
+A RouterOS device keeps the PIN of `/interface/lte` and enters it whenever the modem starts; a SIM counts wrong ones,
+and the third locks it (3GPP TS 31.101, 9.5). So a PIN is an ordinary secret of the declared text with a gate before it:
+
+- the SIM asks for none: nothing is sent, whatever is declared; a device that holds one keeps it;
+- it asks, and the device holds none: the declared one is sent, and safe mode takes it back unless a new session reads
+  that it was taken, so that a wrong one does not stay to be entered again;
+- it has refused one, asks for its PUK, or asks although the device holds one: the plan is refused;
+- an earlier run has sent one in vain (`Desired.spent`): the plan is refused until a person has cleared that.
+
+The words of `pin-status` are written by the modem's driver; those read here follow 3GPP TS 27.007 [inferred], and any
+other means that nobody knows, for which nothing is sent.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import Enum, auto
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.api import Command
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._types import Observed, Row
+
+__all__ = ["LTE", "MONITOR", "SAID", "Sim", "objection", "pending", "sim_of"]
+
+LTE = "/interface/lte"
+MONITOR = Command(f"{LTE}/monitor", (("numbers", "lte1"), ("once", "")))
+"""Asked together with the menus of a text that declares the modem; the first modem is the only one that is declared."""
+SAID = ("pin-status", "status", "registration-status")
+"""What of its answer is kept: nothing that names the SIM."""
+_FIELD = "pin"
+
+_PUK = re.compile(r"\bpuk2?\b")
+_REFUSED = re.compile(r"\bwrong\b|\bincorrect\b|\binvalid\b|\brejected\b")
+_FREE = re.compile(r"\bno password\b|\bnot required\b|\bok\b|\bready\b|\bdisabled\b|\bunlocked\b")
+_ASKS = re.compile(r"\bpin\b|\bpassword\b|\blocked\b")
+_ON_AIR = re.compile(r"\bregistered\b|\bconnected\b|\bsearching\b|\bdenied\b|\broaming\b|\bcall in progress\b")
+
+
+class Sim(Enum):
+    """What the SIM says of its PIN."""
+
+    FREE = auto()
+    """It asks for none, or has taken one."""
+    ASKS = auto()
+    REFUSED = auto()
+    """It has refused the one that was entered."""
+    PUK = auto()
+    UNKNOWN = auto()
+
+
+def sim_of(monitor: Row | None) -> Sim:
+    """Read what `monitor` says; a modem on the air has no need of a PIN, whatever its driver says of it."""
+    shown = monitor or {}
+    word = shown.get("pin-status", "").lower()
+    for pattern, found in ((_PUK, Sim.PUK), (_REFUSED, Sim.REFUSED), (_FREE, Sim.FREE), (_ASKS, Sim.ASKS)):
+        if pattern.search(word):
+            return found
+    said = " ".join(shown.get(name, "").lower() for name in ("status", "registration-status"))
+    return Sim.FREE if _ON_AIR.search(said) else Sim.UNKNOWN
+
+
+def objection(sim: Sim, held: str, declared: str, spent: str) -> str | None:
+    """Say why the declared PIN must not be sent to a SIM that asks; None: nothing speaks against it.
+
+    `held` is the PIN that the device has in its configuration, empty if none.
+    """
+    if sim is Sim.PUK:
+        return "the SIM is locked after too many wrong PINs and asks for its PUK: unlock it in a telephone"
+    if sim is Sim.REFUSED:
+        return "the SIM has refused the PIN, which is not tried again: compare it with the SIM's letter"
+    if spent:
+        return spent
+    if held == declared:
+        return "the device holds the declared PIN, and the SIM still asks for one: it is wrong, and not tried again"
+    if held:
+        return "the device holds another PIN, which the SIM has not taken: take it out by hand before one more is tried"
+    return None
+
+
+def pending(desired: Desired, observed: Observed) -> bool:
+    """Tell whether the declared PIN is on the device and the modem has not yet said what became of it."""
+    wanted = {item.values.get(_FIELD) for item in desired.items.get(LTE, ())} - {None, ""}
+    held = any(row.get(_FIELD) in wanted for row in observed.rows.get(LTE, ()))
+    return held and sim_of(observed.modem) in {Sim.ASKS, Sim.UNKNOWN}

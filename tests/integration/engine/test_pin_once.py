@@ -1,0 +1,160 @@
+"""A PIN reaches a SIM only while it asks, and a wrong one at most once, however often the run is repeated."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import Bench, on
+
+from atlantis_netcfg.journal import NoJournal
+from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
+from atlantis_netcfg.routeros import DeviceResult, Mode, converge
+from atlantis_netcfg.routeros.apply import Patience
+from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec
+from atlantis_netcfg.twin.lte import SimState
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TEXT = """\
+/system identity
+set name=box
+/interface lte apn
+add apn=umts comment="atlantis: contract" name=atlantis use-network-apn=no
+/interface lte
+set [ find default-name=lte1 ] apn-profiles=atlantis comment="atlantis: 4G" disabled=no pin={pin}
+"""
+
+
+def bench(tmp_path: Path, pin: str, *, asks: str = "1234", version: str = "7.18.2") -> Bench:
+    modem = ModemSpec(sim=SimSpec(pin=asks), cell=CellSpec(apns=("umts",)))
+    return Bench(tmp_path, TEXT.format(pin=pin), spec={"modem": modem, "version": version})
+
+
+async def once(bench: Bench, mode: Mode = Mode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
+    """A run as `operations.jobs` makes it."""
+    tried = TriedPin(bench.store.root, "coastal", "router")
+    with bench.journal() as journal:
+        job = bench.job(journal=PinRecorder(journal, tried), **changes)
+        return await converge(replace(job, desired=replace(job.desired, spent=tried.why_not)), mode=mode)
+
+
+def card(bench: Bench) -> tuple[int, int]:
+    sim = bench.router.device.core.sim
+    return sim.tries_left, sim.pins_entered
+
+
+def tried(bench: Bench) -> bool:
+    return TriedPin(bench.store.root, "coastal", "router").path.exists()
+
+
+@pytest.mark.parametrize("version", ["7.17.1", "7.18.2", "7.21.5"])
+def test_a_right_pin_is_sent_once_and_the_second_run_changes_nothing(tmp_path: Path, version: str) -> None:
+    async def act(bench: Bench) -> None:
+        first = await once(bench, unprotected=True)
+        assert (first.status, card(bench), tried(bench)) == ("changed", (3, 1), False)
+        assert "1234" not in first.diff + first.message
+        second = await once(bench)
+        assert (second.status, second.planned, card(bench)) == ("unchanged", 0, (3, 1))
+
+    on(bench(tmp_path, "1234", version=version), act)
+
+
+def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = bench.export()
+        first = await once(bench)
+        assert first.status == "rolled-back"
+        assert "the SIM has refused the PIN, which is not tried again" in first.message
+        assert (card(bench), tried(bench)) == ((2, 1), True)
+        assert bench.export() == before
+        for _ in range(2):
+            again = await once(bench)
+            assert again.status == "refused"
+            assert "and the SIM has not taken it; it is not tried again" in again.message
+            assert str(TriedPin(bench.store.root, "coastal", "router").path) in again.message
+        assert card(bench) == (2, 1)
+        assert "9999" not in first.message + again.message + first.diff
+        bench.router.device.reboot()
+        assert (await once(bench)).status == "refused"
+        assert card(bench) == (2, 1)
+
+    on(bench(tmp_path, "9999"), act)
+
+
+def test_after_a_person_has_corrected_it_the_right_one_is_sent(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        await once(bench)
+        bench.text = TEXT.format(pin="1234")
+        assert (await once(bench)).status == "refused"
+        TriedPin(bench.store.root, "coastal", "router").path.unlink()
+        assert (await once(bench)).status == "changed"
+        assert (card(bench), tried(bench)) == ((3, 2), False)
+
+    on(bench(tmp_path, "9999"), act)
+
+
+def test_a_sim_that_asks_for_none_gets_none(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        assert (await once(bench)).status == "changed"
+        assert (card(bench), tried(bench)) == ((3, 0), False)
+        assert "9999" not in bench.export()
+        assert (await once(bench)).status == "unchanged"
+
+    on(bench(tmp_path, "9999", asks=""), act)
+
+
+def test_a_sim_that_waits_for_its_puk_gets_nothing(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        bench.router.device.core.sim.tries_left = 0
+        found = await once(bench)
+        assert found.status == "refused"
+        assert "asks for its PUK" in found.message
+        assert card(bench) == (0, 0)
+
+    on(bench(tmp_path, "1234"), act)
+
+
+def test_a_plan_sends_nothing(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        found = await once(bench, Mode.PLAN)
+        assert found.planned == 3
+        assert "pin=********" in found.diff
+        assert (card(bench), tried(bench)) == ((3, 0), False)
+
+    on(bench(tmp_path, "9999"), act)
+
+
+def test_nothing_is_sent_where_it_cannot_be_noted(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        path = TriedPin(bench.store.root, "coastal", "router").path
+        path.with_name(f".{path.name}.{os.getpid()}").mkdir(parents=True)  # in the way of the file that is renamed
+        found = await once(bench)
+        assert found.status == "left-as-found"
+        assert "it cannot be noted that a PIN is tried" in found.message
+        assert card(bench) == (3, 0)
+
+    on(bench(tmp_path, "1234"), act)
+
+
+def test_a_modem_that_stays_silent_keeps_no_pin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if the modem never came back after it was given the PIN."""
+    heard: list[str] = []
+
+    def deaf(sim: SimState, given: str, _right: str) -> None:
+        sim.tried = given
+        heard.append(given)
+
+    monkeypatch.setattr(SimState, "enter", deaf)
+
+    async def act(bench: Bench) -> None:
+        found = await converge(bench.job(journal=NoJournal(), patience=Patience(modem_s=30)))
+        assert found.status == "rolled-back"
+        assert "the modem has not taken the PIN within 30 s" in found.message
+        assert heard == ["1234"]
+        assert "pin=1234" not in bench.export()
+
+    on(bench(tmp_path, "1234"), act)
