@@ -172,6 +172,7 @@ def _real(text: str) -> str:
     for documentation, real in (("203.0.113.", "10.99.3."), ("198.51.100.", "10.99.2."), ("192.0.2.", "10.99.1.")):
         text = text.replace(documentation, real)
     text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
+    text = text.replace("internet.example", "internet.atlantis.internal")
     text = text.replace("ssid: EXAMPLE-", "ssid: ")
     return re.sub(r"EXAMPLE-([a-z0-9-]+)", lambda found: _vaulted(f"a-real-{found[1]}"), text)
 
