@@ -6,6 +6,7 @@ from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.render._declared import RenderError
+from atlantis_netcfg.render._watch import judged
 from atlantis_netcfg.render.view import Link, PortView, Target, Uplink
 from atlantis_netcfg.site.allowed import allowed
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address, IPv4Network
 
-    from atlantis_netcfg.site.model import AllowedTarget, Bearer, Pilot, Port, Router, Site
+    from atlantis_netcfg.site.model import AllowedTarget, Pilot, Port, Router, Site
 
 __all__ = ["in_network", "management_port", "port_of", "ports", "served", "uplinks"]
 
@@ -63,12 +64,14 @@ def port_of(name: str, router: Router, link: str) -> str:
 def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink, ...]:
     """Return the bearers in order of preference."""
     return tuple(
-        _uplink(bearer, port_of(name, router, bearer.name), distance, allowed(pilot, bearer))
-        for distance, bearer in enumerate(site.bearers, start=1)
+        _uplink(site, place, port_of(name, router, bearer.name), allowed(pilot, bearer))
+        for place, bearer in enumerate(site.bearers, start=1)
     )
 
 
-def _uplink(bearer: Bearer, port: str, distance: int, admitted: tuple[AllowedTarget, ...]) -> Uplink:
+def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ...]) -> Uplink:
+    bearer = site.bearers[place - 1]
+    later = site.bearers[place:]
     return Uplink(
         name=bearer.name,
         port=port,
@@ -77,9 +80,13 @@ def _uplink(bearer: Bearer, port: str, distance: int, admitted: tuple[AllowedTar
         network=str(bearer.network),
         gateway=str(bearer.gateway),
         kind=bearer.kind.value,
-        distance=distance,
+        place=place,
         canaries=tuple(str(canary) for canary in bearer.canaries),
         targets=tuple(_targets(admitted)),
+        judged=judged(bearer, site.failover) if bearer.canaries and later else None,
+        later=tuple(str(other.address) for other in later),
+        up_bps=round(bearer.rate.up_kbps * 1000),
+        down_bps=round(bearer.rate.down_kbps * 1000),
     )
 
 

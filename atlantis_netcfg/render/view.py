@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BRIDGE",
     "Forwarded",
+    "Judged",
     "LanView",
     "Link",
     "ManagementView",
@@ -25,6 +26,10 @@ __all__ = [
 ]
 
 BRIDGE = "bridge-lan"
+LEFT = 100
+"""Added to the distance of routes by a link that was given up."""
+THIN_BPS = 2_000_000
+"""A link below this rate is shaped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +116,69 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
+class Judged:
+    """How a link with canaries is watched, and when it is left and taken back; times in seconds."""
+
+    checked: bool
+    """It costs nothing to ask: `check-gateway` watches too, and a route without it holds the link meanwhile."""
+    watch_s: float
+    """Between two questions to a canary while it answers."""
+    timeout_s: float
+    silence: int
+    """So many packets in a row unanswered are the declared silence."""
+    silence_gap_s: float
+    steady: int
+    """So many packets in a row answered are the declared time without a break."""
+    steady_gap_s: float
+    daily_bytes: int
+    """What both canaries cost a day while all is well, answers included."""
+
+
+@dataclass(frozen=True, slots=True)
 class Uplink(Link):
-    """A bearer. `distance` is its place in the order of preference."""
+    """A bearer. `place` is its place in the order of preference, from 1."""
 
     gateway: str
     kind: str
-    distance: int
+    place: int
     canaries: tuple[str, ...]
     targets: tuple[Target, ...]
+    judged: Judged | None
+    """None: it is not left for another one while its port has a link, be it unprobed or the last."""
+    later: tuple[str, ...]
+    """The router's own addresses on the links that come after this one."""
+    up_bps: int
+    down_bps: int
+
+    @property
+    def distance(self) -> int:
+        """Of its default routes while it is good; ten apart, so that `held` fits between two links."""
+        return 10 * self.place
+
+    @property
+    def held(self) -> int:
+        """Of the default route that holds the link until its silence has lasted long enough."""
+        return self.distance + 1
+
+    @property
+    def left(self) -> int:
+        """Of its default routes while it is given up: behind every good link, and still better than no route."""
+        return self.distance + LEFT
+
+    @property
+    def held_left(self) -> int:
+        """Of the holding route then."""
+        return self.held + LEFT
+
+    @property
+    def thin(self) -> bool:
+        """So slow that control has to go first."""
+        return self.kind == "satellite" or min(self.up_bps, self.down_bps) < THIN_BPS
+
+    @property
+    def shaped(self) -> tuple[int, int]:
+        """Four fifths of its rates up and down, in bit/s: the queue shall stand here, not in the terminal."""
+        return self.up_bps * 4 // 5, self.down_bps * 4 // 5
 
     @property
     def table(self) -> str:
@@ -195,6 +255,16 @@ class RouterView:
     def satellites(self) -> tuple[Uplink, ...]:
         """The bearers with an allow-list."""
         return tuple(uplink for uplink in self.uplinks if uplink.kind == "satellite")
+
+    @property
+    def judged(self) -> tuple[Uplink, ...]:
+        """The bearers that are left for another one when they are silent."""
+        return tuple(uplink for uplink in self.uplinks if uplink.judged is not None)
+
+    @property
+    def thin(self) -> tuple[Uplink, ...]:
+        """The bearers on which control goes first."""
+        return tuple(uplink for uplink in self.uplinks if uplink.thin)
 
     @property
     def allow_list(self) -> tuple[Named, ...]:

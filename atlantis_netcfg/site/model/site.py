@@ -128,6 +128,8 @@ class Failover(Model):
     """A link whose canaries have all been silent for so long is left for the next one, in seconds."""
     fail_back_s: Annotated[StrictInt, Field(ge=0, le=3600)] = 120
     """A better link is taken again when its canaries have answered for so long without a break, in seconds."""
+    metered_probe_s: Annotated[StrictInt, Field(ge=10, le=600)] = 30
+    """How often each canary of a link that costs by the byte is asked while all is well, in seconds; others: 5 s."""
 
 
 class AllowedTarget(Model):

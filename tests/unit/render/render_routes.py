@@ -1,10 +1,12 @@
 """Route selection over rendered rows, written from the manual (Routing decision, Policy Routing).
 
-It shares no code with the package.
+It shares no code with the package. Links are as they are in the end: of netwatch only what it does to the routes of a
+canary that stays silent is looked at; when it does so is for the twin to show.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from ipaddress import IPv4Network, ip_address, ip_interface, ip_network
 from typing import TYPE_CHECKING
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.rsc import Export
 
 BLACKHOLE = "blackhole"
+_LEAVES = re.compile(r'/ip route set \[find comment="([^"]+)"\] distance=(\d+)')
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class World:
 class Router:
     def __init__(self, export: Export, world: World) -> None:
         self._world = world
-        self._routes = [*_connected(export), *_static(export)]
+        self._routes = [*_connected(export), *_static(export, _left(export, world))]
         self._rules = [row for row in export.statements if row.menu == "/routing/rule"]
 
     def exits(self, dst: str, src: str = "0.0.0.0") -> frozenset[str]:  # noqa: S104 - no address yet
@@ -99,15 +102,27 @@ def _connected(export: Export) -> Iterator[Route]:
             yield Route(network, "main", str(row.get("interface")), 0, 10, 5, checked=False)
 
 
-def _static(export: Export) -> Iterator[Route]:
+def _left(export: Export, world: World) -> dict[str, int]:
+    """Return the distance that netwatch gives to the routes of silent canaries, by their comment."""
+    found = {}
     for row in export.statements:
-        if row.menu != "/ip/route":
+        if row.menu == "/tool/netwatch" and row.get("host") in world.silent and row.get("test-script") is not None:
+            script = str(row.get("test-script"))
+            comment, distance = _LEAVES.findall(script)[0]
+            if '"response-count" = 0' in script:
+                found[comment] = int(distance)
+    return found
+
+
+def _static(export: Export, left: dict[str, int]) -> Iterator[Route]:
+    for row in export.statements:
+        if row.menu != "/ip/route" or row.get("disabled") == "yes":
             continue
         yield Route(
             network=IPv4Network(str(row.get("dst-address"))),
             table=row.get("routing-table") or "main",
             gateway=BLACKHOLE if row.get("blackhole") is not None else str(row.get("gateway")),
-            distance=int(row.get("distance") or 1),
+            distance=left.get(str(row.get("comment")), int(row.get("distance") or 1)),
             scope=int(row.get("scope") or 30),
             target_scope=int(row.get("target-scope") or 10),
             checked=row.get("check-gateway") == "ping",

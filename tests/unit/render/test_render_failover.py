@@ -9,6 +9,8 @@ from render_declared import SITES, declaration, with_site
 from render_routes import BLACKHOLE, Router, World
 from test_render_text import parsed
 
+from atlantis_netcfg.render import router_view
+
 INTERNET = "93.184.216.34"
 PTP = frozenset({"198.51.100.11", "198.51.100.12"})
 LTE = frozenset({"198.51.100.21", "198.51.100.22"})
@@ -24,7 +26,9 @@ LTE = frozenset({"198.51.100.21", "198.51.100.22"})
         (World(silent=LTE), {"ether1"}),
         (World(silent=PTP | LTE), {"ether3"}),
         (World(silent=PTP, down=frozenset({"ether2"})), {"ether3"}),
-        (World(silent=PTP | LTE, down=frozenset({"ether3"})), set()),
+        # Nothing good is left: the link that was given up last is still better than no way out.
+        (World(silent=PTP | LTE, down=frozenset({"ether3"})), {"ether2"}),
+        (World(silent=PTP | LTE, down=frozenset({"ether2", "ether3"})), set()),
     ],
 )
 def test_coastal_fails_over(world: World, leaves: set[str]) -> None:
@@ -55,13 +59,59 @@ def test_a_canary_answers_over_its_own_link_or_not_at_all() -> None:
 
 @pytest.mark.parametrize("site", SITES)
 def test_every_canary_has_its_blackhole(site: str) -> None:
-    routes = [row for row in parsed(site).statements if row.menu == "/ip/route"]
-    probed = {f"{row.get('gateway')}/32" for row in routes if row.get("check-gateway") == "ping"}
-    declared = {f"{canary}/32" for bearer in declaration().sites[site].bearers for canary in bearer.canaries}
+    rows = parsed(site).statements
+    routes = [row for row in rows if row.menu == "/ip/route"]
+    bearers = declaration().sites[site].bearers
+    declared = {f"{canary}/32" for bearer in bearers for canary in bearer.canaries}
     held = {str(row.get("dst-address")): row for row in routes if row.get("blackhole") is not None}
-    assert probed == declared
-    assert probed <= set(held)
-    assert all((held[canary].get("distance"), held[canary].get("scope")) == ("254", "30") for canary in probed)
+    assert declared <= set(held)
+    assert all((held[canary].get("distance"), held[canary].get("scope")) == ("254", "30") for canary in declared)
+    watched = [str(row.get("host")) for row in rows if row.menu == "/tool/netwatch"]
+    assert sorted(watched) == sorted(3 * [str(canary) for bearer in bearers[:-1] for canary in bearer.canaries])
+
+
+def test_only_what_costs_nothing_is_asked_by_check_gateway() -> None:
+    routes = [row for row in parsed("coastal").statements if row.menu == "/ip/route"]
+    checks = {(row.get("check-gateway"), row.get("gateway")) for row in routes if row.get("check-gateway")}
+    assert checks == {("ping", "198.51.100.11"), ("ping", "198.51.100.12"), ("arp", "10.10.1.1")}
+
+
+def test_nothing_asks_over_the_satellite() -> None:
+    rows = parsed("coastal").statements
+    satellite = declaration().sites["coastal"].bearers[-1]
+    asked = [row for row in rows if row.menu == "/tool/netwatch" or row.get("check-gateway")]
+    words = " ".join(f"{row.get('host')} {row.get('gateway')} {row.get('dst-address')}" for row in asked)
+    assert len(asked) == 16
+    assert str(satellite.gateway) not in words
+
+
+@pytest.mark.parametrize(
+    ("hold_down_s", "fail_back_s"), [(20, 0), (20, 120), (21, 60), (45, 45), (200, 600), (600, 3600)]
+)
+@pytest.mark.parametrize("probe_s", [10, 30, 600])
+def test_netwatch_counts_at_least_what_is_declared(hold_down_s: int, fail_back_s: int, probe_s: int) -> None:
+    given = declaration()
+    times = {"hold_down_s": hold_down_s, "fail_back_s": fail_back_s, "metered_probe_s": probe_s}
+    failover = given.sites["coastal"].failover.model_copy(update=times)
+    view = router_view(with_site(given, "coastal", failover=failover), given.router("coastal"))
+    for link in view.judged:
+        judged = link.judged
+        assert judged is not None
+        starts_s = 3.0  # netwatch waits so long before a row begins (start-delay)
+        silence_s = starts_s + (judged.silence - 1) * judged.silence_gap_s + 2 * judged.timeout_s
+        assert hold_down_s <= silence_s <= hold_down_s + 10
+        assert fail_back_s <= (judged.steady - 1) * judged.steady_gap_s <= fail_back_s + 1
+        assert judged.watch_s == (probe_s if link.name == "4g" else 5)
+        assert judged.silence <= 40
+        assert judged.steady <= 60
+
+
+def test_a_link_is_held_before_check_gateway_gives_it_up() -> None:
+    for link in router_view(declaration(), declaration().router("coastal")).judged:
+        judged = link.judged
+        assert judged is not None
+        if judged.checked:
+            assert judged.watch_s + judged.timeout_s < 10 + 1  # two questions 10 s apart and a time-out
 
 
 def test_a_link_is_probed_from_its_own_address_and_has_no_way_round() -> None:

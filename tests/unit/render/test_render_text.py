@@ -35,6 +35,8 @@ ENTIRE = (
     "/ip route",
     "/routing rule",
 )
+ENTIRE_WITH_A_CHOICE = ("/queue tree", "/tool netwatch")
+"""Where there is another link to go to, and one that is thin."""
 
 
 def parsed(site: str, given: Declaration | None = None) -> rsc.Export:
@@ -79,8 +81,20 @@ def test_no_row_stands_twice(site: str) -> None:
 
 @pytest.mark.parametrize("site", SITES)
 def test_menus_that_are_ours_entirely(site: str) -> None:
-    directives = [line for line in parsed(site).remarks() if line.startswith("atlantis:")]
-    assert directives == [f"atlantis:entire {menu}" for menu in ENTIRE]
+    directives = [line for line in parsed(site).remarks() if line.startswith("atlantis:entire")]
+    more = () if site == "scc" else ENTIRE_WITH_A_CHOICE
+    assert sorted(directives) == sorted(f"atlantis:entire {menu}" for menu in (*ENTIRE, *more))
+
+
+def test_what_netwatch_moves_is_no_drift() -> None:
+    directives = [line for line in parsed("coastal").remarks() if line.startswith("atlantis:run-time")]
+    assert directives == [
+        "atlantis:run-time /ip route distance=10 distance=110",
+        "atlantis:run-time /ip route distance=11 distance=111",
+        "atlantis:run-time /ip route disabled=yes disabled=no",
+        "atlantis:run-time /ip route distance=20 distance=120",
+        "atlantis:run-time /tool netwatch disabled=yes disabled=no",
+    ]
 
 
 @pytest.mark.parametrize("site", SITES)

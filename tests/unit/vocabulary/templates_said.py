@@ -28,6 +28,8 @@ NEWER = {("/interface/wifi", "configuration.installation"): "7.18.2"}
 _INCLUDE = re.compile(r"\{% include \"([^\"]+)\" %\}")
 _STATEMENT = re.compile(r"\{%-?.*?-?%\}", re.DOTALL)
 _COMMENT = re.compile(r"\{#.*?#\}", re.DOTALL)
+_SCRIPT = re.compile(r'-script="((?:[^"\\]|\\.)*)"')
+_ESCAPED = re.compile(r"\\(.)")
 _VALUE = re.compile(r"\{\{.*?\}\}", re.DOTALL)
 
 
@@ -84,11 +86,19 @@ def rendered() -> tuple[str, ...]:
     template = environment().get_template("routeros/router.rsc.j2")
     radio = environment().get_template("routeros/cpe.rsc.j2")
     box = environment().get_template("routeros/lte.rsc.j2")
+    routed = [template.render(router=view) for view in routers()]
     return (
-        *(template.render(router=view) for view in routers()),
+        *routed,
+        *dict.fromkeys(script for text in routed for script in scripts(text)),
         *(radio.render(cpe=view) for view in cpes()),
         *(box.render(lte=view) for view in lte_boxes()),
     )
+
+
+def scripts(text: str) -> Iterator[str]:
+    """Yield the scripts that stand in quotes in a text."""
+    for found in _SCRIPT.findall(text.replace("\\\n", "")):
+        yield _ESCAPED.sub(r"\1", found)
 
 
 def sources() -> dict[str, str]:

@@ -176,29 +176,57 @@ add action=change-mss chain=forward comment="atlantis: satellite, what comes in"
 add action=change-mss chain=postrouting comment="atlantis: satellite, what goes out" new-mss=1300 out-interface=ether3 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
 add action=change-mss chain=forward comment="atlantis: VPN, what comes in" in-interface-list=VPN new-mss=1300 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
 add action=change-mss chain=postrouting comment="atlantis: VPN, what goes out" new-mss=1300 out-interface-list=VPN passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
+# satellite: who goes first in its queues. The tunnel is control: what robots and operators say to each other is inside.
+add action=mark-packet chain=postrouting comment="atlantis: satellite, the tunnel out" dst-address=203.0.113.2 dst-port=1194 new-packet-mark=control out-interface=ether3 passthrough=no protocol=udp
+add action=mark-packet chain=postrouting comment="atlantis: satellite, time and names out" dst-port=53,123 new-packet-mark=control out-interface=ether3 passthrough=no protocol=udp
+add action=mark-packet chain=postrouting comment="atlantis: satellite, the rest out" new-packet-mark=rest out-interface=ether3 passthrough=no
+add action=mark-packet chain=prerouting comment="atlantis: satellite, the tunnel in" in-interface=ether3 new-packet-mark=satellite-control passthrough=no protocol=udp src-address=203.0.113.2 src-port=1194
+add action=mark-packet chain=prerouting comment="atlantis: satellite, time and names in" in-interface=ether3 new-packet-mark=satellite-control passthrough=no protocol=udp src-port=53,123
+add action=mark-packet chain=prerouting comment="atlantis: satellite, the rest in" in-interface=ether3 new-packet-mark=satellite-rest passthrough=no
+# Queues of thin links: at four fifths of the declared rate packets wait here, where control goes first, and not in the
+# terminal, where nobody does. What comes in has crossed the link already; held back, its senders slow down. A queue is short
+# (default-small: 10 packets), because what waits too long is stale. Marks: see mangle.
+# atlantis:entire /queue tree
+/queue tree
+add comment="atlantis: satellite, out" max-limit=281600 name=satellite-out parent=ether3 queue=default-small
+add comment="atlantis: satellite, control out" limit-at=140800 max-limit=281600 name=satellite-out-control packet-mark=control parent=satellite-out priority=1 queue=default-small
+add comment="atlantis: satellite, the rest out" limit-at=28160 max-limit=281600 name=satellite-out-rest packet-mark=rest parent=satellite-out priority=8 queue=default-small
+add comment="atlantis: satellite, in" max-limit=563200 name=satellite-in parent=global queue=default-small
+add comment="atlantis: satellite, control in" limit-at=281600 max-limit=563200 name=satellite-in-control packet-mark=satellite-control parent=satellite-in priority=1 queue=default-small
+add comment="atlantis: satellite, the rest in" limit-at=56320 max-limit=563200 name=satellite-in-rest packet-mark=satellite-rest parent=satellite-in priority=8 queue=default-small
 # Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
 # over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
 # probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
 # own is down; scope 30 is above target-scope 11, so default routes do not lead there.
+# When a link is left and when it is taken back is decided below, under /tool netwatch; it moves these routes by their
+# distance: 10 for each place in the order of preference, and 100 more while the link is given up. Should netwatch stand
+# still, traffic moves all the same: at once and without damping, by check-gateway=ping where asking costs nothing, and
+# where it costs, by check-gateway=arp, which asks the box at this end only.
 /routing table
 add comment="atlantis: wifi-ptp only" fib name=via-wifi-ptp
 add comment="atlantis: 4g only" fib name=via-4g
 add comment="atlantis: satellite only" fib name=via-satellite
+# atlantis:run-time /ip route distance=10 distance=110
+# atlantis:run-time /ip route distance=11 distance=111
+# atlantis:run-time /ip route disabled=yes disabled=no
+# atlantis:run-time /ip route distance=20 distance=120
 # atlantis:entire /ip route
 /ip route
 add comment="atlantis: canary of wifi-ptp" dst-address=198.51.100.11/32 gateway=10.10.0.1 scope=10
 add blackhole comment="atlantis: canary of wifi-ptp, by no other link" distance=254 dst-address=198.51.100.11/32 scope=30
 add comment="atlantis: canary of wifi-ptp" dst-address=198.51.100.12/32 gateway=10.10.0.1 scope=10
 add blackhole comment="atlantis: canary of wifi-ptp, by no other link" distance=254 dst-address=198.51.100.12/32 scope=30
-add check-gateway=ping comment="atlantis: wifi-ptp, while 198.51.100.11 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.11 target-scope=11
-add check-gateway=ping comment="atlantis: wifi-ptp, while 198.51.100.12 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.12 target-scope=11
-add comment="atlantis: canary of 4g" dst-address=198.51.100.21/32 gateway=10.10.1.1 scope=10
+add check-gateway=ping comment="atlantis: wifi-ptp, while 198.51.100.11 answers" distance=10 dst-address=0.0.0.0/0 gateway=198.51.100.11 target-scope=11
+add check-gateway=ping comment="atlantis: wifi-ptp, while 198.51.100.12 answers" distance=10 dst-address=0.0.0.0/0 gateway=198.51.100.12 target-scope=11
+# Holds the link from the first lost answer on: check-gateway is quicker than the declared hold-down, and as quick to return.
+add comment="atlantis: wifi-ptp, held" disabled=yes distance=11 dst-address=0.0.0.0/0 gateway=10.10.0.1
+add check-gateway=arp comment="atlantis: canary of 4g" dst-address=198.51.100.21/32 gateway=10.10.1.1 scope=10
 add blackhole comment="atlantis: canary of 4g, by no other link" distance=254 dst-address=198.51.100.21/32 scope=30
-add comment="atlantis: canary of 4g" dst-address=198.51.100.22/32 gateway=10.10.1.1 scope=10
+add check-gateway=arp comment="atlantis: canary of 4g" dst-address=198.51.100.22/32 gateway=10.10.1.1 scope=10
 add blackhole comment="atlantis: canary of 4g, by no other link" distance=254 dst-address=198.51.100.22/32 scope=30
-add check-gateway=ping comment="atlantis: 4g, while 198.51.100.21 answers" distance=2 dst-address=0.0.0.0/0 gateway=198.51.100.21 target-scope=11
-add check-gateway=ping comment="atlantis: 4g, while 198.51.100.22 answers" distance=2 dst-address=0.0.0.0/0 gateway=198.51.100.22 target-scope=11
-add comment="atlantis: satellite, not probed" distance=3 dst-address=0.0.0.0/0 gateway=10.10.2.1
+add comment="atlantis: 4g, while 198.51.100.21 answers" distance=20 dst-address=0.0.0.0/0 gateway=198.51.100.21 target-scope=11
+add comment="atlantis: 4g, while 198.51.100.22 answers" distance=20 dst-address=0.0.0.0/0 gateway=198.51.100.22 target-scope=11
+add comment="atlantis: satellite, not probed" distance=30 dst-address=0.0.0.0/0 gateway=10.10.2.1
 # One table a link, without a way round: a ping from the link's own address tests this link.
 add comment="atlantis: wifi-ptp only" dst-address=0.0.0.0/0 gateway=10.10.0.1@main routing-table=via-wifi-ptp
 add comment="atlantis: 4g only" dst-address=0.0.0.0/0 gateway=10.10.1.1@main routing-table=via-4g
@@ -219,6 +247,32 @@ add action=lookup comment="atlantis: VPN by the best link" dst-address=203.0.113
 add action=lookup-only-in-table comment="atlantis: wifi-ptp, from its own address" src-address=10.10.0.2/32 table=via-wifi-ptp
 add action=lookup-only-in-table comment="atlantis: 4g, from its own address" src-address=10.10.1.2/32 table=via-4g
 add action=lookup-only-in-table comment="atlantis: satellite, from its own address" src-address=10.10.2.2/32 table=via-satellite
+# When a link is left, and when it is taken back. For each canary three rows:
+#   watch    asks all the time. No answer: the link is held, and `silence` begins. An answer: `silence` ends, and `steady`
+#            begins if the link was held or left.
+#   silence  the declared hold-down: if not one packet of it is answered, the route by this canary is left. If that was the
+#            last good one, so is the link, and its connections are cut: they would go on under its address by the next.
+#   steady   the declared fail-back: begins anew until every packet of it is answered; then the link is taken back, and what
+#            still goes by links after it is cut, above all the tunnel, which would not move from the satellite by itself.
+# Scripts of netwatch run in every device-mode, and may read and write (MikroTik manual, Netwatch). What they change is
+# declared as run-time state, so it is no drift. After a start of the router they find out anew; a link that was left stays
+# left until it has proved itself.
+# Asking over 4g takes 1.0 MB a day while all is well.
+# atlantis:run-time /tool netwatch disabled=yes disabled=no
+# atlantis:entire /tool netwatch
+/tool netwatch
+add comment="atlantis: wifi-ptp, by 198.51.100.11" down-script="/ip route enable [find comment=\"atlantis: wifi-ptp, held\"]; /tool netwatch disable [find name=\"wifi-ptp-198.51.100.11-steady\"]; /tool netwatch enable [find name=\"wifi-ptp-198.51.100.11-silence\"]" host=198.51.100.11 interval=5s name=wifi-ptp-198.51.100.11-watch startup-delay=30s timeout=1s type=simple up-script="/tool netwatch disable [find name=\"wifi-ptp-198.51.100.11-silence\"]; :if ([:len [/ip route find comment=\"atlantis: wifi-ptp, while 198.51.100.11 answers\" distance=110]] > 0) do={/tool netwatch enable [find name=\"wifi-ptp-198.51.100.11-steady\"]}; :if ([:len [/ip route find comment=\"atlantis: wifi-ptp, held\" disabled=no]] > 0) do={/tool netwatch enable [find name=\"wifi-ptp-198.51.100.11-steady\"]}"
+add comment="atlantis: wifi-ptp, silent by 198.51.100.11" disabled=yes host=198.51.100.11 interval=21s name=wifi-ptp-198.51.100.11-silence packet-count=4 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 0) do={/ip route set [find comment=\"atlantis: wifi-ptp, while 198.51.100.11 answers\"] distance=110; :if ([:len [/ip route find comment~\"^atlantis: wifi-ptp, while\" distance=10]] = 0) do={ /ip route set [find comment=\"atlantis: wifi-ptp, held\"] distance=111; :do {/ip firewall connection remove [find reply-dst-address~\"^10.10.0.2:\"]} on-error={}}; /tool netwatch disable [find name=\"wifi-ptp-198.51.100.11-silence\"]}" timeout=1s type=icmp
+add comment="atlantis: wifi-ptp, steady by 198.51.100.11" disabled=yes host=198.51.100.11 interval=2m6s name=wifi-ptp-198.51.100.11-steady packet-count=25 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 25) do={/ip route set [find comment=\"atlantis: wifi-ptp, while 198.51.100.11 answers\"] distance=10; /ip route set [find comment=\"atlantis: wifi-ptp, held\"] disabled=yes distance=11; :do {/ip firewall connection remove [find reply-dst-address~\"^(10.10.1.2|10.10.2.2):\"]} on-error={}; /tool netwatch disable [find name=\"wifi-ptp-198.51.100.11-steady\"]}" timeout=1s type=icmp
+add comment="atlantis: wifi-ptp, by 198.51.100.12" down-script="/ip route enable [find comment=\"atlantis: wifi-ptp, held\"]; /tool netwatch disable [find name=\"wifi-ptp-198.51.100.12-steady\"]; /tool netwatch enable [find name=\"wifi-ptp-198.51.100.12-silence\"]" host=198.51.100.12 interval=5s name=wifi-ptp-198.51.100.12-watch startup-delay=30s timeout=1s type=simple up-script="/tool netwatch disable [find name=\"wifi-ptp-198.51.100.12-silence\"]; :if ([:len [/ip route find comment=\"atlantis: wifi-ptp, while 198.51.100.12 answers\" distance=110]] > 0) do={/tool netwatch enable [find name=\"wifi-ptp-198.51.100.12-steady\"]}; :if ([:len [/ip route find comment=\"atlantis: wifi-ptp, held\" disabled=no]] > 0) do={/tool netwatch enable [find name=\"wifi-ptp-198.51.100.12-steady\"]}"
+add comment="atlantis: wifi-ptp, silent by 198.51.100.12" disabled=yes host=198.51.100.12 interval=21s name=wifi-ptp-198.51.100.12-silence packet-count=4 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 0) do={/ip route set [find comment=\"atlantis: wifi-ptp, while 198.51.100.12 answers\"] distance=110; :if ([:len [/ip route find comment~\"^atlantis: wifi-ptp, while\" distance=10]] = 0) do={ /ip route set [find comment=\"atlantis: wifi-ptp, held\"] distance=111; :do {/ip firewall connection remove [find reply-dst-address~\"^10.10.0.2:\"]} on-error={}}; /tool netwatch disable [find name=\"wifi-ptp-198.51.100.12-silence\"]}" timeout=1s type=icmp
+add comment="atlantis: wifi-ptp, steady by 198.51.100.12" disabled=yes host=198.51.100.12 interval=2m6s name=wifi-ptp-198.51.100.12-steady packet-count=25 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 25) do={/ip route set [find comment=\"atlantis: wifi-ptp, while 198.51.100.12 answers\"] distance=10; /ip route set [find comment=\"atlantis: wifi-ptp, held\"] disabled=yes distance=11; :do {/ip firewall connection remove [find reply-dst-address~\"^(10.10.1.2|10.10.2.2):\"]} on-error={}; /tool netwatch disable [find name=\"wifi-ptp-198.51.100.12-steady\"]}" timeout=1s type=icmp
+add comment="atlantis: 4g, by 198.51.100.21" down-script="/tool netwatch disable [find name=\"4g-198.51.100.21-steady\"]; /tool netwatch enable [find name=\"4g-198.51.100.21-silence\"]" host=198.51.100.21 interval=30s name=4g-198.51.100.21-watch startup-delay=30s timeout=3s type=simple up-script="/tool netwatch disable [find name=\"4g-198.51.100.21-silence\"]; :if ([:len [/ip route find comment=\"atlantis: 4g, while 198.51.100.21 answers\" distance=120]] > 0) do={/tool netwatch enable [find name=\"4g-198.51.100.21-steady\"]}"
+add comment="atlantis: 4g, silent by 198.51.100.21" disabled=yes host=198.51.100.21 interval=23s name=4g-198.51.100.21-silence packet-count=4 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 0) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.21 answers\"] distance=120; :if ([:len [/ip route find comment~\"^atlantis: 4g, while\" distance=20]] = 0) do={ :do {/ip firewall connection remove [find reply-dst-address~\"^10.10.1.2:\"]} on-error={}}; /tool netwatch disable [find name=\"4g-198.51.100.21-silence\"]}" timeout=3s type=icmp
+add comment="atlantis: 4g, steady by 198.51.100.21" disabled=yes host=198.51.100.21 interval=2m8s name=4g-198.51.100.21-steady packet-count=25 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 25) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.21 answers\"] distance=20; :do {/ip firewall connection remove [find reply-dst-address~\"^(10.10.2.2):\"]} on-error={}; /tool netwatch disable [find name=\"4g-198.51.100.21-steady\"]}" timeout=3s type=icmp
+add comment="atlantis: 4g, by 198.51.100.22" down-script="/tool netwatch disable [find name=\"4g-198.51.100.22-steady\"]; /tool netwatch enable [find name=\"4g-198.51.100.22-silence\"]" host=198.51.100.22 interval=30s name=4g-198.51.100.22-watch startup-delay=30s timeout=3s type=simple up-script="/tool netwatch disable [find name=\"4g-198.51.100.22-silence\"]; :if ([:len [/ip route find comment=\"atlantis: 4g, while 198.51.100.22 answers\" distance=120]] > 0) do={/tool netwatch enable [find name=\"4g-198.51.100.22-steady\"]}"
+add comment="atlantis: 4g, silent by 198.51.100.22" disabled=yes host=198.51.100.22 interval=23s name=4g-198.51.100.22-silence packet-count=4 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 0) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.22 answers\"] distance=120; :if ([:len [/ip route find comment~\"^atlantis: 4g, while\" distance=20]] = 0) do={ :do {/ip firewall connection remove [find reply-dst-address~\"^10.10.1.2:\"]} on-error={}}; /tool netwatch disable [find name=\"4g-198.51.100.22-silence\"]}" timeout=3s type=icmp
+add comment="atlantis: 4g, steady by 198.51.100.22" disabled=yes host=198.51.100.22 interval=2m8s name=4g-198.51.100.22-steady packet-count=25 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 25) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.22 answers\"] distance=20; :do {/ip firewall connection remove [find reply-dst-address~\"^(10.10.2.2):\"]} on-error={}; /tool netwatch disable [find name=\"4g-198.51.100.22-steady\"]}" timeout=3s type=icmp
 # Log: more lines in memory, and what is serious also on disk, where it survives the power cut that may have caused it.
 # Nothing is sent to a log server: none is declared. (Rows of /system logging have no comment.)
 /system logging action

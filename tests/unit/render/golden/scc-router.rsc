@@ -138,6 +138,10 @@ add action=masquerade chain=srcnat comment="atlantis: technician to the radios" 
 # over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
 # probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
 # own is down; scope 30 is above target-scope 11, so default routes do not lead there.
+# When a link is left and when it is taken back is decided below, under /tool netwatch; it moves these routes by their
+# distance: 10 for each place in the order of preference, and 100 more while the link is given up. Should netwatch stand
+# still, traffic moves all the same: at once and without damping, by check-gateway=ping where asking costs nothing, and
+# where it costs, by check-gateway=arp, which asks the box at this end only.
 /routing table
 add comment="atlantis: uplink only" fib name=via-uplink
 # atlantis:entire /ip route
@@ -146,8 +150,7 @@ add comment="atlantis: canary of uplink" dst-address=198.51.100.1/32 gateway=203
 add blackhole comment="atlantis: canary of uplink, by no other link" distance=254 dst-address=198.51.100.1/32 scope=30
 add comment="atlantis: canary of uplink" dst-address=198.51.100.2/32 gateway=203.0.113.1 scope=10
 add blackhole comment="atlantis: canary of uplink, by no other link" distance=254 dst-address=198.51.100.2/32 scope=30
-add check-gateway=ping comment="atlantis: uplink, while 198.51.100.1 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.1 target-scope=11
-add check-gateway=ping comment="atlantis: uplink, while 198.51.100.2 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.2 target-scope=11
+add comment="atlantis: uplink, not probed" distance=10 dst-address=0.0.0.0/0 gateway=203.0.113.1
 # One table a link, without a way round: a ping from the link's own address tests this link.
 add comment="atlantis: uplink only" dst-address=0.0.0.0/0 gateway=203.0.113.1@main routing-table=via-uplink
 # Behind the VPN. While the tunnel is down these addresses lead nowhere, and never out on a link in the clear.

@@ -159,22 +159,45 @@ add action=change-mss chain=forward comment="atlantis: satellite, what comes in"
 add action=change-mss chain=postrouting comment="atlantis: satellite, what goes out" new-mss=1300 out-interface=ether2 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
 add action=change-mss chain=forward comment="atlantis: VPN, what comes in" in-interface-list=VPN new-mss=1300 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
 add action=change-mss chain=postrouting comment="atlantis: VPN, what goes out" new-mss=1300 out-interface-list=VPN passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
+# satellite: who goes first in its queues. The tunnel is control: what robots and operators say to each other is inside.
+add action=mark-packet chain=postrouting comment="atlantis: satellite, the tunnel out" dst-address=203.0.113.2 dst-port=1194 new-packet-mark=control out-interface=ether2 passthrough=no protocol=udp
+add action=mark-packet chain=postrouting comment="atlantis: satellite, time and names out" dst-port=53,123 new-packet-mark=control out-interface=ether2 passthrough=no protocol=udp
+add action=mark-packet chain=postrouting comment="atlantis: satellite, the rest out" new-packet-mark=rest out-interface=ether2 passthrough=no
+add action=mark-packet chain=prerouting comment="atlantis: satellite, the tunnel in" in-interface=ether2 new-packet-mark=satellite-control passthrough=no protocol=udp src-address=203.0.113.2 src-port=1194
+add action=mark-packet chain=prerouting comment="atlantis: satellite, time and names in" in-interface=ether2 new-packet-mark=satellite-control passthrough=no protocol=udp src-port=53,123
+add action=mark-packet chain=prerouting comment="atlantis: satellite, the rest in" in-interface=ether2 new-packet-mark=satellite-rest passthrough=no
+# Queues of thin links: at four fifths of the declared rate packets wait here, where control goes first, and not in the
+# terminal, where nobody does. What comes in has crossed the link already; held back, its senders slow down. A queue is short
+# (default-small: 10 packets), because what waits too long is stale. Marks: see mangle.
+# atlantis:entire /queue tree
+/queue tree
+add comment="atlantis: satellite, out" max-limit=281600 name=satellite-out parent=ether2 queue=default-small
+add comment="atlantis: satellite, control out" limit-at=140800 max-limit=281600 name=satellite-out-control packet-mark=control parent=satellite-out priority=1 queue=default-small
+add comment="atlantis: satellite, the rest out" limit-at=28160 max-limit=281600 name=satellite-out-rest packet-mark=rest parent=satellite-out priority=8 queue=default-small
+add comment="atlantis: satellite, in" max-limit=563200 name=satellite-in parent=global queue=default-small
+add comment="atlantis: satellite, control in" limit-at=281600 max-limit=563200 name=satellite-in-control packet-mark=satellite-control parent=satellite-in priority=1 queue=default-small
+add comment="atlantis: satellite, the rest in" limit-at=56320 max-limit=563200 name=satellite-in-rest packet-mark=satellite-rest parent=satellite-in priority=8 queue=default-small
 # Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
 # over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
 # probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
 # own is down; scope 30 is above target-scope 11, so default routes do not lead there.
+# When a link is left and when it is taken back is decided below, under /tool netwatch; it moves these routes by their
+# distance: 10 for each place in the order of preference, and 100 more while the link is given up. Should netwatch stand
+# still, traffic moves all the same: at once and without damping, by check-gateway=ping where asking costs nothing, and
+# where it costs, by check-gateway=arp, which asks the box at this end only.
 /routing table
 add comment="atlantis: 4g only" fib name=via-4g
 add comment="atlantis: satellite only" fib name=via-satellite
+# atlantis:run-time /ip route distance=10 distance=110
 # atlantis:entire /ip route
 /ip route
-add comment="atlantis: canary of 4g" dst-address=198.51.100.31/32 gateway=10.10.9.1 scope=10
+add check-gateway=arp comment="atlantis: canary of 4g" dst-address=198.51.100.31/32 gateway=10.10.9.1 scope=10
 add blackhole comment="atlantis: canary of 4g, by no other link" distance=254 dst-address=198.51.100.31/32 scope=30
-add comment="atlantis: canary of 4g" dst-address=198.51.100.32/32 gateway=10.10.9.1 scope=10
+add check-gateway=arp comment="atlantis: canary of 4g" dst-address=198.51.100.32/32 gateway=10.10.9.1 scope=10
 add blackhole comment="atlantis: canary of 4g, by no other link" distance=254 dst-address=198.51.100.32/32 scope=30
-add check-gateway=ping comment="atlantis: 4g, while 198.51.100.31 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.31 target-scope=11
-add check-gateway=ping comment="atlantis: 4g, while 198.51.100.32 answers" distance=1 dst-address=0.0.0.0/0 gateway=198.51.100.32 target-scope=11
-add comment="atlantis: satellite, not probed" distance=2 dst-address=0.0.0.0/0 gateway=10.10.10.1
+add comment="atlantis: 4g, while 198.51.100.31 answers" distance=10 dst-address=0.0.0.0/0 gateway=198.51.100.31 target-scope=11
+add comment="atlantis: 4g, while 198.51.100.32 answers" distance=10 dst-address=0.0.0.0/0 gateway=198.51.100.32 target-scope=11
+add comment="atlantis: satellite, not probed" distance=20 dst-address=0.0.0.0/0 gateway=10.10.10.1
 # One table a link, without a way round: a ping from the link's own address tests this link.
 add comment="atlantis: 4g only" dst-address=0.0.0.0/0 gateway=10.10.9.1@main routing-table=via-4g
 add comment="atlantis: satellite only" dst-address=0.0.0.0/0 gateway=10.10.10.1@main routing-table=via-satellite
@@ -193,6 +216,26 @@ add action=lookup comment="atlantis: connected and static prefixes" min-prefix=0
 add action=lookup comment="atlantis: VPN by the best link" dst-address=203.0.113.2/32 table=main
 add action=lookup-only-in-table comment="atlantis: 4g, from its own address" src-address=10.10.9.2/32 table=via-4g
 add action=lookup-only-in-table comment="atlantis: satellite, from its own address" src-address=10.10.10.2/32 table=via-satellite
+# When a link is left, and when it is taken back. For each canary three rows:
+#   watch    asks all the time. No answer: the link is held, and `silence` begins. An answer: `silence` ends, and `steady`
+#            begins if the link was held or left.
+#   silence  the declared hold-down: if not one packet of it is answered, the route by this canary is left. If that was the
+#            last good one, so is the link, and its connections are cut: they would go on under its address by the next.
+#   steady   the declared fail-back: begins anew until every packet of it is answered; then the link is taken back, and what
+#            still goes by links after it is cut, above all the tunnel, which would not move from the satellite by itself.
+# Scripts of netwatch run in every device-mode, and may read and write (MikroTik manual, Netwatch). What they change is
+# declared as run-time state, so it is no drift. After a start of the router they find out anew; a link that was left stays
+# left until it has proved itself.
+# Asking over 4g takes 1.0 MB a day while all is well.
+# atlantis:run-time /tool netwatch disabled=yes disabled=no
+# atlantis:entire /tool netwatch
+/tool netwatch
+add comment="atlantis: 4g, by 198.51.100.31" down-script="/tool netwatch disable [find name=\"4g-198.51.100.31-steady\"]; /tool netwatch enable [find name=\"4g-198.51.100.31-silence\"]" host=198.51.100.31 interval=30s name=4g-198.51.100.31-watch startup-delay=30s timeout=3s type=simple up-script="/tool netwatch disable [find name=\"4g-198.51.100.31-silence\"]; :if ([:len [/ip route find comment=\"atlantis: 4g, while 198.51.100.31 answers\" distance=110]] > 0) do={/tool netwatch enable [find name=\"4g-198.51.100.31-steady\"]}"
+add comment="atlantis: 4g, silent by 198.51.100.31" disabled=yes host=198.51.100.31 interval=23s name=4g-198.51.100.31-silence packet-count=4 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 0) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.31 answers\"] distance=110; :if ([:len [/ip route find comment~\"^atlantis: 4g, while\" distance=10]] = 0) do={ :do {/ip firewall connection remove [find reply-dst-address~\"^10.10.9.2:\"]} on-error={}}; /tool netwatch disable [find name=\"4g-198.51.100.31-silence\"]}" timeout=3s type=icmp
+add comment="atlantis: 4g, steady by 198.51.100.31" disabled=yes host=198.51.100.31 interval=2m8s name=4g-198.51.100.31-steady packet-count=25 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 25) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.31 answers\"] distance=10; :do {/ip firewall connection remove [find reply-dst-address~\"^(10.10.10.2):\"]} on-error={}; /tool netwatch disable [find name=\"4g-198.51.100.31-steady\"]}" timeout=3s type=icmp
+add comment="atlantis: 4g, by 198.51.100.32" down-script="/tool netwatch disable [find name=\"4g-198.51.100.32-steady\"]; /tool netwatch enable [find name=\"4g-198.51.100.32-silence\"]" host=198.51.100.32 interval=30s name=4g-198.51.100.32-watch startup-delay=30s timeout=3s type=simple up-script="/tool netwatch disable [find name=\"4g-198.51.100.32-silence\"]; :if ([:len [/ip route find comment=\"atlantis: 4g, while 198.51.100.32 answers\" distance=110]] > 0) do={/tool netwatch enable [find name=\"4g-198.51.100.32-steady\"]}"
+add comment="atlantis: 4g, silent by 198.51.100.32" disabled=yes host=198.51.100.32 interval=23s name=4g-198.51.100.32-silence packet-count=4 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 0) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.32 answers\"] distance=110; :if ([:len [/ip route find comment~\"^atlantis: 4g, while\" distance=10]] = 0) do={ :do {/ip firewall connection remove [find reply-dst-address~\"^10.10.9.2:\"]} on-error={}}; /tool netwatch disable [find name=\"4g-198.51.100.32-silence\"]}" timeout=3s type=icmp
+add comment="atlantis: 4g, steady by 198.51.100.32" disabled=yes host=198.51.100.32 interval=2m8s name=4g-198.51.100.32-steady packet-count=25 packet-interval=5s startup-delay=30s test-script=":if (\$\"response-count\" = 25) do={/ip route set [find comment=\"atlantis: 4g, while 198.51.100.32 answers\"] distance=10; :do {/ip firewall connection remove [find reply-dst-address~\"^(10.10.10.2):\"]} on-error={}; /tool netwatch disable [find name=\"4g-198.51.100.32-steady\"]}" timeout=3s type=icmp
 # Log: more lines in memory, and what is serious also on disk, where it survives the power cut that may have caused it.
 # Nothing is sent to a log server: none is declared. (Rows of /system logging have no comment.)
 /system logging action

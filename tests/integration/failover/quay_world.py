@@ -1,0 +1,121 @@
+"""A declared router on the twin's clock, and a world in which addresses fall silent: hours pass in an instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.policy import Way, active_bearer
+from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.render import router
+from atlantis_netcfg.site import load
+from atlantis_netcfg.twin.device import Device
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.twin.answers import Caller
+    from atlantis_netcfg.twin.spec import DeviceMode
+
+INVENTORY = Path(__file__).parents[3] / "inventory"
+STEP_S = 1.0
+
+
+@cache
+def shipped() -> Declaration:
+    return load(INVENTORY)
+
+
+@dataclass
+class World:
+    """One site's router; `at(...)` lets time pass and says which bearer carries the traffic from when on."""
+
+    site: str
+    version: str = "7.18.2"
+    device_mode: DeviceMode | None = None
+    declaration: Declaration = field(default_factory=shipped)
+    edit: tuple[str, str] | None = None
+    """Replace this in the text, and by what: to break the damper."""
+    now: float = 1000.0
+    device: Device = field(init=False)
+    caller: Caller = field(init=False)
+    seen: list[tuple[float, str | None]] = field(default_factory=list)
+    """From when on which bearer was active."""
+
+    def __post_init__(self) -> None:
+        host = self.declaration.hosts[f"{self.site}-router"]
+        (twin,) = site_spec(self.declaration, [host]).twins
+        text = router(self.declaration, host)
+        if self.edit is not None:
+            assert self.edit[0] in text
+            text = text.replace(*self.edit)
+        adopted = f"add address={twin.router.management.address} "  # stands there before anything is declared
+        seed = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(adopted))
+        changes = {"seed": seed, "version": self.version}
+        spec = twin.router.model_copy(
+            update=changes | ({} if self.device_mode is None else {"device_mode": self.device_mode})
+        )
+        self.device = Device(spec, lambda: self.now)
+        self.enter()
+        self.started = self.now
+
+    def enter(self) -> None:
+        user = self.device.spec.users[0]
+        self.caller = self.device.login(user.name, user.password, via="api", address="10.64.101.10")
+
+    def ways(self) -> tuple[Way, ...]:
+        return tuple(
+            Way(
+                each.name,
+                str(each.gateway),
+                str(each.address),
+                tuple(str(canary) for canary in each.canaries),
+                kind=each.kind.value,
+                metered=each.metered,
+            )
+            for each in self.declaration.sites[self.site].bearers
+        )
+
+    def rows(self, menu: str, *queries: str) -> list[dict[str, str]]:
+        answers = self.device.run(self.caller, [f"{menu}/print", *queries])
+        return [dict(word[1:].partition("=")[::2] for word in each.words) for each in answers if each.kind == "!re"]
+
+    def active(self) -> str | None:
+        return active_bearer(self.rows("/ip/route"), self.ways())
+
+    def canaries(self, *names: str) -> tuple[str, ...]:
+        return tuple(canary for way in self.ways() if way.name in names for canary in way.canaries)
+
+    def silence(self, addresses: Iterable[str]) -> None:
+        self.device.silence(addresses)
+
+    def lose(self, *names: str) -> None:
+        """Let the canaries of these bearers be silent, and all others answer."""
+        self.silence(self.canaries(*names))
+
+    def passes(self, seconds: float) -> None:
+        """Let time pass, a second at a time, and note when another bearer takes over."""
+        end = self.now + seconds
+        while self.now < end:
+            self.now = min(end, self.now + STEP_S)
+            self.device.tick()
+            active = self.active()
+            if not self.seen or self.seen[-1][1] != active:
+                self.seen.append((self.now, active))
+
+    def run(self, command: str) -> None:
+        script = self.device.run(self.caller, ["/execute", f"=script={command}", "=as-string="])
+        assert script[0].words == ("=ret=",), script
+
+    def order(self) -> list[str | None]:
+        """The bearers that carried traffic, one after the other."""
+        return [name for _, name in self.seen]
+
+    def moments(self) -> Iterator[float]:
+        return (moment for moment, _ in self.seen)
+
+    def errors(self) -> list[str]:
+        return [row["message"] for row in self.rows("/log") if row["topics"].startswith("script,error")]
