@@ -1,4 +1,7 @@
-"""The directional Wi-Fi bridge: legal channels, settings that exist, and two ends that agree."""
+"""The directional Wi-Fi bridge: legal channels, settings that exist, and two ends that agree.
+
+How strong a radio may be, and how strong the other end then hears it, is in `power_of_radio`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from atlantis_netcfg.site import channels
 from atlantis_netcfg.site._draft import Draft, Part, Rule
 from atlantis_netcfg.site._near import choices, meant
 from atlantis_netcfg.site._vault import SealedSecret
-from atlantis_netcfg.site.model import Cpe, Ptp, PtpMode, PtpProtocol
+from atlantis_netcfg.site.model import Cpe, Ptp, PtpMode, PtpProtocol, RadioMenus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RULES"]
 
-_SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor")
+_SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
 """What both ends have in common, besides the key."""
 _WIDEST = {"2ghz": 40, "5ghz": 80}
 _KEY_CHARACTERS = range(8, 64)
@@ -55,6 +58,53 @@ def protocol_and_standard(draft: Draft) -> Iterator[Finding]:
         if ptp.standard == "802.11ax" and ptp.protocol is not PtpProtocol.IEEE_80211:
             message = f"a device of 802.11ax does not speak {ptp.protocol}"
             yield draft.wrong(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
+
+
+def protocol_that_is_set_up(draft: Draft) -> Iterator[Finding]:
+    """The protocol nstreme needs settings of its own, and nv2 does better what it is for (MikroTik manual, Nv2)."""
+    for _, part, ptp in _radios(draft):
+        if ptp.protocol is PtpProtocol.NSTREME:
+            message = "nstreme is not set up by this toolkit"
+            yield draft.wrong(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
+
+
+def menus(draft: Draft) -> Iterator[Finding]:
+    """What is declared exists in the declared family of menus."""
+    for _, part, ptp in _radios(draft):
+        if ptp.menus is RadioMenus.WIFI and ptp.protocol is PtpProtocol.NV2:
+            message = "the `wifi` menus do not speak nv2"
+            hint = 'write `menus: wireless`, or `protocol: "802.11"` at both ends'
+        elif ptp.menus is RadioMenus.WIRELESS and ptp.standard == "802.11ax":
+            message = "the `wireless` menus do not know 802.11ax"
+            hint = "write `menus: wifi` or `menus: auto`, or choose an older standard"
+        else:
+            continue
+        yield draft.wrong(part, ("ptp", "menus"), message, hint)
+
+
+def same_menus(draft: Draft) -> Iterator[Finding]:
+    """A bridge needs the same driver at both ends (MikroTik manual, WiFi: station-bridge); told at the second."""
+    for host, part, ptp in _radios(draft):
+        other = draft.devices.get(ptp.peer)
+        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+            continue
+        if {ptp.menus, other.ptp.menus} == {RadioMenus.WIRELESS, RadioMenus.WIFI}:
+            where = draft.where(Part("device", ptp.peer), "ptp", "menus")
+            message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
+            hint = "a bridge needs the same driver at both ends: take two devices of one family"
+            yield draft.wrong(part, ("ptp", "menus"), message, hint)
+
+
+def wpa(draft: Draft) -> Iterator[Finding]:
+    """WPA3 is for 802.11 in the `wifi` menus; nv2 has a key of its own."""
+    for _, part, ptp in _radios(draft):
+        if ptp.wpa != "wpa3":
+            continue
+        if ptp.menus is RadioMenus.WIRELESS:
+            yield draft.wrong(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
+        elif ptp.protocol is PtpProtocol.NV2:
+            message = "nv2 has a key of its own, and no wpa3"
+            yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
 
 
 def channel(draft: Draft) -> Iterator[Finding]:
@@ -175,6 +225,10 @@ RULES: tuple[Rule, ...] = (
     standard_and_band,
     width,
     protocol_and_standard,
+    protocol_that_is_set_up,
+    menus,
+    same_menus,
+    wpa,
     channel,
     country,
     key,
