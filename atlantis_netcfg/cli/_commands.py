@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "backup": "atlantis_netcfg.cli.backup",
     "drift": "atlantis_netcfg.cli.drift",
     "links": "atlantis_netcfg.cli.links",
+    "prove": "atlantis_netcfg.cli.prove",
     "runs": "atlantis_netcfg.cli.runs",
     "resume": "atlantis_netcfg.cli.resume",
     "rollback": "atlantis_netcfg.cli.rollback",

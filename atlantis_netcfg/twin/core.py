@@ -111,7 +111,8 @@ class Core:
         self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
         self.store = Store(self.schema)
         self.octets: dict[str, tuple[int, int]] = {}
-        """Factory name of a port to the bytes that it has received and sent since the start: of our sessions only."""
+        """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
+        self.met: dict[int, int] = {}  # rules of the filter to the packets that they have met: of its own pings only
         self.history = History(spec.history_limit)
         self.sessions: dict[int, Caller] = {}
         self.listeners: list[Listener] = []

@@ -50,12 +50,16 @@ class Packet:
     out_port: int | None = None
 
 
-def walk(topology: Topology, path: str, chain: str, packet: Packet, depth: int = 0) -> Verdict:
-    """Follow a chain and the chains that it jumps to."""
+def walk(  # noqa: PLR0913 - one packet, and where it is
+    topology: Topology, path: str, chain: str, packet: Packet, depth: int = 0, *, met: list[int] | None = None
+) -> Verdict:
+    """Follow a chain and the chains that it jumps to; the ids of the rules that matched are added to `met`."""
     table = topology.store.table(path)
     for item in table.items:
         if not _in_force(topology, table, item, chain) or not _matches(topology, table, item, packet):
             continue
+        if met is not None:
+            met.append(item.id)
         action = topology.store.text(table, item, "action")
         if action in _CLOSING:
             return Verdict.DROP
@@ -65,7 +69,7 @@ def walk(topology: Topology, path: str, chain: str, packet: Packet, depth: int =
             return Verdict.FALL
         if action == "jump" and depth < _DEEPEST:
             target = topology.store.text(table, item, "jump-target") or ""
-            verdict = walk(topology, path, target, packet, depth + 1)
+            verdict = walk(topology, path, target, packet, depth + 1, met=met)
             if verdict is not Verdict.FALL:
                 return verdict
     return Verdict.FALL

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.certificates import expires_after, known
+from atlantis_netcfg.twin.counting import ECHO_BYTES
 from atlantis_netcfg.twin.derived import dynamic_rows, properties
 from atlantis_netcfg.twin.devicemode import INACTIVE, allowed
 from atlantis_netcfg.twin.lte._made import made
@@ -136,9 +137,15 @@ def _netwatch(core: Core, item: Item) -> dict[str, str]:
     return shown | {name: str(count) for name, count in (tests | counts).items()}
 
 
+def _filter(core: Core, item: Item) -> dict[str, str]:
+    packets = core.met.get(item.id, 0)
+    return {"packets": str(packets), "bytes": str(packets * ECHO_BYTES)}
+
+
 _OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
     "/certificate": _certificate,
     "/ip/firewall/address-list": _expiring,
+    "/ip/firewall/filter": _filter,
     "/ip/service": _service,
     "/system/clock": _clock,
     "/system/scheduler": _schedule,

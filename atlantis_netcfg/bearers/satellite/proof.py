@@ -43,6 +43,8 @@ class Probe(StrEnum):
     ICMP = "icmp"
     TCP = "tcp"
     UDP_COUNTER = "udp, answers counted by the filter"
+    TUNNEL = "openvpn, answers counted by the filter"
+    """While the tunnel is down its client asks again and again, so that here silence does count."""
     NONE = "none"
 
 

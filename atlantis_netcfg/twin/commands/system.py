@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands import write
 from atlantis_netcfg.twin.commands._call import Call, MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.twin.counting import count_echoes
 from atlantis_netcfg.twin.devicemode import FEATURES
 from atlantis_netcfg.twin.path import answers
 from atlantis_netcfg.twin.spec import Mode
@@ -41,7 +42,12 @@ def ping(core: Core, call: Call) -> Result:
     count = call.arguments.get("count", "1")
     if not count.isdecimal() or int(count) < 1:
         raise Trap("invalid value for argument count", Category.ARGUMENT)
-    reachable = answers(core, target, call.arguments.get("src-address"))
+    source = call.arguments.get("src-address")
+    if call.arguments.get("arp-ping") == "yes":
+        # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
+        return Result(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.neighbours))
+    reachable = answers(core, target, source)
+    count_echoes(core, target, source, int(count), answered=reachable)
     return Result(rows=_echoes(str(target), int(count), reachable=reachable))
 
 

@@ -33,7 +33,7 @@ def declare(inventory: Path, firmware: str = "1.2.3", more: str = "") -> None:
     shutil.copy(SHIPPED / "host_vars" / "coastal-sat.yml", path)
     digest = hashlib.sha256(BACKUP).hexdigest()
     words = f"firmware: {firmware}, allow_list: true, by: INESC, seen_on: 2026-11-20"
-    text = f"  evidence: {{{words}, backup_file: sat.bin, backup_sha256: \"{digest}\"{more}}}\n"
+    text = f'  evidence: {{{words}, backup_file: sat.bin, backup_sha256: "{digest}"{more}}}\n'
     path.write_text(path.read_text("utf-8") + text, "utf-8")
 
 
@@ -93,7 +93,7 @@ def test_a_changed_firmware_is_told_until_a_run_has_recorded_it(inventory: Path,
     assert run(inventory, tmp_path)["notes"] == []
     declare(inventory, firmware="1.3.0")
     for mode in (Mode.PLAN, Mode.APPLY):
-        (note,) = run(inventory, tmp_path, mode)["notes"]  # type: ignore[misc]  # a list of one sentence
+        note = str(run(inventory, tmp_path, mode)["notes"])
         assert "had firmware 1.2.3 when a run last recorded it, and has 1.3.0" in note
     assert run(inventory, tmp_path)["notes"] == []
 

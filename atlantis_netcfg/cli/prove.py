@@ -1,0 +1,149 @@
+"""`provision prove`: whether the satellite lets through what is declared, and nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations.proving import Proof, Proving
+    from atlantis_netcfg.site import Host
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "prove",
+    "try what the satellite lets through, and what it must not, within 20 kB",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),
+        Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
+        VIA,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"),
+        Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
+        ACCEPT_COST,
+        JSON,
+    ),
+    details=(
+        "The router pings from the satellite's own address, targets of yours only. Silence counts after 90 s, "
+        "because gaps of 70 s are ordinary. Exit code 0: proved, 6: something failed, 7: nothing could be proved."
+    ),
+    changes=True,
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Ask what it may cost, probe, tell."""
+    import json
+
+    from atlantis_netcfg.cli._session import session
+
+    with session(
+        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), only=(), unsealed=True
+    ) as opened:
+        proof = _prove(opened)
+    if opened.as_json:
+        print(json.dumps({**proof.as_json(), "rehearsed": opened.rehearsed}, ensure_ascii=False))
+    else:
+        print(proof.as_text())
+    return proof.exit
+
+
+def _prove(opened: Session) -> Proof:
+    import sys
+    from contextlib import ExitStack
+    from dataclasses import replace
+
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.operations.proving import satellite_of, try_out
+
+    found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
+    opened.hosts = (found.router,)
+    _no_examples(opened)
+    declared = _declared(opened, found.terminal)
+    with ExitStack() as stack:
+        notify = stack.enter_context(progress(quiet=opened.as_json, out=sys.stderr))
+        if opened.rehearsal is not None:
+            _configure(opened)
+        proving = found.proving(
+            opened.declaration, open_filter=opened.arguments.flag("open-filter"), rehearsed=opened.rehearsed
+        )
+        proving.notify = notify
+        _pay(opened, proving)
+        if proving.open_filter:
+            stack.enter_context(opened.store.lock(opened.site, "provision prove --open-filter"))
+        proof = try_out(opened.declaration, found.router, _request(opened), proving)
+    return replace(proof, findings=(*proof.findings, *declared))
+
+
+def _no_examples(opened: Session) -> None:
+    from atlantis_netcfg.errors import UsageError
+
+    if opened.declaration.pilot.example_values and not opened.rehearsed:
+        raise UsageError(
+            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
+        )
+
+
+def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
+    """What the terminal's evidence and the names of the allow-list say; in a rehearsal no name is asked for."""
+    from datetime import UTC, datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.operations.proving import names_of
+    from atlantis_netcfg.operations.terminals import look
+
+    backup = opened.arguments.optional("backup")
+    today = datetime.now(UTC).astimezone().date()
+    named = None if backup is None else Path(backup)
+    seen = look(opened.declaration, terminal, opened.store, today=today, backup=named)
+    names = () if opened.rehearsed else names_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
+    return (*seen.findings, *names)
+
+
+def _configure(opened: Session) -> None:
+    """Bring the emulated router to its declared state: fresh from `provision adopt` it has no filter."""
+    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.operations import Mode
+
+    report = opened.perform(Mode.APPLY)
+    if report.exit is not ExitCode.DONE:
+        raise NetcfgError(f"the emulated router could not be configured:\n{report.as_text()}")
+
+
+def _request(opened: Session) -> Request:
+    from atlantis_netcfg.operations import Mode
+
+    return opened.request(Mode.DRIFT)
+
+
+def _pay(opened: Session, proving: Proving) -> None:
+    """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
+    from atlantis_netcfg.bearers.cost import preview
+    from atlantis_netcfg.cli._consent import pays
+    from atlantis_netcfg.operations.costs import link_of
+
+    link = link_of(opened.declaration, opened.site, proving.bearer.name)
+    estimate = preview(proving.expected_bytes, proving.seconds, link)
+    if opened.rehearsed:
+        if not opened.as_json:
+            print(f"a real proof asks first: {estimate.words}")
+        return
+    if estimate.over_cap:
+        raise estimate.refusal()
+    if opened.arguments.flag(ACCEPT_COST.name):
+        if not opened.as_json:
+            print(f"This goes {estimate.words}", flush=True)
+        return
+    if estimate.link.metered:
+        pays([estimate.words], ask=not opened.as_json)

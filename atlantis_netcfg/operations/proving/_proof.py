@@ -1,0 +1,95 @@
+"""What a proof came to: one object for programs, a few lines for a person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers.satellite import Outcome
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.satellite import Attempt
+
+__all__ = ["Proof"]
+
+_BAD = (Verdict.FAIL, Verdict.ERROR)
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """Everything that was tried, judged, and counted."""
+
+    site: str
+    bearer: str
+    active: bool
+    """Whether the satellite carried the site's traffic meanwhile."""
+    judged: tuple[tuple[Attempt, Finding], ...]
+    findings: tuple[Finding, ...]
+    """Of the terminal and of names, which no probe has shown."""
+    bytes_counted: int
+    """By the router, on the satellite's port, both directions, whoever caused them."""
+    budget_bytes: int
+    kept_off: int
+    """Packets that the filter has kept off the satellite since its rules were made."""
+    turned_away: int
+    """Packets that came in by the satellite and were dropped, since then."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """6 if anything failed; 0 if something was proved; 7 if nothing could be: silence is never green."""
+        verdicts = [one.verdict for _, one in self.judged]
+        if any(verdict in _BAD for verdict in (*verdicts, *(one.verdict for one in self.findings))):
+            return ExitCode.CHECKS_FAILED
+        proved = any(verdict in (Verdict.PASS, Verdict.WARN) for verdict in verdicts)
+        return ExitCode.DONE if proved else ExitCode.NOTHING
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "site": self.site,
+            "bearer": self.bearer,
+            "exit": int(self.exit),
+            "active": self.active,
+            "targets": [_told(attempt, finding) for attempt, finding in self.judged],
+            "findings": [finding.as_dict() for finding in self.findings],
+            "bytes_counted": self.bytes_counted,
+            "budget_bytes": self.budget_bytes,
+            "kept_off_packets": self.kept_off,
+            "turned_away_packets": self.turned_away,
+        }
+
+    def as_text(self) -> str:
+        """The lines that a person reads."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterable[str]:
+        carries = "carries the traffic now" if self.active else "does not carry the traffic now"
+        yield f"{self.site}, {self.bearer}: {carries}"
+        for finding in (*(finding for _, finding in self.judged), *self.findings):
+            yield f"  {finding.verdict.value:<12} {finding.message}"
+            if finding.hint:
+                yield f"  {'':<12} {finding.hint}"
+        tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not Outcome.NOT_TRIED]
+        proved = sum(verdict in (Verdict.PASS, Verdict.WARN) for verdict in tried)
+        yield f"  {proved} of {len(self.judged)} targets proved, {len(self.judged) - len(tried)} could not be tried"
+        counted = f"{self.bytes_counted} bytes on the satellite's port meanwhile, of {self.budget_bytes} at most"
+        yield f"  the router counted {counted}; kept off {self.kept_off} packets, turned away {self.turned_away}"
+
+
+def _told(attempt: Attempt, finding: Finding) -> dict[str, Any]:
+    return {
+        "name": attempt.name,
+        "target": attempt.target,
+        "expected": attempt.expected.value,
+        "probe": attempt.probe.value,
+        "outcome": attempt.outcome.value,
+        "after_s": attempt.after_s,
+        "window_s": attempt.window_s,
+        "filter_open": attempt.filter_open,
+        **finding.as_dict(),
+    }

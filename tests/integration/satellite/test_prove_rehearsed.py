@@ -1,0 +1,64 @@
+"""`provision prove … --rehearse`, as a technician types it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PROVISION = str(Path(sys.executable).with_name("provision"))
+STRANGER = "203.0.113.3"
+
+
+def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [PROVISION, "prove", *typed],
+        env={**os.environ, "ATLANTIS_STATE": str(state)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+@pytest.mark.slow
+def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> None:
+    told: dict[str, Any] = json.loads(
+        provision(tmp_path, "site=coastal", "bearer=satellite", "--rehearse", "--json", code=0).stdout
+    )
+    found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
+    assert (told["exit"], told["rehearsed"], told["active"]) == (0, True, False)
+    assert found[STRANGER] == ("refused here", "PASS")
+    assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
+    assert told["kept_off_packets"] == 3
+    assert told["bytes_counted"] < told["budget_bytes"] == 20_000
+    assert [finding["code"] for finding in told["findings"]] == ["terminal-not-looked-at"]
+
+
+@pytest.mark.slow
+def test_the_filter_is_closed_again_after_it_was_opened(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=coastal", "--open-filter", "--rehearse", code=0)
+    assert f"({STRANGER}) is refused by the router, nothing was sent" in done.stdout
+    assert f"({STRANGER}) did not answer, but nothing else was reached" in done.stdout
+    assert "a real proof asks first: over satellite of coastal" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_site_that_declares_nothing_to_refuse_is_not_called_proved(tmp_path: Path) -> None:
+    done = provision(tmp_path, "site=te4sea", "--rehearse", code=7)
+    assert "0 of 3 targets proved, 3 could not be tried" in done.stdout
+
+
+def test_what_cannot_be_proved_is_said_before_anything_is_contacted(tmp_path: Path) -> None:
+    assert "`scc` has no satellite link" in provision(tmp_path, "site=scc", code=7).stderr
+    assert "no satellite link `4g`" in provision(tmp_path, "site=coastal", "bearer=4g", code=7).stderr
+    assert "example values" in provision(tmp_path, "site=coastal", code=3).stderr
+    missing = provision(tmp_path, "site=coastal", "--rehearse", "backup=missing.bin", code=3)
+    assert "the backup missing.bin cannot be read" in missing.stderr

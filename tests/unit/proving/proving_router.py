@@ -1,0 +1,128 @@
+"""A router as a proof sees it: counters, a filter that can be opened, and who answers beyond the satellite."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.routeros.api import Command, Reply, Trap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+PORT, OUT, BACK = "ether3", "to-satellite", "from-satellite"
+VPN_RULE = {"action": "return", "src-address": "203.0.113.2", "src-port": "1194", "protocol": "udp"}
+NTP_RULE = {"action": "return", "src-address": "192.0.2.123", "src-port": "123", "protocol": "udp"}
+
+
+@dataclass
+class Fake:
+    """Answers `flight` and `command` like a session; `turns` counts the flights with pings beyond the satellite."""
+
+    beyond: dict[str, int] = field(default_factory=dict)
+    """Address to the number of unanswered echo requests before it answers."""
+    open: bool = False
+    """Whether the filter lets every echo request out, as if somebody had broken it."""
+    at_factory: bool = False
+    terminal: bool = True
+    active: bool = False
+    tunnel: str | None = "true"
+    counts_after: int | None = None
+    """Number of readings after which an answer of the VPN server is counted."""
+    safe_mode: bool = True
+    stuck: bool = False
+    """The rows stay when safe mode is unrolled."""
+    burst_bytes: int = 0
+    """What somebody else sends over the satellite between two readings."""
+    rows: list[dict[str, str]] = field(default_factory=list)
+    sent: list[Command] = field(default_factory=list)
+    bytes: int = 1000
+    dropped: int = 7
+    readings: int = 0
+    held: bool = False
+
+    async def command(self, command: Command) -> Reply:
+        return (await self.flight([command]))[0]
+
+    async def flight(self, commands: Sequence[Command]) -> list[Reply]:
+        return [self._answer(command) for command in commands]
+
+    def _answer(self, command: Command) -> Reply:
+        self.sent.append(command)
+        words = dict(command.arguments)
+        known: dict[str, Callable[[], Reply]] = {
+            "/interface/print": self._port,
+            "/ip/firewall/filter/print": lambda: self._filter(command),
+            "/ip/route/print": self._routes,
+            "/interface/ovpn-client/print": self._tunnels,
+            "/tool/ping": lambda: self._ping(words),
+            "/safe-mode/take": self._take,
+            "/safe-mode/print": lambda: Reply(rows=({"current": "true" if self.held else "false"},)),
+            "/safe-mode/unroll": self._unroll,
+            "/ip/firewall/filter/add": lambda: self._add(words),
+        }
+        return known[command.path]()
+
+    def _port(self) -> Reply:
+        self.readings += 1
+        self.bytes += self.burst_bytes
+        return Reply(rows=({"name": PORT, "rx-byte": "0", "tx-byte": str(self.bytes)},))
+
+    def _filter(self, command: Command) -> Reply:
+        if any(query.startswith("?comment=") for query in command.queries):
+            return Reply(rows=tuple({".id": "*99"} for _ in self.rows))
+        come = 4 + int(self.counts_after is not None and self.readings > self.counts_after)
+        return Reply(
+            rows=(
+                {".id": "*1", "chain": OUT, "action": "return", "packets": "0"},
+                {".id": "*2", "chain": OUT, "action": "drop", "packets": str(self.dropped)},
+                {".id": "*3", "chain": BACK, "packets": str(come), **VPN_RULE},
+                {".id": "*4", "chain": BACK, "packets": "0", **NTP_RULE},
+                {".id": "*5", "chain": BACK, "action": "drop", "packets": "2"},
+            )
+        )
+
+    def _routes(self) -> Reply:
+        gateway = "10.10.2.1" if self.active else "198.51.100.11"
+        return Reply(rows=({"dst-address": "0.0.0.0/0", "gateway": gateway, "active": "true", "distance": "1"},))
+
+    def _tunnels(self) -> Reply:
+        return Reply(rows=() if self.tunnel is None else ({"name": "ovpn-scc", "running": self.tunnel},))
+
+    def _ping(self, words: dict[str, str]) -> Reply:
+        if "arp-ping" in words:
+            return _echo(answered=self.at_factory)
+        if words["address"] == "10.10.2.1":
+            return _echo(answered=self.terminal)
+        return self._beyond(words["address"], int(words["count"]))
+
+    def _beyond(self, address: str, count: int) -> Reply:
+        admitted = self.open or address == "192.0.2.50" or any(row.get("dst-address") == address for row in self.rows)
+        if not admitted:
+            self.dropped += count
+            return _echo(answered=False)
+        self.bytes += 84 * count
+        left = self.beyond.get(address)
+        if left is None or left > 0:
+            self.beyond.update({} if left is None else {address: left - count})
+            return _echo(answered=False)
+        self.bytes += 84 * count
+        return _echo(answered=True)
+
+    def _take(self) -> Reply:
+        self.held = self.safe_mode
+        return Reply() if self.safe_mode else Reply(trap=Trap("no such command prefix", 0))
+
+    def _unroll(self) -> Reply:
+        self.held = False
+        self.rows = self.rows if self.stuck else []
+        return Reply()
+
+    def _add(self, words: dict[str, str]) -> Reply:
+        assert self.held, "the filter is opened without safe mode"
+        self.rows.append(words)
+        return Reply(ret="*99")
+
+
+def _echo(*, answered: bool) -> Reply:
+    return Reply(rows=({"sent": "1", "received": "1" if answered else "0"},))

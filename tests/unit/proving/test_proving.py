@@ -1,0 +1,212 @@
+"""What a proof asks, when it stops, and what it concludes."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import pytest
+from proving_router import Fake
+
+from atlantis_netcfg.bearers.satellite import Expected, Outcome, Probe
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, OutcomeUnknown
+from atlantis_netcfg.operations.proving import (
+    BUDGET_BYTES,
+    NothingToProve,
+    Pace,
+    Proof,
+    Proving,
+    resolve,
+    satellite_of,
+    tasks,
+)
+from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import AllowedTarget, Bearer
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.api import Session
+
+DECLARED = load(Path(__file__).parents[3] / "inventory")
+SATELLITE = satellite_of(DECLARED, "coastal", None)
+ADDED, STRANGER = "192.0.2.50", "203.0.113.3"
+
+
+async def no_wait(_seconds: float) -> None:
+    """The seconds are counted, not spent."""
+
+
+def bearer() -> Bearer:
+    """The satellite of coastal with one host that a person has added."""
+    added = AllowedTarget.model_validate({"name": "weather", "address": ADDED})
+    return SATELLITE.bearer.model_copy(update={"allow": (added,)})
+
+
+def proving(*, open_filter: bool = False, link: Bearer | None = None, window_s: float = 90.0) -> Proving:
+    made = SATELLITE.proving(DECLARED, open_filter=open_filter, rehearsed=True)
+    made.bearer = link or bearer()
+    made.pace = Pace(window_s=window_s, sleep=no_wait)
+    return made
+
+
+def prove(router: Fake, what: Proving | None = None) -> Proof:
+    return asyncio.run((what or proving()).run(cast("Session", router)))
+
+
+def told(proof: Proof) -> dict[str, tuple[str, str]]:
+    """Outcome and verdict by target; with the filter open, under the target's name and `open`."""
+    return {
+        f"{attempt.target}{' open' if attempt.filter_open else ''}": (attempt.outcome.value, finding.verdict.value)
+        for attempt, finding in proof.judged
+    }
+
+
+def test_an_allowed_host_is_reached_after_a_gap_and_a_stranger_refused_by_the_router() -> None:
+    router = Fake(beyond={ADDED: 14})
+    proof = prove(router)
+    found = told(proof)
+    assert found[ADDED] == ("answered", "PASS")
+    assert found[STRANGER] == ("refused here", "PASS")
+    (attempt,) = [one for one, _ in proof.judged if one.target == ADDED]
+    assert attempt.after_s == 70
+    assert proof.exit is ExitCode.DONE
+    assert proof.kept_off == 7 + 3
+    assert proof.bytes_counted == 15 * 84 + 84
+
+
+def test_what_cannot_be_tried_is_told_as_that() -> None:
+    found = told(prove(Fake(beyond={ADDED: 0})))
+    assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
+    assert found["203.0.113.2 tcp 1195"] == ("not tried", "INCONCLUSIVE")
+    assert len(found) == 6
+
+
+def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
+    proof = prove(Fake())
+    assert told(proof)[ADDED] == ("silent", "FAIL")
+    assert proof.exit is ExitCode.CHECKS_FAILED
+
+
+def test_a_short_window_proves_nothing_about_silence() -> None:
+    proof = prove(Fake(), proving(window_s=45.0))
+    assert told(proof)[ADDED] == ("silent", "INCONCLUSIVE")
+
+
+def test_a_filter_that_somebody_has_opened_is_a_leak() -> None:
+    proof = prove(Fake(beyond={ADDED: 0, STRANGER: 0}, open=True))
+    assert told(proof)[STRANGER] == ("answered", "FAIL")
+    assert proof.exit is ExitCode.CHECKS_FAILED
+
+
+@pytest.mark.parametrize(("answers", "outcome", "verdict"), [(True, "answered", "WARN"), (False, "silent", "PASS")])
+def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, outcome: str, verdict: str) -> None:  # noqa: FBT001 - a case
+    router = Fake(beyond={ADDED: 0, **({STRANGER: 0} if answers else {})})
+    proof = prove(router, proving(open_filter=True))
+    assert told(proof)[f"{STRANGER} open"] == (outcome, verdict)
+    assert told(proof)[STRANGER] == ("refused here", "PASS")
+    assert (router.rows, router.held) == ([], False)
+    added = [dict(command.arguments) for command in router.sent if command.path == "/ip/firewall/filter/add"]
+    assert [row["chain"] for row in added] == ["to-satellite", "from-satellite"]
+    assert {row["protocol"] for row in added} == {"icmp"}
+    assert {row.get("dst-address") or row.get("src-address") for row in added} == {STRANGER}
+    assert proof.exit is ExitCode.DONE
+
+
+def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
+    router = Fake(beyond={ADDED: 0}, safe_mode=False)
+    with pytest.raises(DeviceFailed, match="the filter was not opened: no such command prefix"):
+        prove(router, proving(open_filter=True))
+    assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
+
+
+def test_a_filter_that_may_still_be_open_is_never_called_closed() -> None:
+    with pytest.raises(OutcomeUnknown, match="does not say that its filter is closed again"):
+        prove(Fake(beyond={ADDED: 0}, stuck=True), proving(open_filter=True))
+
+
+def test_over_a_link_that_answers_nowhere_nothing_is_called_refused_beyond() -> None:
+    plain = proving(open_filter=True, link=SATELLITE.bearer)
+    assert told(prove(Fake(), plain))[f"{STRANGER} open"] == ("silent", "INCONCLUSIVE")
+
+
+def test_the_budget_stops_it() -> None:
+    router = Fake(burst_bytes=BUDGET_BYTES)
+    found = told(prove(router))
+    assert found[ADDED] == ("silent", "INCONCLUSIVE")
+    pings = [command for command in router.sent if ("address", ADDED) in command.arguments]
+    assert len(pings) == 1
+
+
+def test_pings_alone_keep_far_below_the_budget() -> None:
+    assert proving(open_filter=True).expected_bytes <= BUDGET_BYTES / 2
+    assert prove(Fake()).bytes_counted < BUDGET_BYTES / 2
+
+
+def test_while_the_satellite_carries_the_traffic_the_tunnels_answers_are_counted() -> None:
+    proof = prove(Fake(beyond={ADDED: 0}, active=True, counts_after=3))
+    assert proof.active
+    assert told(proof)["203.0.113.2 udp 1194"] == ("answered", "PASS")
+    assert told(proof)["192.0.2.123 udp 123"] == ("silent", "INCONCLUSIVE")
+
+
+@pytest.mark.parametrize(("tunnel", "verdict"), [("false", "FAIL"), ("true", "INCONCLUSIVE"), (None, "INCONCLUSIVE")])
+def test_silence_counts_only_while_the_tunnel_is_down_and_asks(tunnel: str | None, verdict: str) -> None:
+    proof = prove(Fake(beyond={ADDED: 0}, active=True, tunnel=tunnel))
+    assert told(proof)["203.0.113.2 udp 1194"] == ("silent", verdict)
+
+
+@pytest.mark.parametrize(
+    ("terminal", "factory", "code"),
+    [(True, False, None), (False, True, "box-in-wrong-subnet"), (False, False, "box-silent")],
+)
+def test_a_terminal_in_the_wrong_subnet_is_found_by_arp(terminal: bool, factory: bool, code: str | None) -> None:  # noqa: FBT001 - a case
+    proof = prove(Fake(beyond={ADDED: 0}, terminal=terminal, at_factory=factory))
+    assert [finding.code for finding in proof.findings] == ([] if code is None else [code])
+
+
+def test_nothing_is_concluded_from_nothing() -> None:
+    alone = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    proof = prove(Fake(), proving(link=alone))
+    assert {finding.verdict for _, finding in proof.judged} == {Verdict.INCONCLUSIVE}
+    assert proof.exit is ExitCode.NOTHING
+
+
+def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> None:
+    whole = AllowedTarget.model_validate({"name": "VPN host", "address": "203.0.113.2"})
+    link = SATELLITE.bearer.model_copy(update={"allow": (whole,)})
+    by_activity = {
+        active: next(task for task in tasks(DECLARED.pilot, link, active=active) if task.name == "VPN host")
+        for active in (False, True)
+    }
+    assert by_activity[False].probe is Probe.NONE
+    assert by_activity[True].probe is Probe.ICMP
+
+
+def test_every_target_of_the_shipped_sites_is_planned_once() -> None:
+    for site, refused in (("coastal", 2), ("te4sea", 0)):
+        planned = tasks(DECLARED.pilot, satellite_of(DECLARED, site, None).bearer, active=True)
+        assert [task.expected for task in planned] == [Expected.REACHED] * 3 + [Expected.REFUSED] * refused
+        assert all((task.probe is Probe.NONE) == bool(task.why_not) for task in planned)
+
+
+@pytest.mark.parametrize(("site", "name", "words"), [("scc", None, "no satellite link"), ("coastal", "4g", "`4g`")])
+def test_a_site_without_the_link_has_nothing_to_prove(site: str, name: str | None, words: str) -> None:
+    with pytest.raises(NothingToProve, match=words):
+        satellite_of(DECLARED, site, name)
+
+
+def test_names_are_asked_at_once_and_silence_is_told_from_absence() -> None:
+    answers = {"a.example.org": frozenset({"192.0.2.1"}), "b.example.org": frozenset[str](), "c.example.org": None}
+    assert asyncio.run(resolve([*answers, "a.example.org"], ask=answers.__getitem__)) == answers
+    assert asyncio.run(resolve([])) == {}
+
+
+def test_json_holds_what_text_says() -> None:
+    proof = prove(Fake(beyond={ADDED: 0}))
+    data = proof.as_json()
+    assert data["exit"] == 0
+    assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == Outcome.ANSWERED
+    text = proof.as_text()
+    assert all(finding.message in text for _, finding in proof.judged)
+    assert "2 of 6 targets proved, 4 could not be tried" in text
