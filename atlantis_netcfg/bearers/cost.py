@@ -121,6 +121,8 @@ class Preview:
 
     link: Link
     bill: Bill
+    at_most: bool = False
+    """It is a bound, because what has to be done is not known yet."""
 
     @property
     def over_cap(self) -> bool:
@@ -131,10 +133,12 @@ class Preview:
     @property
     def words(self) -> str:
         """What a person reads before anything is sent."""
+        about = "up to" if self.at_most else "about"
         if not self.link.metered:
-            return f"over {self.link.name}, which is not paid by the byte: about {size(self.bill.payload_bytes)}"
+            return f"over {self.link.name}, which is not paid by the byte: {about} {size(self.bill.payload_bytes)}"
         missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not declared)"
-        return f"over {self.link.name} of {self.link.site}, which is paid by the byte: about {self.bill.words}{missing}"
+        dear = f"over {self.link.name} of {self.link.site}, which is paid by the byte"
+        return f"{dear}: {about} {self.bill.words}{missing}"
 
     def refusal(self) -> CostRefused:
         """The error for an action beyond the cap."""
@@ -151,6 +155,7 @@ class Preview:
             "bearer": self.link.name,
             "metered": self.link.metered,
             "cap_bytes": self.link.cap_bytes,
+            "at_most": self.at_most,
             **self.bill.as_dict(),
         }
 
@@ -169,9 +174,9 @@ def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
     return Bill(nbytes, seconds, billed, basis, tariff.price_per_mb * billed / _MB, tariff.currency)
 
 
-def preview(nbytes: int, seconds: float, link: Link) -> Preview:
+def preview(nbytes: int, seconds: float, link: Link, *, at_most: bool = False) -> Preview:
     """Say what an action of so many bytes and seconds is expected to cost on a bearer. ValueError as `bill`."""
-    return Preview(link, bill(nbytes, seconds, link.tariff if link.metered else None))
+    return Preview(link, bill(nbytes, seconds, link.tariff if link.metered else None), at_most)
 
 
 def size(nbytes: int) -> str:

@@ -67,6 +67,8 @@ TYPICAL_ROWS: Final = 15_000
 TYPICAL_EXPORT: Final = 12_000
 TYPICAL_LINE: Final = 80
 """Bytes of a line of a desired text."""
+MOST_TEXT: Final = 45_000
+"""Bytes of a desired text: a third more than the longest of the pilot's routers (a test holds that)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,11 +158,11 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
     return _told(tally, bearer)
 
 
-def beforehand(bearer: Bearer, *, writes: int | None = None, exports: bool = False) -> Estimate:
+def beforehand(bearer: Bearer, *, writes: bool = False, exports: bool = False) -> Estimate:
     """Estimate a run on a device that was not read yet, so that its cost can be told before the first byte.
 
-    It is read once; with `writes`, the bytes of its desired text, all of that is written, saved and read back besides,
-    which is the most that a run without faults can come to. `exports`: it hands out its export and is not read.
+    It is read once; with `writes`, a whole desired text is written, saved and read back besides, which is the most that
+    a run without faults comes to. `exports`: it hands out its export and is not read.
     """
     tally = _Tally()
     tally.log_in()
@@ -168,11 +170,11 @@ def beforehand(bearer: Bearer, *, writes: int | None = None, exports: bool = Fal
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
         return _told(tally, bearer)
     _read(tally, TYPICAL_MENUS, None)
-    if writes is not None:
+    if writes:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
         # As many rows as lines of ordinary length: each is answered by a line, and weighs one in safe mode.
-        rows = ceil(writes / TYPICAL_LINE)
-        tally.spend(trips=max(1, ceil(writes / SCRIPT)), up=2 * writes, down=10 * rows, device_s=rows * EXECUTE_S)
+        rows = ceil(MOST_TEXT / TYPICAL_LINE)
+        tally.spend(trips=ceil(MOST_TEXT / SCRIPT), up=2 * MOST_TEXT, down=10 * rows, device_s=rows * EXECUTE_S)
         for _ in range(rows // BUDGET):
             tally.log_in()
             tally.spend(trips=1 + CHECKPOINT_TRIPS, up=180, down=180)

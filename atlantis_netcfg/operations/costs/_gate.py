@@ -8,7 +8,7 @@ from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, preview
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs._links import link_of
-from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
 
@@ -37,10 +37,15 @@ def beforehand(
             continue
         bearer = bearer_of(declaration, host, request.via.get(host.name))
         if bearer.metered:
-            found = _estimate(declaration, host, bearer, request, at_most=at_most)
+            found = _estimate(bearer, request, at_most=at_most)
             sums.setdefault(link_of(declaration, host.site, bearer.name), []).append(found)
     return tuple(
-        preview(sum(each.wire_bytes for each in found), sum(each.seconds for each in found), link)
+        preview(
+            sum(each.wire_bytes for each in found),
+            sum(each.seconds for each in found),
+            link,
+            at_most=at_most and _writes(request),
+        )
         for link, found in sums.items()
     )
 
@@ -72,10 +77,11 @@ def unpaid(words: Sequence[str], command: str = "provision") -> CostRefused:
     )
 
 
-def _estimate(declaration: Declaration, host: Host, bearer: Bearer, request: Request, *, at_most: bool) -> Estimate:
+def _estimate(bearer: Bearer, request: Request, *, at_most: bool) -> Estimate:
     if request.mode is Mode.BACKUP:
         return before_reading(bearer, exports=True)
-    if request.mode.reads_only or not at_most:
-        return before_reading(bearer)
-    texts = managed(declaration, host).texts()
-    return before_reading(bearer, writes=max(len(text.text.encode()) for text in texts))
+    return before_reading(bearer, writes=at_most and _writes(request))
+
+
+def _writes(request: Request) -> bool:
+    return not request.mode.reads_only and request.mode is not Mode.BACKUP

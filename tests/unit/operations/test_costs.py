@@ -18,9 +18,10 @@ from atlantis_netcfg.journal import CostCounted, NoJournal, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
-from atlantis_netcfg.routeros.estimate import Estimate
+from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
 from atlantis_netcfg.site import load as load_inventory
 from atlantis_netcfg.versions import Version
 
@@ -133,12 +134,20 @@ def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: De
     assert saved.bill.payload_bytes < one.bill.payload_bytes < written.bill.payload_bytes
 
 
-def test_the_bound_before_reading_is_above_what_a_first_configuration_sends(
-    declaration: Declaration, tmp_path: Path
-) -> None:
-    """A rehearsal of the shipped coastal router sends 96 kB above TLS in two sessions."""
+def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: Declaration, tmp_path: Path) -> None:
+    texts = [
+        text for host in declaration.hosts.values() if handled(host) for text in managed(declaration, host).texts()
+    ]
+    longest = max(len(text.text.encode()) for text in texts)
+    assert longest < MOST_TEXT < 2 * longest
     (found,) = beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path))
-    assert 110_000 < found.bill.payload_bytes < 400_000
+    assert ": up to " in found.words
+    assert (
+        found.bill.payload_bytes
+        > 2 * longest
+        + 2
+        * beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=Mode.PLAN))[0].bill.payload_bytes
+    )
 
 
 def test_the_plain_door_is_guarded(declaration: Declaration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
