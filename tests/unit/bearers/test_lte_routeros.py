@@ -19,8 +19,9 @@ def ident(case: dict[str, Any]) -> str:
 
 @pytest.mark.parametrize("case", CASES, ids=ident)
 def test_read(case: dict[str, Any]) -> None:
-    names = ("monitor", "interfaces", "profiles", "addresses", "log")
-    found = read(*(case.get(name) for name in names))
+    beside = (case.get(name) for name in ("interfaces", "profiles", "addresses", "log"))
+    interfaces, profiles, addresses, log = beside
+    found = read(case["monitor"], interfaces, profiles, addresses, log)
     assert {name: getattr(found, name) for name in case["reading"]} == case["reading"]
 
 

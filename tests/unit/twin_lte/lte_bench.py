@@ -50,8 +50,9 @@ class Box:
 
     def read(self) -> LteReading:
         asked = (*queries("lte1"), log_query())
-        monitor, *rest = (self.rows(one.path, *(f"{name}={value}" for name, value in one.words)) for one in asked)
-        return read(monitor[0], *rest)
+        told = [self.rows(one.path, *(f"{name}={value}" for name, value in one.words)) for one in asked]
+        monitor, interfaces, profiles, addresses, log = told
+        return read(monitor[0], interfaces, profiles, addresses, log)
 
     @property
     def tries(self) -> tuple[int, int]:

@@ -75,8 +75,8 @@ def lte_boxes() -> Iterator[LteView]:
         if isinstance(host.device, LteRouter) and host.device.driver is LteDriver.ROUTEROS:
             view = lte_view(declaration, host)
             yield view
-            secrets = {"password": Secret("EXAMPLE-apn"), "pin": Secret("1234")}
-            yield replace(view, apn="umts", user="user", roaming=True, bands=(3,), **secrets)
+            subscribed = replace(view, apn="umts", user="user", password=Secret("EXAMPLE-apn"))
+            yield replace(subscribed, pin=Secret("1234"), roaming=True, bands=(3,))
             yield replace(view, apn=None, user=None, password=None, pin=None, bands=())
 
 

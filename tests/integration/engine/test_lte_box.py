@@ -1,0 +1,90 @@
+"""The text of a MikroTik LTE box, written to one on real sockets; what it amounts to is read by the bearer's reader."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import Bench, on
+
+from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
+from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
+from atlantis_netcfg.render import lte
+from atlantis_netcfg.site import load
+from atlantis_netcfg.twin import CellSpec, Management, ModemSpec, SimSpec
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers import Finding
+
+DECLARATION = load(Path(__file__).parents[3] / "inventory")
+HOST = DECLARATION.hosts["coastal-4g"]
+WANTED = LteWanted(apn="internet.example", bands=(3, 7, 20))
+MANAGEMENT = Management(address="10.10.1.1/29", port="ether1", technician="10.10.1.2")
+
+
+def box(tmp_path: Path, version: str = "7.18.2", *, sim: SimSpec | None = SimSpec(), **cell: Any) -> Bench:  # noqa: ANN401, B008 - fields of CellSpec; frozen
+    modem = ModemSpec(sim=sim, cell=CellSpec(**{"apns": ("internet.example",), **cell}))
+    spec = {"version": version, "ports": ("ether1",), "poe_ports": (), "management": MANAGEMENT, "modem": modem}
+    return Bench(tmp_path, lte(DECLARATION, HOST), spec=spec)
+
+
+async def findings(bench: Bench) -> tuple[Finding, ...]:
+    """Ask as whoever has a session asks, and judge."""
+    told = []
+    for query in (*queries("lte1"), log_query()):
+        answers = await bench.router.console([query.path, *(f"={name}={value}" for name, value in query.words)])
+        rows = [one.words for one in answers if one.kind == "!re"]
+        told.append([dict(word[1:].partition("=")[::2] for word in words) for words in rows])
+    monitor, interfaces, profiles, addresses, log = told
+    return judge(read(monitor[0], interfaces, profiles, addresses, log), WANTED)
+
+
+@pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
+def test_it_converges_and_then_has_the_declared_access_point(tmp_path: Path, version: str) -> None:
+    async def act(bench: Bench) -> None:
+        assert {one.code for one in await findings(bench)} == {"apn-of-the-network", "no-address"}
+        first = await bench.converge()
+        assert (first.status, first.protection) == ("changed", "safe-mode")
+        assert await findings(bench) == ()
+        again = await bench.converge()
+        assert (again.status, again.planned) == ("unchanged", 0)
+
+    on(box(tmp_path, version), act)
+
+
+@pytest.mark.parametrize(
+    ("sim", "cell", "codes"),
+    [
+        (SimSpec(), {"plmn": "20601"}, {"roaming-not-allowed"}),
+        (SimSpec(), {"apns": ("other",)}, {"no-address"}),
+        (SimSpec(), {"bands": (28,)}, {"searching"}),
+        (SimSpec(), {"denies": True}, {"registration-denied"}),
+        (SimSpec(), {"rsrp_dbm": -110, "rsrq_db": -18, "sinr_db": -3}, {"weak-rsrp", "weak-rsrq", "weak-sinr"}),
+        (SimSpec(pin="1234"), {}, {"pin-needed"}),
+        (SimSpec(pin="1234", tries=0), {}, {"puk-needed"}),
+        (None, {}, {"sim-missing"}),
+    ],
+)
+def test_what_is_wrong_with_the_subscription_is_told_by_name(
+    tmp_path: Path, sim: SimSpec | None, cell: dict[str, Any], codes: set[str]
+) -> None:
+    async def act(bench: Bench) -> None:
+        assert (await bench.converge()).status == "changed"
+        assert {one.code for one in await findings(bench)} == codes
+        assert (await bench.converge()).planned == 0
+
+    on(box(tmp_path, sim=sim, **cell), act)
+
+
+def test_a_board_without_a_modem_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = bench.export()
+        found = await bench.converge()
+        assert found.status == "refused"
+        assert "there is no lte1 in /interface lte; the device has none" in found.message
+        assert bench.export() == before
+
+    bench = box(tmp_path)
+    spec = {**bench.spec, "modem": None}
+    on(Bench(tmp_path, bench.text, spec=spec), act)
