@@ -86,7 +86,6 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         judged=judged(bearer, site.failover) if bearer.canaries and later else None,
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
-        down_bps=round(bearer.rate.down_kbps * 1000),
     )
 
 

@@ -29,7 +29,7 @@ BRIDGE = "bridge-lan"
 LEFT = 100
 """Added to the distance of routes by a link that was given up."""
 THIN_BPS = 2_000_000
-"""A link below this rate is shaped."""
+"""A link that sends less is shaped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ class Uplink(Link):
     later: tuple[str, ...]
     """The router's own addresses on the links that come after this one."""
     up_bps: int
-    down_bps: int
+    """From the site."""
 
     @property
     def distance(self) -> int:
@@ -173,12 +173,12 @@ class Uplink(Link):
     @property
     def thin(self) -> bool:
         """So slow that control has to go first."""
-        return self.kind == "satellite" or min(self.up_bps, self.down_bps) < THIN_BPS
+        return self.kind == "satellite" or self.up_bps < THIN_BPS
 
     @property
-    def shaped(self) -> tuple[int, int]:
-        """Four fifths of its rates up and down, in bit/s: the queue shall stand here, not in the terminal."""
-        return self.up_bps * 4 // 5, self.down_bps * 4 // 5
+    def shaped_bps(self) -> int:
+        """Four fifths of what it carries from the site: the queue shall stand here, not in the terminal."""
+        return self.up_bps * 4 // 5
 
     @property
     def table(self) -> str:

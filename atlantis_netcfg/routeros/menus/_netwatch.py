@@ -28,6 +28,8 @@ _NETWATCH = Menu(
     Layer.POLICY,
     keys=("name",),
     subject="{name}",
+    # It looks, and what it does is done by its scripts when a host falls silent or answers again.
+    inert=True,
     fields=(
         *since("7.9", text("name", None)),
         COMMENT,

@@ -176,24 +176,17 @@ add action=change-mss chain=forward comment="atlantis: satellite, what comes in"
 add action=change-mss chain=postrouting comment="atlantis: satellite, what goes out" new-mss=1300 out-interface=ether3 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
 add action=change-mss chain=forward comment="atlantis: VPN, what comes in" in-interface-list=VPN new-mss=1300 passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
 add action=change-mss chain=postrouting comment="atlantis: VPN, what goes out" new-mss=1300 out-interface-list=VPN passthrough=yes protocol=tcp tcp-flags=syn tcp-mss=1301-65535
-# satellite: who goes first in its queues. The tunnel is control: what robots and operators say to each other is inside.
-add action=mark-packet chain=postrouting comment="atlantis: satellite, the tunnel out" dst-address=203.0.113.2 dst-port=1194 new-packet-mark=control out-interface=ether3 passthrough=no protocol=udp
-add action=mark-packet chain=postrouting comment="atlantis: satellite, time and names out" dst-port=53,123 new-packet-mark=control out-interface=ether3 passthrough=no protocol=udp
-add action=mark-packet chain=postrouting comment="atlantis: satellite, the rest out" new-packet-mark=rest out-interface=ether3 passthrough=no
-add action=mark-packet chain=prerouting comment="atlantis: satellite, the tunnel in" in-interface=ether3 new-packet-mark=satellite-control passthrough=no protocol=udp src-address=203.0.113.2 src-port=1194
-add action=mark-packet chain=prerouting comment="atlantis: satellite, time and names in" in-interface=ether3 new-packet-mark=satellite-control passthrough=no protocol=udp src-port=53,123
-add action=mark-packet chain=prerouting comment="atlantis: satellite, the rest in" in-interface=ether3 new-packet-mark=satellite-rest passthrough=no
+# satellite: who goes first in its queue. The tunnel is control: what robots and operators say to each other is inside.
+add action=mark-packet chain=postrouting comment="atlantis: satellite, the tunnel first" dst-address=203.0.113.2 dst-port=1194 new-packet-mark=control out-interface=ether3 passthrough=no protocol=udp
+add action=mark-packet chain=postrouting comment="atlantis: satellite, time and names first" dst-port=53,123 new-packet-mark=control out-interface=ether3 passthrough=no protocol=udp
 # Queues of thin links: at four fifths of the declared rate packets wait here, where control goes first, and not in the
-# terminal, where nobody does. What comes in has crossed the link already; held back, its senders slow down. A queue is short
+# terminal, where nobody does. Only what goes out: what comes in has crossed the link already. A queue is short
 # (default-small: 10 packets), because what waits too long is stale. Marks: see mangle.
 # atlantis:entire /queue tree
 /queue tree
-add comment="atlantis: satellite, out" max-limit=281600 name=satellite-out parent=ether3 queue=default-small
-add comment="atlantis: satellite, control out" limit-at=140800 max-limit=281600 name=satellite-out-control packet-mark=control parent=satellite-out priority=1 queue=default-small
-add comment="atlantis: satellite, the rest out" limit-at=28160 max-limit=281600 name=satellite-out-rest packet-mark=rest parent=satellite-out priority=8 queue=default-small
-add comment="atlantis: satellite, in" max-limit=563200 name=satellite-in parent=global queue=default-small
-add comment="atlantis: satellite, control in" limit-at=281600 max-limit=563200 name=satellite-in-control packet-mark=satellite-control parent=satellite-in priority=1 queue=default-small
-add comment="atlantis: satellite, the rest in" limit-at=56320 max-limit=563200 name=satellite-in-rest packet-mark=satellite-rest parent=satellite-in priority=8 queue=default-small
+add comment="atlantis: satellite" max-limit=281600 name=satellite parent=ether3 queue=default-small
+add comment="atlantis: satellite, control" limit-at=140800 max-limit=281600 name=satellite-control packet-mark=control parent=satellite priority=1 queue=default-small
+add comment="atlantis: satellite, the rest" limit-at=28160 max-limit=281600 name=satellite-rest packet-mark=no-mark parent=satellite priority=8 queue=default-small
 # Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
 # over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
 # probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
