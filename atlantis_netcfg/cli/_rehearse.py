@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
+from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.report.run import Pass
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def rehearse(opened: Session, twins: Rehearsal) -> RunReport:
 
 def _announce(opened: Session) -> None:
     if not opened.as_json:
-        sites = {host.site for host in opened.asked}
+        sites = {host.site for host in opened.hosts}
         titles = ", ".join(site.title for name, site in opened.declaration.sites.items() if name in sites)
         print(f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted")
 
@@ -41,12 +42,13 @@ def _announce(opened: Session) -> None:
 def _again(opened: Session, twins: Rehearsal) -> Iterator[Pass]:
     """Run again over each bearer; a device whose site lacks it is left at its own."""
     sites = opened.declaration.sites
+    units = {host.name for host in opened.hosts if is_unit(host)}
     for name in dict.fromkeys([LAN.name, *(one.name for host in opened.asked for one in sites[host.site].bearers)]):
         via = {host.name: name for host in opened.asked if name in {LAN.name, *_names(opened, host.site)}}
         for host in opened.asked:
             twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
         for device, result in opened.perform(Mode.APPLY, via=via).devices.items():
-            if device in via:
+            if device in via or device in units:
                 yield Pass(device, name, result)
 
 

@@ -22,6 +22,7 @@ from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
 from atlantis_netcfg.operations.vault import decrypter
 from atlantis_netcfg.report.cost import asked
@@ -154,10 +155,13 @@ class Session:
         return accepted if words else request
 
     def _declared(self, mode: Mode) -> tuple[Host, ...]:
-        """The hosts that nothing is sent to, and whose evidence is looked at beside a plan or a change."""
-        if mode not in (Mode.PLAN, Mode.APPLY) or self.back_to is not None or self.restore is not None:
+        """The hosts that a plan or a change goes over beside the engine's: 4G units of other makes, and terminals.
+
+        To a terminal nothing is sent: the evidence of what is declared of it is looked at.
+        """
+        if mode not in (Mode.PLAN, Mode.APPLY, Mode.RESUME) or self.back_to is not None or self.restore is not None:
             return ()
-        return tuple(host for host in self.hosts if is_terminal(host))
+        return tuple(host for host in self.hosts if is_unit(host) or (is_terminal(host) and mode is not Mode.RESUME))
 
     def _says(self, flag: Flag) -> bool:
         """Whether a flag was given that not every command has."""
@@ -268,7 +272,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
 
 
 def _require_handled(hosts: tuple[Host, ...], *, declared: bool) -> None:
-    """Refuse where no role has anything to do; `declared`: the command also looks at what is only declared."""
-    if not any(handled(host) or (declared and is_terminal(host)) for host in hosts):
+    """Refuse where no role has anything to do; `declared`: it also looks at what the engine does not handle."""
+    if not any(handled(host) or (declared and (is_terminal(host) or is_unit(host))) for host in hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
         raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit, not_rehearsed
 from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.operations.pairs import with_other_ends
 from atlantis_netcfg.operations.request import Request, Target
@@ -62,9 +64,13 @@ class Rehearsal:
     targets: Mapping[str, Target]
     not_rehearsed: tuple[str, ...]
     twins: SpawnedSite
+    units: Mapping[str, EmulatedUnit] = field(default_factory=dict)
+    """4G units that are not RouterOS."""
 
     def export(self, name: str) -> str:
-        """What the twin's own `/export` says now."""
+        """What the twin's own `/export` says now; of a 4G unit, what it is set to."""
+        if name in self.units:
+            return self.units[name].export()
         return str(self.twins.do(name, "export"))
 
     def relink(self, host: Host, bearer: Bearer) -> None:
@@ -76,8 +82,10 @@ class Rehearsal:
 def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
+    others = [host for host in hosts if is_unit(host)]
     with (
         tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
+        emulated_units(others, Path(folder)) as units,
         spawn(site_spec(declaration, emulated, via), Path(folder)) as twins,
     ):
         targets = {
@@ -91,7 +99,8 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
             for name, ready in twins.ready.items()
         }
         radio = _RADIO_NOT_REHEARSED if any(managed(declaration, host).hardware.radios for host in emulated) else ()
-        yield Rehearsal(targets, (*NOT_REHEARSED, *radio), twins)
+        targets |= {name: unit.target for name, unit in units.items()}
+        yield Rehearsal(targets, (*NOT_REHEARSED, *radio, *not_rehearsed(others)), twins, units)
 
 
 def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> SiteSpec:
@@ -140,7 +149,12 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
     """Describe a router's twin as it comes out of its box, with the laptop on a port of the factory's network."""
     adopted = _twin(declaration, host, None)
     management = adopted.router.management
-    port = next(port for port in adopted.router.ports[1:] if port != management.port)
+    port = next((port for port in adopted.router.ports[1:] if port != management.port), None)
+    if port is None:
+        raise UsageError(
+            f"{host.name} has one port, by which the laptop would cut itself off: its adoption cannot be rehearsed",
+            hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/adopt.md)",
+        )
     laptop = Management(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
     changed = {"factory": True, "users": (User(name=FACTORY_USER),), "first_contact": laptop, "certificates": ()}
     router = adopted.router.model_copy(update={**changed, "serial": serial})

@@ -47,6 +47,8 @@ class Target(_Data):
     """Port of its console."""
     host_key: str | None = None
     """Its SSH host key, as OpenSSH prints it."""
+    serial: str | None = None
+    """Path of its serial port, where it has nothing else."""
 
 
 class Request(_Data):

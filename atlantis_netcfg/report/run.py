@@ -64,6 +64,8 @@ class RunReport:
             return ExitCode.NOTHING
         codes = {ExitCode(result["exit"]) for result in self.devices.values()}
         codes |= {ExitCode.FAILED if one.left else ExitCode(one.result["exit"]) for one in self.passes}
+        if codes == {ExitCode.NOTHING}:
+            return ExitCode.NOTHING
         return next((code for code in _WORST_FIRST if code in codes), ExitCode.DONE)
 
     def as_json(self) -> dict[str, Any]:
@@ -80,7 +82,7 @@ class RunReport:
             "errors": [
                 {"device": name, "message": result["message"], "hint": result["hint"]}
                 for name, result in self.devices.items()
-                if result["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)
+                if result["exit"] not in (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)
             ],
         }
 

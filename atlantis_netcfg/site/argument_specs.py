@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
-from atlantis_netcfg.site.model import Pilot, Router, SatelliteTerminal, Site
+from atlantis_netcfg.site.model import LteRouter, Pilot, Router, SatelliteTerminal, Site
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,6 +33,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
     "routeros": (
         "Bring RouterOS devices to their declared state",
         {"pilot": Pilot, "site": Site, "device": Router},
+    ),
+    "lte": (
+        "Bring 4G units of other makes than MikroTik to what is declared of their SIM, or check it",
+        {"pilot": Pilot, "site": Site, "device": LteRouter},
     ),
     "satellite_terminal": (
         "Compare what is declared of satellite terminals with the evidence",

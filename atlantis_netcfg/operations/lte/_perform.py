@@ -1,0 +1,145 @@
+"""Performs a request for the 4G units of a play: one journal and one lock a site, one unit after another."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg import __version__, paths
+from atlantis_netcfg.crash import crashed
+from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
+from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.lte._converge import Converge, Patience
+from atlantis_netcfg.operations.lte._result import FINE
+from atlantis_netcfg.operations.lte._unit import Unit, is_unit
+from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import LteRouter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.operations.lte._result import LteResult
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["perform"]
+
+_REHEARSED = Patience(settle_s=5.0, poll_s=0.1)
+
+
+def perform(
+    inventory: Path,
+    hosts: Sequence[str],
+    request: Mapping[str, Any] | None,
+    *,
+    plan_only: bool,
+    decrypt: Callable[[str], str],
+) -> dict[str, Any]:
+    """Do what is asked and give `per_host`, the result of each unit as Ansible shows it. Raises NetcfgError.
+
+    Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
+    only saves or compares, is none of ours: then nothing is asked.
+    """
+    asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
+    if plan_only:
+        asked = asked.model_copy(update={"mode": Mode.PLAN})
+    channel = Channel(asked.events_fd)
+    try:
+        declaration = load(inventory, decrypt=decrypt)
+        units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
+        results = _perform(declaration, units, asked, channel) if _ours(asked) else {}
+    except NetcfgError as error:
+        channel.error(error)
+        raise
+    except Exception as fault:
+        problem = crashed(fault, asked.command, lambda: asked.state)
+        channel.error(problem)
+        raise problem from fault
+    return {"per_host": {name: _of_host(result) for name, result in results.items()}}
+
+
+def _ours(request: Request) -> bool:
+    forward = request.back_to is None and request.restore is None
+    return forward and request.mode in (Mode.PLAN, Mode.APPLY, Mode.RESUME)
+
+
+def _perform(
+    declaration: Declaration, units: Sequence[Host], request: Request, channel: Channel
+) -> dict[str, LteResult]:
+    if units and declaration.pilot.example_values and not request.rehearsed:
+        raise UsageError(
+            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
+        )
+    results: dict[str, LteResult] = {}
+    for site in sorted({host.site for host in units}):
+        results |= _site(declaration, site, [host for host in units if host.site == site], request, channel)
+    return results
+
+
+def _site(
+    declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: Channel
+) -> dict[str, LteResult]:
+    """The units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
+    store = Store(request.state, rehearsed=request.rehearsed)
+    results: dict[str, LteResult] = {}
+    with ExitStack() as stack:
+        journal: Recorder = NoJournal()
+        run = ""
+        if not request.mode.reads_only:
+            stack.enter_context(store.lock(site, request.command))
+            opened = stack.enter_context(_journal(declaration, site, units, request, store))
+            journal, run = opened, opened.run
+        for host in units:
+            result = _unit(host, request, store, journal, channel)
+            results[host.name] = result
+            channel.outcome({host.name: result.as_dict()}, {f"{site} 4G": run} if run else {})
+        with suppress(JournalFailed):
+            journal.write(RunEnded(exit=int(max(result.exit for result in results.values()))))
+    return results
+
+
+def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel: Channel) -> LteResult:
+    assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_unit` has said so
+    unit = Unit(
+        host,
+        host.device,
+        store.pins,
+        channel.event,
+        rehearsed=request.rehearsed,
+        target=request.targets.get(host.name) if request.rehearsed else None,
+    )
+    return Converge(
+        unit,
+        journal,
+        plan_only=request.mode is Mode.PLAN,
+        agreed=None if request.plans is None else request.plans.get(host.name, ""),
+        patience=_REHEARSED if request.rehearsed else Patience(),
+    ).run()
+
+
+def _journal(declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: Store) -> Journal:
+    if request.mode is Mode.RESUME and request.run is not None:
+        resumed = RunResumed(revision=declaration.revision, tool=__version__, command=request.command)
+        return store.resume(site, request.run, resumed)
+    return store.start(
+        RunStarted(
+            site=site,
+            revision=declaration.revision,
+            tool=__version__,
+            hosts=tuple(host.name for host in units),
+            rehearsed=request.rehearsed,
+            command=request.command,
+        )
+    )
+
+
+def _of_host(result: LteResult) -> dict[str, Any]:
+    fine = result.exit in FINE
+    told = f"{result.message} ({result.hint})" if result.hint else result.message
+    shown = f"{result.name}:\n{result.diff}" if result.diff else ""
+    changed = bool(result.planned) and result.exit in (ExitCode.DONE, ExitCode.CHANGES)
+    return {**result.as_dict(), "ok": fine, "changed": changed, "message": told, "shown": shown}

@@ -1,0 +1,184 @@
+"""A declared 4G unit that is no RouterOS device, and one look at it by its driver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.lte import at, manual, modemmanager, rutos
+from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
+from atlantis_netcfg.console import UnknownHostKey, open_commands
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.site.model import LteDriver, LteRouter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.lte import LteReading
+    from atlantis_netcfg.bearers.lte.rutos import LteSettings
+    from atlantis_netcfg.console import Commands
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.journal import Pins
+    from atlantis_netcfg.operations.request import Target
+    from atlantis_netcfg.site import Host
+
+__all__ = ["Look", "NotRehearsed", "Unit", "is_unit"]
+
+_HTTPS, _SSH = 443, 22
+_SERIAL = "serial number of "
+"""Before a device's name where its serial number is kept among the pins; names have no spaces."""
+_TRIED = "PIN tried on "
+"""Before a device's name where it is kept that a PIN was tried: when, and never which."""
+
+
+class NotRehearsed(NetcfgError):
+    """There is no emulation of what this driver talks to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What one look at a unit has given."""
+
+    reading: LteReading
+    findings: tuple[Finding, ...]
+    requests: int = 0
+    sent: int = 0
+    received: int = 0
+    serial: str | None = None
+
+
+def is_unit(host: Host) -> bool:
+    """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
+    return isinstance(host.device, LteRouter) and host.device.driver is not LteDriver.ROUTEROS
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit, the way to it, and what is known of it from earlier runs."""
+
+    host: Host
+    device: LteRouter
+    pins: Pins
+    notify: Subscriber
+    rehearsed: bool = False
+    target: Target | None = None
+    """Rehearsal: where its emulation listens; None: there is none."""
+
+    @property
+    def name(self) -> str:
+        """The inventory's name."""
+        return self.host.name
+
+    @property
+    def may_set(self) -> bool:
+        """Whether somebody is declared who may set things."""
+        access = self.device.access
+        admin = access is not None and access.admin_user is not None and access.admin_password is not None
+        return self.device.driver is LteDriver.RUTOS and admin
+
+    @property
+    def settings(self) -> LteSettings:
+        """What is declared of its SIM, to be set."""
+        sim = self.device.sim
+        return rutos.LteSettings(apn=sim.apn, user=sim.user, password=sim.password, pin=sim.pin, roaming=sim.roaming)
+
+    @property
+    def wanted(self) -> LteWanted:
+        """What is declared of its SIM, to be judged."""
+        sim = self.device.sim
+        return LteWanted(
+            apn=sim.apn,
+            roaming=sim.roaming,
+            pin_declared=sim.pin is not None,
+            apn_required=sim.user is not None or sim.password is not None,
+            bands=sim.bands,
+        )
+
+    def look(self) -> Look:
+        """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
+        if self.rehearsed and self.target is None and self.device.driver is not LteDriver.MANUAL:
+            raise NotRehearsed(f"not looked at: there is no emulation for driver {self.device.driver}")
+        readers: dict[LteDriver, Callable[[], Look]] = {
+            LteDriver.RUTOS: self._rutos,
+            LteDriver.AT: self._at,
+            LteDriver.MODEMMANAGER: self._modemmanager,
+            LteDriver.MANUAL: self._manual,
+        }
+        return readers[self.device.driver]()
+
+    def shell(self) -> Commands:
+        """Log in to set things; the host key is pinned at first contact, before the password is sent.
+
+        Raises DeviceFailed.
+        """
+        access = self.device.access
+        assert access is not None  # noqa: S101 - `may_set` has said so
+        assert access.admin_user is not None  # noqa: S101 - as above
+        assert access.admin_password is not None  # noqa: S101 - as above
+        host, port, key = str(self.device.address), _SSH, self.pins.host_key(self.name)
+        if self.target is not None:
+            host, port, key = self.target.host, self.target.ssh or _SSH, self.target.host_key
+        opened = partial(open_commands, host, port, access.admin_user, access.admin_password)
+        try:
+            return opened(pin=key)
+        except UnknownHostKey as unknown:
+            self.pins.pin_host_key(self.name, unknown.fingerprint)
+            self._tell(f"first contact: its SSH host key is pinned, {unknown.fingerprint}")
+            return opened(pin=unknown.fingerprint)
+
+    @property
+    def pin_tried(self) -> bool:
+        """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
+        return self.pins.get(f"{_TRIED}{self.name}") is not None
+
+    def note_pin(self, when: str | None) -> None:
+        """Remember that a PIN is about to be tried, before it is; or (None) that the SIM is unlocked."""
+        if when is not None or self.pin_tried:
+            self.pins.change(f"{_TRIED}{self.name}", when)
+
+    def _rutos(self) -> Look:
+        access, target = self.device.access, self.target
+        assert access is not None  # noqa: S101 - site/rules/lte.py
+        host, port, pin = str(self.device.address), access.port or _HTTPS, self.pins.get(self.name)
+        if target is not None:
+            host, port, pin = target.host, target.port, target.pin
+        endpoint = rutos.RutosEndpoint(host, port, access.user, access.password, pin)
+        try:
+            found = rutos.read(endpoint)
+        except rutos.CertificateUnknown as unknown:
+            self.pins.pin(self.name, unknown.fingerprint)
+            self._tell(f"first contact: its certificate is pinned, SHA-256 {unknown.fingerprint}")
+            found = rutos.read(replace(endpoint, pin=unknown.fingerprint))
+        self._identify(found.serial)
+        findings = judge(found.reading, self.wanted)
+        return Look(found.reading, findings, found.requests, found.sent, found.received, found.serial)
+
+    def _identify(self, serial: str | None) -> None:
+        """A unit is known by its serial number, where it tells one."""
+        if serial is None:
+            return
+        known = self.pins.pin(f"{_SERIAL}{self.name}", serial)
+        if known != serial:
+            raise DeviceFailed(
+                f"{self.name}: another unit answers here: serial number {serial}, and the one that was met is {known}",
+                hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
+            )
+
+    def _at(self) -> Look:
+        port = self.target.serial if self.target is not None else self.device.serial
+        assert port is not None  # noqa: S101 - site/rules/lte.py; each emulated modem has one
+        found = at.read(port)
+        return Look(found.reading, judge(found.reading, self.wanted), found.commands)
+
+    def _modemmanager(self) -> Look:
+        found = modemmanager.read()
+        return Look(found.reading, (*judge(found.reading, self.wanted), *found.findings), found.calls)
+
+    def _manual(self) -> Look:
+        return Look(manual.read(), (manual.finding(str(self.device.address)),))
+
+    def _tell(self, message: str) -> None:
+        self.notify(Event(self.name, Stage.CONNECTING, message))
