@@ -34,7 +34,8 @@ _CONNECT_S = 15.0
 async def converge_pair(pair: Pair, *, mode: Mode = Mode.APPLY) -> Results:
     """Bring both ends to their declared states, or say why not: results of near and far end.
 
-    Where no radio is changed, both are ordinary runs, far end first.
+    Where no radio is changed, both are ordinary runs, far end first. So is the near end's run while its radio is off
+    and the far end is not to be seen: a bridge that is not there yet is made end by end, each from its own cable.
     """
     if mode not in (Mode.PLAN, Mode.APPLY, Mode.RESUME, Mode.ROLLBACK):
         return await _one_by_one(pair, mode)
@@ -62,11 +63,21 @@ def _patient(job: DeviceJob) -> DeviceJob:
 
 async def _one_by_one(pair: Pair, mode: Mode, work: Transaction | None = None) -> Results:
     """Run ordinary runs, far end first: what goes wrong there should not have cost us the near end before."""
+    if work is not None and work.unseen is not None:
+        near = await converge(pair.near, mode=mode)
+        return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.ended(work.unseen)
     far = await converge(pair.far, mode=mode)
     near = await converge(pair.near, mode=mode)
     if work is not None and any(end.changes_radio for end in work.ends):
         near, far = (replace(each, notes=(*each.notes, _words(pair))) for each in (near, far))
     return near, far
+
+
+def _end_by_end(pair: Pair) -> str:
+    return (
+        f"the radio of {pair.near.name} was off and {pair.far.name} is not to be seen: {pair.near.name} goes alone."
+        f" When {pair.far.name} has been set up from its own cable, run this again: only then is the bridge proved"
+    )
 
 
 def _words(pair: Pair) -> str:
@@ -79,7 +90,7 @@ def _words(pair: Pair) -> str:
 async def _run(work: Transaction, mode: Mode) -> Results | None:
     """Run the pair as one; None: these are ordinary runs."""
     ended = await _read(work, mode)
-    if ended is not None:
+    if ended is not None or work.unseen is not None:
         return ended
     if not any(end.actions for end in work.ends):
         return _unchanged(work.near), _unchanged(work.far)
@@ -100,12 +111,21 @@ async def _read(work: Transaction, mode: Mode) -> Results | None:
     if not any(problems):
         return None
     near, far = problems
+    if near is None and far is not None and mode in (Mode.PLAN, Mode.APPLY) and _is_new(work.near, far):
+        work.unseen = far
+        return None
     if mode is Mode.RESUME and near is None and far is not None and work.near.changes_radio:
         return await _alone(work, far)
     return (
         near or _left(work.near, f"its other end {work.far.name} could not be looked at"),
         far or _left(work.far, f"its other end {work.near.name} could not be looked at"),
     )
+
+
+def _is_new(near: End, far: DeviceResult) -> bool:
+    """Tell whether there is no bridge yet that could be lost."""
+    radio = near.radio(after=False)
+    return far.status is Status.LEFT_AS_FOUND and radio is not None and radio.get("disabled") in ("yes", "true")
 
 
 async def _alone(work: Transaction, gone: DeviceResult) -> Results:

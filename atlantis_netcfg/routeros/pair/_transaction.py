@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action
     from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply import Channel
+    from atlantis_netcfg.routeros.apply import Channel, DeviceResult
     from atlantis_netcfg.routeros.pair._pair import Pair, Signal
 
 __all__ = ["BUDGET", "SAFE_MODE_S", "LinkGone", "Refusal", "Transaction"]
@@ -65,6 +65,8 @@ class Transaction:
     """When the near end is taken back, whatever is missing."""
     fires: float = 0.0
     """When the far end's own rollback has happened, should we never reach it again."""
+    unseen: DeviceResult | None = None
+    """A bridge that is not there yet: what became of the far end, which could not be looked at."""
     _answer: asyncio.Task[list[Reply]] | None = None
     _anew: dict[str, Channel] = field(default_factory=dict)
 
