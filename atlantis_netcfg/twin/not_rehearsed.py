@@ -7,6 +7,7 @@ __all__ = ["NOT_REHEARSED"]
 NOT_REHEARSED = (
     "throughput, latency and load of the real board",
     "every enabled port has a link; of radio only the agreement of two ends and a free-space level are emulated",
+    "4G: coverage and speed; the SIM is one of its network, with the declared PIN and access point",
     "PoE: nothing is fed, nothing is short-circuited",
     "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
     "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",

@@ -106,4 +106,18 @@ def pin(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(Part("device", host), ("sim", "pin"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (fields, apn, pin)
+def is_the_gateway(draft: Draft) -> Iterator[Finding]:
+    """A box that routes is the next hop of its link: with another address the site's router would not find it."""
+    for host, name, device in draft.boxes(LteRouter):
+        site = draft.sites.get(name)
+        if site is None or device.driver not in {_ROUTEROS, _RUTOS}:
+            continue
+        for index, bearer in enumerate(site.bearers):
+            both = {bearer.gateway, device.address}
+            if bearer.device == host and len(both) > 1 and all(one in bearer.network for one in both):
+                where = draft.where(Part("site", name), "bearers", index, "gateway")
+                message = f"the address {device.address} is not the gateway of link `{bearer.name}` ({where})"
+                yield draft.wrong(Part("device", host), ("address",), message, f"write {bearer.gateway}")
+
+
+RULES: tuple[Rule, ...] = (fields, apn, pin, is_the_gateway)
