@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import socket
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import pytest
 
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
+from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.site import perform
 from atlantis_netcfg.rsc import parse
 from atlantis_netcfg.site import load
@@ -209,10 +211,38 @@ def test_a_box_that_cannot_do_what_is_declared_is_refused_with_what_to_change(
 
 
 def _targets(spawned: SpawnedSite) -> Rehearsal:
-    from atlantis_netcfg.operations.request import Target  # noqa: PLC0415
-
     targets = {
         name: Target(host=ready["host"], port=ready["api_ssl"], pin=ready["pin"])
         for name, ready in spawned.ready.items()
     }
     return Rehearsal(targets, (), spawned)
+
+
+@pytest.mark.slow
+def test_a_bridge_that_is_not_there_yet_is_made_end_by_end(tmp_path: Path) -> None:
+    root, state = inventory(tmp_path, {}), tmp_path / "state"
+    with boxes(root, tmp_path / "twins") as spawned:
+        twins = _targets(spawned)
+        for near, far in (ENDS, ENDS[::-1]):
+            here = Rehearsal(_unseen(twins, far), (), spawned)
+            planned = ask(root, state, here, near, mode="plan")
+            assert statuses(planned) == {near: "planned", far: "left-as-found"}, said(planned)
+            alone = ask(root, state, here, near)
+            assert statuses(alone) == {near: "changed", far: "left-as-found"}, said(alone)
+            assert f"{near} goes alone" in alone[near]["notes"][-1]
+            assert alone[far]["exit"] == 4
+        again = ask(root, state, twins, ENDS[0])
+        assert statuses(again) == dict.fromkeys(ENDS, "unchanged"), said(again)
+        gone = ask(root, state, Rehearsal(_unseen(twins, ENDS[1]), (), spawned), ENDS[0])
+        assert statuses(gone) == {ENDS[0]: "unchanged", ENDS[1]: "left-as-found"}, said(gone)
+        inventory(tmp_path, {"frequency_mhz: 5500": "frequency_mhz: 5520"})
+        kept = ask(root, state, Rehearsal(_unseen(twins, ENDS[1]), (), spawned), ENDS[0])
+        assert statuses(kept) == dict.fromkeys(ENDS, "left-as-found"), said(kept)
+
+
+def _unseen(twins: Rehearsal, name: str) -> dict[str, Target]:
+    """The same twins, of which one is at a port where nobody listens."""
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        port = nobody.getsockname()[1]
+    return {**twins.targets, name: twins.targets[name].model_copy(update={"port": port})}
