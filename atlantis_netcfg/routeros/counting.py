@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros.api import Reply
 
-__all__ = ["counting", "looks", "read_counts", "seconds"]
+__all__ = ["closing", "counting", "looks", "read_counts", "seconds"]
 
 _UPTIME = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(?:(\d+)h)?(?:(\d+)m)?(?:(\d+)s)?")
+_UPTIME_ONLY: Final = Command("/system/resource/print", ((".proplist", "uptime"),))
 _UNITS: Final = (604_800, 86_400, 3_600, 60, 1)
 
 
@@ -37,6 +38,11 @@ def looks(ports: Sequence[str], beside: int) -> tuple[list[Command], list[Comman
         return [], []
     look = counting(ports)
     return ([look] if room > 1 else []), [look]
+
+
+def closing(ports: Sequence[str]) -> list[Command]:
+    """A look beside the last sentences of a run, which have room for it: counters and uptime, for `read_counts`."""
+    return [counting(ports), _UPTIME_ONLY] if ports else []
 
 
 def read_counts(reply: Reply, resource: Reply) -> PortCounts | None:

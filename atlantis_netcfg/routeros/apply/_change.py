@@ -27,6 +27,7 @@ from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, P
 from atlantis_netcfg.routeros.apply._shield import Held, Hold
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
+from atlantis_netcfg.routeros.counting import closing, read_counts
 from atlantis_netcfg.routeros.observe import merged, modem_row, observe, printing
 from atlantis_netcfg.routeros.pin import MONITOR, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
@@ -214,7 +215,10 @@ async def _release(work: Work, hold: Hold, *, last: bool = False) -> None:
     work.record(Releasing(device=work.job.name))
     work.permanent = True
     farewell = work.farewell() if last else ()
-    answers = await work.shield.release(work.channel, [*map(printing, witness), *farewell])
+    look = closing(work.job.counted)
+    answers = await work.shield.release(work.channel, [*map(printing, witness), *look, *farewell])
+    if look:
+        work.last_look = read_counts(*answers[len(witness) : len(witness) + len(look)])
     answers = answers[: len(witness)]
     work.holding = False
     work.signed_off(farewell)

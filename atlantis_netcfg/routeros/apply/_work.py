@@ -71,6 +71,8 @@ class Work:
     """`.id` of the sign that a run is under way."""
     permanent: bool = False
     """Something of the plan may be on the device for good."""
+    last_look: PortCounts | None = None
+    """At the ports' counters, beside the release: after it nothing of weight is sent."""
     holding: bool = False
     """Safe mode was asked for and may be ours."""
     owner: str = ""
@@ -96,6 +98,7 @@ class Work:
     def counts(self) -> tuple[PortCounts, ...]:
         """The first and the last look at the ports' counters."""
         looks = [look for seen in (self.before, self.after) if seen is not None for look in seen.counts]
+        looks += [self.last_look] if self.last_look is not None else []
         return (looks[0], looks[-1]) if looks else ()
 
     @property
