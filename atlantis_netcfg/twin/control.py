@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.twin.lte._modem import refit
 from atlantis_netcfg.twin.site import describe
 from atlantis_netcfg.twin.wire.faults import Fault
 from atlantis_netcfg.twin.wire.knobs import Knobs
@@ -72,6 +73,12 @@ async def _silence(router: Router, addresses: list[str]) -> None:
     router.silence(addresses)
 
 
+async def _modem(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by ModemSpec)
+    told = refit(router.device.core, changes)
+    router.spec = router.device.spec = router.device.core.spec
+    return told
+
+
 async def _drop(router: Router) -> None:
     router.drop()
 
@@ -127,6 +134,7 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "reset": _reset,
     "gap": _gap,
     "silence": _silence,
+    "modem": _modem,
     "drop": _drop,
     "vanish": _vanish,
     "reboot": _reboot,

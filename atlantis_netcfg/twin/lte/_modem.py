@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pydantic import BaseModel
+
     from atlantis_netcfg.twin.core import Core
     from atlantis_netcfg.twin.lte._spec import ModemSpec, SimSpec
     from atlantis_netcfg.twin.store import Item
 
-__all__ = ["APN", "LTE", "Phase", "Settings", "phase_of", "settings_of", "settle"]
+__all__ = ["APN", "LTE", "Phase", "Settings", "phase_of", "refit", "settings_of", "settle"]
 
 LTE, APN = "/interface/lte", "/interface/lte/apn"
 
@@ -126,6 +130,31 @@ def settle(core: Core) -> None:
     if answer is not None:
         _tell(core, f"{mine.name}: rcvd {answer}", asked=f"{mine.name}: sent AT+CPIN?")
     _connect(core, mine, up=phase is Phase.CONNECTED)
+
+
+def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Change the card (`sim`) or the network (`cell`) under a modem at work; None takes it away. Tell what it is then.
+
+    Properties that are not named stay. Raises LookupError where the board has no modem, ValueError for what cannot be.
+    """
+    modem = core.spec.modem
+    if modem is None:
+        raise LookupError(f"{core.spec.name} has no modem")
+    parts = {name: _part(getattr(modem, name, None), part) for name, part in changes.items()}
+    changed = type(modem).model_validate({**modem.model_dump(), **parts})
+    core.spec = core.spec.model_copy(update={"modem": changed})
+    if "sim" in changes:
+        core.sim.swap(changed.sim.tries if changed.sim is not None else 0)
+    settle(core)
+    mine = settings_of(core)
+    phase = Phase.OFF if mine is None else phase_of(core, mine)
+    return {"phase": phase.name.lower(), "tries_left": core.sim.tries_left, "pins_entered": core.sim.pins_entered}
+
+
+def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if changes is None:
+        return None
+    return {**(before.model_dump() if before is not None else {}), **changes}
 
 
 def _tell(core: Core, line: str, *, asked: str | None = None) -> None:

@@ -33,6 +33,12 @@ class SimState:
         self.refused = not self.unlocked
         self.tries_left = 3 if self.unlocked else self.tries_left - 1
 
+    def swap(self, tries_left: int) -> None:
+        """Another card is put in, or the same one with its count as it is."""
+        self.tries_left = tries_left
+        self.told = ""
+        self.restart()
+
     def restart(self) -> None:
         """The modem starts anew: the card is locked again if it has a PIN."""
         self.unlocked = self.refused = False

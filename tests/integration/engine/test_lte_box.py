@@ -12,7 +12,8 @@ from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.render import lte
 from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import CellSpec, Management, ModemSpec, SimSpec
+from atlantis_netcfg.twin import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
+from atlantis_netcfg.twin.control import obey
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding
@@ -75,6 +76,22 @@ def test_what_is_wrong_with_the_subscription_is_told_by_name(
         assert (await bench.converge()).planned == 0
 
     on(box(tmp_path, sim=sim, **cell), act)
+
+
+def test_a_running_twin_is_told_of_another_network(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        await bench.converge()
+        site = Site(SiteSpec(name="coastal", twins=()), tmp_path)
+        site.routers = {"box": bench.router}
+        told = await obey(site, "box", "modem", {"cell": {"plmn": "20601"}})
+        assert told == {"phase": "registered", "tries_left": 3, "pins_entered": 0}
+        assert {one.code for one in await findings(bench)} == {"roaming-not-allowed"}
+        await bench.router.restart()
+        assert {one.code for one in await findings(bench)} == {"roaming-not-allowed"}
+        with pytest.raises(TwinRefused, match="colour"):
+            await obey(site, "box", "modem", {"colour": {}})
+
+    on(box(tmp_path), act)
 
 
 def test_a_board_without_a_modem_is_refused_before_anything_is_sent(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from lte_bench import Box
 
 from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.twin.device import Device
+from atlantis_netcfg.twin.lte._modem import refit
 from atlantis_netcfg.twin.spec import RouterSpec
 
 
@@ -169,6 +170,27 @@ def test_it_refuses(command: str, words: tuple[str, ...], told: str) -> None:
 def test_since() -> None:
     box = Box(version="7.21.5")
     assert box.say("/interface/lte/settings/set", "link-recovery-timer=60") == ["!done"]
+
+
+def test_another_card_and_another_network_under_a_modem_at_work() -> None:
+    box = Box()
+    core = box.device.core
+    assert refit(core, {"cell": {"plmn": "20601"}}) == {"phase": "registered", "tries_left": 3, "pins_entered": 0}
+    assert box.read().state is Registration.REGISTERED_ROAMING
+    assert refit(core, {"cell": {"plmn": "00101", "rsrp_dbm": -111}})["phase"] == "connected"
+    assert box.read().rsrp_dbm == -111.0
+    assert refit(core, {"sim": {"pin": "1234"}})["phase"] == "pin"
+    box.set("pin=9999")
+    assert refit(core, {}) == {"phase": "pin", "tries_left": 2, "pins_entered": 1}
+    assert refit(core, {"sim": {"pin": "1234", "tries": 1}})["phase"] == "puk"
+    assert refit(core, {"sim": None})["phase"] == "no_sim"
+    assert refit(core, {"cell": None, "sim": {}})["phase"] == "searching"
+    with pytest.raises(ValueError, match="cell"):
+        refit(core, {"cell": {"colour": "blue"}})
+    with pytest.raises(ValueError, match="colour"):
+        refit(core, {"colour": {}})
+    with pytest.raises(LookupError, match="router has no modem"):
+        refit(Device(RouterSpec(name="router"), lambda: 0.0).core, {})
 
 
 def test_capabilities() -> None:
