@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMAND", "run"]
 
+_NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP connection is tried, nobody tells the time"
+
 COMMAND = Command(
     "prove",
     "try what the satellite lets through, and what it must not, within 20 kB",
@@ -29,6 +31,9 @@ COMMAND = Command(
     ),
     flags=(
         Flag("open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"),
+        Flag(
+            "try-all", "also try TCP targets and the time, for which rows are added under safe mode and removed again"
+        ),
         Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
         ACCEPT_COST,
         JSON,
@@ -51,10 +56,12 @@ def run(arguments: Arguments) -> ExitCode:
         arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), only=(), unsealed=True
     ) as opened:
         proof = _prove(opened)
+    beyond = (_NOT_REHEARSED,) if opened.rehearsed else ()
     if opened.as_json:
-        print(json.dumps({**proof.as_json(), "rehearsed": opened.rehearsed}, ensure_ascii=False))
+        told = {**proof.as_json(), "rehearsed": opened.rehearsed, "not_rehearsed": beyond}
+        print(json.dumps(told, ensure_ascii=False))
     else:
-        print(proof.as_text())
+        print("\n".join([proof.as_text(), *(f"  not rehearsed: {one}" for one in beyond)]))
     return proof.exit
 
 
@@ -75,12 +82,15 @@ def _prove(opened: Session) -> Proof:
         if opened.rehearsal is not None:
             _configure(opened)
         proving = found.proving(
-            opened.declaration, open_filter=opened.arguments.flag("open-filter"), rehearsed=opened.rehearsed
+            opened.declaration,
+            open_filter=opened.arguments.flag("open-filter"),
+            try_all=opened.arguments.flag("try-all"),
+            rehearsed=opened.rehearsed,
         )
         proving.notify = notify
         _pay(opened, proving)
-        if proving.open_filter:
-            stack.enter_context(opened.store.lock(opened.site, "provision prove --open-filter"))
+        if proving.open_filter or proving.try_all:
+            stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
         proof = try_out(opened.declaration, found.router, _request(opened), proving)
     return replace(proof, findings=(*proof.findings, *declared))
 

@@ -45,6 +45,8 @@ class Probe(StrEnum):
     UDP_COUNTER = "udp, answers counted by the filter"
     TUNNEL = "openvpn, answers counted by the filter"
     """While the tunnel is down its client asks again and again, so that here silence does count."""
+    TIME = "ntp, answers counted by the filter"
+    """The time client was made to ask; its server answers everybody, so that here silence does count."""
     NONE = "none"
 
 

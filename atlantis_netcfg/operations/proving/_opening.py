@@ -1,7 +1,9 @@
-"""The router's filter, opened for one host for a moment, so that the terminal alone decides.
+"""Rows that are on the router only while a proof needs them: a filter opened for one host, a way for one question.
 
-Only under safe mode: if this computer or its link dies meanwhile, the router closes the filter by itself (after about
-2 s of a session that was closed, after about 9 minutes of one that went silent: Manual, Configuration Management).
+Only under safe mode: if this computer or its link dies meanwhile, the router takes them back by itself (after about 2 s
+of a session that was closed, after about 9 minutes of one that went silent: Manual, Configuration Management). In the
+ordinary case the rows are removed one by one and safe mode is released, not unrolled: to unroll would also take back
+what the router's own netwatch scripts have changed meanwhile, such as which link carries the traffic.
 """
 
 from __future__ import annotations
@@ -16,38 +18,53 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Sequence
 
     from atlantis_netcfg.operations.proving._reading import Reading
-    from atlantis_netcfg.routeros.api import Session
+    from atlantis_netcfg.routeros.api import Reply, Session
 
-__all__ = ["MARK", "opened"]
+__all__ = ["MARK", "filter_rows", "temporarily"]
 
-MARK = "atlantis: open for a proof"
-"""Comment of the two rows, by which a person would know them."""
+MARK = "atlantis: for a proof, taken back after it"
+"""Comment of the rows, by which a person would know them."""
 _FILTER = "/ip/firewall/filter"
 _TRUE = frozenset({"true", "yes"})
-_OURS = Command(f"{_FILTER}/print", ((".proplist", ".id"),), (f"?comment={MARK}",))
 
 
 @asynccontextmanager
-async def opened(session: Session, reading: Reading, chains: tuple[str, str], address: str) -> AsyncIterator[None]:
-    """Let ICMP to and from one host pass both chains while the context lasts.
+async def temporarily(session: Session, rows: Sequence[Command]) -> AsyncIterator[None]:
+    """Have these rows (`…/add` commands, marked by `MARK`) on the router while the context lasts.
 
     Raises DeviceFailed with the router as it was, or OutcomeUnknown if it does not say that the rows are gone.
     """
-    out, back = (_first(reading, chain) for chain in chains)
-    taken = await session.flight([Command("/safe-mode/take"), Command("/safe-mode/print")])
-    state = taken[1].rows[0] if taken[1].trap is None and taken[1].rows else {}
-    if taken[0].trap is not None or state.get("current") not in _TRUE:
-        words = taken[0].trap.message if taken[0].trap is not None else "somebody else holds it"
-        raise DeviceFailed(
-            f"safe mode could not be taken, so the filter was not opened: {words}",
-            hint="it needs RouterOS 7.18 or later, and nobody else may hold it",
-        )
+    await _take(session)
+    added: list[Reply] = []
     try:
-        for reply in await session.flight(_rows(chains, (out, back), address)):
+        added = await session.flight(rows)
+        for reply in added:
             reply.checked()
         yield
     finally:
-        await _close(session)
+        await _close(session, rows, added)
+
+
+def filter_rows(reading: Reading, chains: tuple[str, str], address: str) -> tuple[Command, ...]:
+    """Rows that let ICMP to and from one host pass both chains, ahead of all others. Raises DeviceFailed."""
+    words = (("action", "return"), ("comment", MARK), ("protocol", "icmp"))
+    out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first(reading, chains[0])))
+    back = (("chain", chains[1]), ("src-address", address), ("place-before", _first(reading, chains[1])))
+    return (
+        Command(f"{_FILTER}/add", (*out, *words)),
+        Command(f"{_FILTER}/add", (*back, *words, ("connection-state", "established"))),
+    )
+
+
+async def _take(session: Session) -> None:
+    take, state = await session.flight([Command("/safe-mode/take"), Command("/safe-mode/print")])
+    row = state.rows[0] if state.trap is None and state.rows else {}
+    if take.trap is not None or row.get("current") not in _TRUE:
+        words = take.trap.message if take.trap is not None else "somebody else holds it"
+        raise DeviceFailed(
+            f"safe mode could not be taken, so nothing was changed for the proof: {words}",
+            hint="it needs RouterOS 7.18 or later, and nobody else may hold it",
+        )
 
 
 def _first(reading: Reading, chain: str) -> str:
@@ -57,22 +74,27 @@ def _first(reading: Reading, chain: str) -> str:
     return rows[0][".id"]
 
 
-def _rows(chains: tuple[str, str], before: tuple[str, str], address: str) -> Sequence[Command]:
-    words = (("action", "return"), ("comment", MARK), ("protocol", "icmp"))
-    out = (("chain", chains[0]), ("dst-address", address), ("place-before", before[0]))
-    back = (("chain", chains[1]), ("src-address", address), ("place-before", before[1]))
-    return (
-        Command(f"{_FILTER}/add", (*out, *words)),
-        Command(f"{_FILTER}/add", (*back, *words, ("connection-state", "established"))),
-    )
+def _menu(command: Command) -> str:
+    return command.path.removesuffix("/add")
 
 
-async def _close(session: Session) -> None:
-    """Unroll, and see that nothing is left."""
-    unrolled, left = await session.flight([Command("/safe-mode/unroll")]), await session.command(_OURS)
-    if unrolled[0].trap is not None or left.trap is not None or left.rows:
+async def _close(session: Session, rows: Sequence[Command], added: Sequence[Reply]) -> None:
+    """Remove the rows, see that none is left, and only then let safe mode go; otherwise everything is unrolled."""
+    there = zip(rows, added, strict=False)
+    removals = [Command(f"{_menu(row)}/remove", ((".id", one.ret),)) for row, one in there if one.ret is not None]
+    await session.flight(removals)
+    if await _gone(session, rows):
+        await session.flight([Command("/safe-mode/release")])
+        return
+    await session.flight([Command("/safe-mode/unroll")])
+    if not await _gone(session, rows):
         raise OutcomeUnknown(
-            "the router does not say that its filter is closed again",
-            hint="close the session's safe mode, or remove the rows that say "
-            f"`{MARK}`; the next `provision site=…` removes them too",
+            "the router does not say that the rows of the proof are gone",
+            hint=f"remove the rows that say `{MARK}`; the next `provision site=…` removes them too",
         )
+
+
+async def _gone(session: Session, rows: Sequence[Command]) -> bool:
+    menus = dict.fromkeys(_menu(row) for row in rows)
+    asked = [Command(f"{menu}/print", ((".proplist", ".id"),), (f"?comment={MARK}",)) for menu in menus]
+    return all(reply.trap is None and not reply.rows for reply in await session.flight(asked))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.satellite import Expected, Probe
-from atlantis_netcfg.site.allowed import allowed
+from atlantis_netcfg.site.allowed import NTP_PORT, allowed
 from atlantis_netcfg.site.model import Transport
 
 if TYPE_CHECKING:
@@ -18,7 +18,10 @@ BUDGET_BYTES = 20_000
 """What a proof may send and receive over the satellite, counted by the router's own port counters."""
 ECHO_BYTES = 84
 """One echo request as an IP packet with RouterOS' 56 bytes of data; its answer is as long."""
-_NO_TCP = "RouterOS has no one-shot TCP connection over its API; try it by hand from the LAN"
+_ROUND_BYTES = {Probe.ICMP: 2 * ECHO_BYTES, Probe.TCP: 180, Probe.TIME: 2 * 76}
+"""A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
+_NO_TCP = "a TCP connection needs a row of netwatch for a moment: add --try-all"
+_NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment: add --try-all"
 _FOLLOWS = "the router sends to the VPN's address over the best link, which is not the satellite now"
 _QUIET = "the satellite does not carry the traffic now, so nothing asks this target over it"
 _NO_UDP = "silence of UDP proves nothing, and nothing of the router's asks this target; try it by hand"
@@ -40,33 +43,63 @@ class Task:
     """Why there is no way; of probe `none` only."""
 
 
-def tasks(pilot: Pilot, bearer: Bearer, *, active: bool) -> tuple[Task, ...]:
-    """What is to be tried over a satellite link; `active`: whether it carries the site's traffic now."""
-    reached = (_task(target, Expected.REACHED, pilot, active=active) for target in allowed(pilot, bearer))
-    refused = (_task(target, Expected.REFUSED, pilot, active=active) for target in bearer.refused_probes)
+def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
+    """What is to be tried over a satellite link; `active`: whether it carries the site's traffic now.
+
+    `try_all`: rows may be added to the router for a moment.
+    """
+    how = _How(pilot, active, try_all)
+    reached = (_task(target, Expected.REACHED, how) for target in allowed(pilot, bearer))
+    refused = (_task(target, Expected.REFUSED, how) for target in bearer.refused_probes)
     return (*reached, *refused)
 
 
+@dataclass(frozen=True, slots=True)
+class _How:
+    """What decides by which way a target is tried."""
+
+    pilot: Pilot
+    active: bool
+    try_all: bool
+
+    def elsewhere(self, target: AllowedTarget) -> bool:
+        """Whether the router would send to it over another link."""
+        return target.address == self.pilot.vpn.endpoint and not self.active
+
+    def tells_time(self, target: AllowedTarget) -> bool:
+        """Whether it is a time server of the pilot."""
+        servers = {server.address for server in self.pilot.time_servers}
+        return target.port == NTP_PORT and target.address in servers
+
+
 def expected_bytes(planned: tuple[Task, ...], rounds: int) -> int:
-    """What the pings send and receive at most; what is only counted costs nothing more than it does anyway."""
-    return sum(2 * ECHO_BYTES * rounds for task in planned if task.probe is Probe.ICMP)
+    """What is sent and received at most; what is only counted costs nothing more than it does anyway."""
+    return sum(_ROUND_BYTES.get(task.probe, 0) * rounds for task in planned)
 
 
-def _task(target: AllowedTarget, expected: Expected, pilot: Pilot, *, active: bool) -> Task:
-    probe, why_not = _probe(target, expected, pilot, active=active)
+def _task(target: AllowedTarget, expected: Expected, how: _How) -> Task:
+    probe, why_not = _probe(target, expected, how)
     words = str(target.address) if target.port is None else f"{target.address} {target.transport} {target.port}"
     return Task(target.name, words, str(target.address), target.port, target.transport.value, expected, probe, why_not)
 
 
-def _probe(target: AllowedTarget, expected: Expected, pilot: Pilot, *, active: bool) -> tuple[Probe, str]:
+def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[Probe, str]:
     if target.port is None:
-        blocked = target.address == pilot.vpn.endpoint and not active
-        return (Probe.NONE, _FOLLOWS) if blocked else (Probe.ICMP, "")
+        return (Probe.NONE, _FOLLOWS) if how.elsewhere(target) else (Probe.ICMP, "")
     if target.transport is Transport.TCP:
-        return Probe.NONE, _NO_TCP
+        if not how.try_all:
+            return Probe.NONE, _NO_TCP
+        return (Probe.NONE, _FOLLOWS) if how.elsewhere(target) else (Probe.TCP, "")
     if expected is Expected.REFUSED:
         return Probe.NONE, _NO_UDP
-    if not active:
+    return _answering(target, how)
+
+
+def _answering(target: AllowedTarget, how: _How) -> tuple[Probe, str]:
+    """How an allowed UDP target is tried: by the answers that something of the router's own gets."""
+    if how.tells_time(target) and (how.try_all or not how.active):
+        return (Probe.TIME, "") if how.try_all else (Probe.NONE, _NO_TIME)
+    if not how.active:
         return Probe.NONE, _QUIET
-    tunnel = (target.address, target.port) == (pilot.vpn.endpoint, pilot.vpn.port)
+    tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
     return (Probe.TUNNEL if tunnel else Probe.UDP_COUNTER), ""

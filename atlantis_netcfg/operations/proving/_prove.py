@@ -11,13 +11,14 @@ from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe,
 from atlantis_netcfg.bearers.satellite.addresses import FACTORY_ADDRESSES
 from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.operations.proving._opening import opened
+from atlantis_netcfg.operations.proving._asking import RULES, STATUS, ask_now, connected, outcome, rows
+from atlantis_netcfg.operations.proving._opening import filter_rows, temporarily
 from atlantis_netcfg.operations.proving._plan import BUDGET_BYTES, expected_bytes, tasks
 from atlantis_netcfg.operations.proving._proof import Proof
 from atlantis_netcfg.operations.proving._reading import answered, factory_ping, ping, read, reads
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Sequence
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.bearers.policy import Way
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Pace", "Proving"]
 
+_HELD = (Probe.TCP, Probe.TIME)
 _COUNTED = (Probe.UDP_COUNTER, Probe.TUNNEL)
 _REFUSALS = 3
 """Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
@@ -62,6 +64,7 @@ class Proving:
     terminal: str
     """Name of the terminal, for findings."""
     open_filter: bool = False
+    try_all: bool = False
     pace: Pace = Pace()
     notify: Subscriber = lambda _event: None
     _attempts: list[Attempt] = field(default_factory=list)
@@ -70,14 +73,16 @@ class Proving:
     @property
     def expected_bytes(self) -> int:
         """What the pings cost over the satellite at most."""
-        return min(BUDGET_BYTES, expected_bytes(tasks(self.pilot, self.bearer, active=True), self.pace.rounds))
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return min(BUDGET_BYTES, expected_bytes(planned, self.pace.rounds))
 
     @property
     def seconds(self) -> float:
         """How long it lasts at most, about."""
-        planned = tasks(self.pilot, self.bearer, active=True)
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
-        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0))
+        held = any(task.probe in _HELD for task in planned)
+        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + held)
 
     async def run(self, session: Session) -> Proof:
         """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
@@ -85,17 +90,21 @@ class Proving:
         self._start_bytes = before.port_bytes
         active = active_bearer(before.routes, self.ways) == self.bearer.name
         terminal = await self._terminal(session)
-        planned = tasks(self.pilot, self.bearer, active=active)
+        planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
         for task in planned:
             if task.probe is Probe.NONE:
                 self._attempts.append(_attempt(task, Outcome.NOT_TRIED, note=task.why_not))
-        reached = [task for task in planned if task.expected is Expected.REACHED and task.probe is not Probe.NONE]
+        alone = [task for task in planned if task.probe not in (Probe.NONE, *_HELD)]
+        reached = [task for task in alone if task.expected is Expected.REACHED]
         self._attempts += await self._reach(session, reached, before)
         for task in planned:
             if task.expected is Expected.REFUSED and task.probe is Probe.ICMP:
                 self._attempts.append(await self._refuse(session, task))
                 if self.open_filter:
                     self._attempts.append(await self._beyond(session, task))
+        held = [task for task in planned if task.probe in _HELD]
+        if held:
+            self._attempts += await self._ask(session, held, active=active)
         after = await self._read(session)
         return self._proof(before, after, terminal, active=active)
 
@@ -156,7 +165,7 @@ class Proving:
 
     def _more(self, before: Reading, now: Reading, task: Task) -> bool:
         chain = self._chains[1]
-        return task.probe in _COUNTED and now.answers(chain, task) > before.answers(chain, task)
+        return task.probe in (*_COUNTED, Probe.TIME) and now.answers(chain, task) > before.answers(chain, task)
 
     def _reached(self, task: Task, after_s: float | None, waited_s: float, before: Reading, now: Reading) -> Attempt:
         if after_s is not None:
@@ -188,7 +197,7 @@ class Proving:
         self._say(f"{task.name}, with the router's filter open for it")
         reading = await self._read(session)
         waited_s, found = 0.0, False
-        async with opened(session, reading, self._chains, task.address):
+        async with temporarily(session, filter_rows(reading, self._chains, task.address)):
             for turn in range(self.pace.rounds):
                 if turn and await self._spent(session):
                     break
@@ -200,6 +209,33 @@ class Proving:
         outcome = Outcome.ANSWERED if found else Outcome.SILENT
         attempt = _attempt(task, outcome, window_s=waited_s)
         return replace(attempt, filter_open=True, after_s=waited_s if found else None)
+
+    async def _ask(self, session: Session, todo: Sequence[Task], *, active: bool) -> list[Attempt]:
+        """Ask what needs rows on the router, all in one window; who is to be refused is asked to its end."""
+        before = now = await self._read(session)
+        answers: dict[Task, float] = {}
+        waited_s = 0.0
+        added = rows(todo, self.bearer, await session.command(RULES), active=active)
+        async with temporarily(session, added):
+            if any(task.probe is Probe.TIME for task in todo):
+                await ask_now(session)
+            for turn in range(self.pace.rounds):
+                self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, self.pace.rounds)
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+                now = await self._read(session)
+                found = connected(todo, await session.command(STATUS))
+                found |= {task for task in todo if self._more(before, now, task)}
+                answers = dict.fromkeys(found, waited_s) | answers
+                if len(answers) == len(todo) or now.port_bytes - self._start_bytes >= BUDGET_BYTES:
+                    break
+        return [self._asked(task, answers, waited_s, before, now) for task in todo]
+
+    def _asked(
+        self, task: Task, answers: Mapping[Task, float], waited_s: float, before: Reading, now: Reading
+    ) -> Attempt:
+        found, note = outcome(task, answers, before, now, self._chains[0])
+        return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
 
     async def _spent(self, session: Session) -> bool:
         """Whether the satellite's port has carried the budget since the proof began, whoever has used it."""

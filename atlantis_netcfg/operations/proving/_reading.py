@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Reading", "answered", "factory_ping", "ping", "read", "reads"]
 
 _TRUE = frozenset({"true", "yes"})
-_RULE = ".id,chain,action,comment,packets,src-address,src-port,protocol"
+_RULE = ".id,chain,action,comment,packets,src-address,src-port,dst-address,dst-port,protocol"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,19 @@ class Reading:
         return sum(_number(row, "packets") for row in self.chain(chain) if row.get("action") == "drop")
 
     def answers(self, chain: str, task: Task) -> int:
-        """Packets that came back from a UDP target, by the rule that lets its answers in."""
+        """Packets that came back from a target, by the rule that lets its answers in."""
+        return self._passed(chain, task, "src")
+
+    def questions(self, chain: str, task: Task) -> int:
+        """Packets that went out to a target, by the rule that lets them out."""
+        return self._passed(chain, task, "dst")
+
+    def _passed(self, chain: str, task: Task, side: str) -> int:
+        wanted = {f"{side}-address": task.address, f"{side}-port": str(task.port), "protocol": task.transport}
         return sum(
             _number(row, "packets")
             for row in self.chain(chain)
-            if row.get("action") == "return"
-            and row.get("src-address") == task.address
-            and row.get("src-port") == str(task.port)
-            and row.get("protocol") == task.transport
+            if row.get("action") == "return" and all(row.get(name) == value for name, value in wanted.items())
         )
 
 

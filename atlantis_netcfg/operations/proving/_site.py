@@ -36,7 +36,9 @@ class Satellite:
     port: str
     terminal: Host
 
-    def proving(self, declaration: Declaration, *, open_filter: bool, rehearsed: bool) -> Proving:
+    def proving(
+        self, declaration: Declaration, *, open_filter: bool, rehearsed: bool, try_all: bool = False
+    ) -> Proving:
         """What is to be done; in a rehearsal nobody waits, each turn counts as the seconds that it stands for."""
         return Proving(
             pilot=declaration.pilot,
@@ -47,6 +49,7 @@ class Satellite:
             ways=ways_of(declaration, self.router),
             terminal=self.terminal.name,
             open_filter=open_filter,
+            try_all=try_all,
             pace=Pace(sleep=_no_wait) if rehearsed else Pace(),
         )
 

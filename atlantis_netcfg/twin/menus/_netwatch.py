@@ -13,6 +13,8 @@ from atlantis_netcfg.twin.values import Bool, Choice, Int, Pattern, Rate, Ref, T
 __all__ = ["MENUS"]
 
 _ICMP = ("type", "icmp")
+_TCP = ("type", "tcp-conn")
+_PORT = ("type", "tcp-conn|http-get|https-get")
 _QUEUES = offered("/queue/tree", "queue")
 
 MENUS = (
@@ -57,6 +59,7 @@ MENUS = (
             Arg("packet-count", Int(1), "10", shown_if=_ICMP),
             Arg("packet-interval", Time(0.001), "50ms", shown_if=_ICMP),
             Arg("packet-size", Int(28, 65535), "54", shown_if=_ICMP),
+            Arg("port", Int(1, 65535), shown_if=_PORT),
             Arg("src-address", Text()),
             Arg("start-delay", Time(), "3s"),
             Arg("startup-delay", Time(), "5m"),
@@ -67,6 +70,7 @@ MENUS = (
             Arg("thr-loss-percent", Pattern(r"\d+(\.\d+)?%?"), shown_if=_ICMP),
             Arg("thr-max", Time(), shown_if=_ICMP),
             Arg("thr-stdev", Time(), shown_if=_ICMP),
+            Arg("thr-tcp-conn-time", Time(), shown_if=_TCP),
             Arg("timeout", Time(0.001), "3s"),
             Arg("ttl", Int(1, 255), shown_if=_ICMP),
             Arg("type", Choice(offered("/tool/netwatch", "type")), "simple", always=True),

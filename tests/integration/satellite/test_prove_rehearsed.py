@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,21 @@ def test_the_filter_is_closed_again_after_it_was_opened(tmp_path: Path) -> None:
     assert f"({STRANGER}) is refused by the router, nothing was sent" in done.stdout
     assert f"({STRANGER}) did not answer, but nothing else was reached" in done.stdout
     assert "a real proof asks first: over satellite of coastal" in done.stdout
+
+
+@pytest.mark.slow
+def test_rows_of_a_moment_are_taken_by_the_emulated_router_and_gone_afterwards(tmp_path: Path) -> None:
+    """The router refuses arguments that it does not know, and names that are not there."""
+    inventory = tmp_path / "inventory"
+    shutil.copytree(Path(__file__).parents[3] / "inventory", inventory)
+    coastal = inventory / "group_vars" / "coastal.yml"
+    added = "      allow: [{name: ours, address: 192.0.2.50, port: 443, transport: tcp}]\n      refused_probes:"
+    coastal.write_text(coastal.read_text("utf-8").replace("      refused_probes:", added), "utf-8")
+    typed = ("site=coastal", "--try-all", "--rehearse", f"inventory={inventory}", "--json")
+    told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
+    found = {row["target"]: (row["outcome"], row["probe"]) for row in told["targets"]}
+    assert found["192.0.2.50 tcp 443"] == ("silent", "tcp")
+    assert found["192.0.2.123 udp 123"][0] == "not tried"
 
 
 @pytest.mark.slow

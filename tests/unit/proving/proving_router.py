@@ -40,6 +40,14 @@ class Fake:
     dropped: int = 7
     readings: int = 0
     held: bool = False
+    connects: bool = False
+    """Whether TCP connections come up."""
+    asks_time: bool = True
+    """Whether the time client asks when it is switched on."""
+    tells_time: bool = False
+    """Whether the time server answers."""
+    clock: list[str] = field(default_factory=list)
+    """What the time client was set to."""
 
     async def command(self, command: Command) -> Reply:
         return (await self.flight([command]))[0]
@@ -59,7 +67,16 @@ class Fake:
             "/safe-mode/take": self._take,
             "/safe-mode/print": lambda: Reply(rows=({"current": "true" if self.held else "false"},)),
             "/safe-mode/unroll": self._unroll,
-            "/ip/firewall/filter/add": lambda: self._add(words),
+            "/safe-mode/release": self._release,
+            "/ip/firewall/filter/add": lambda: self._add(command.path, words),
+            "/ip/firewall/filter/remove": self._remove,
+            "/routing/rule/add": lambda: self._add(command.path, words),
+            "/routing/rule/remove": self._remove,
+            "/routing/rule/print": lambda: self._ours(command) or Reply(rows=({".id": "*A"},)),
+            "/tool/netwatch/add": lambda: self._add(command.path, words),
+            "/tool/netwatch/remove": self._remove,
+            "/tool/netwatch/print": lambda: self._watched(command),
+            "/system/ntp/client/set": lambda: self._time(words),
         }
         return known[command.path]()
 
@@ -69,15 +86,16 @@ class Fake:
         return Reply(rows=({"name": PORT, "rx-byte": "0", "tx-byte": str(self.bytes)},))
 
     def _filter(self, command: Command) -> Reply:
-        if any(query.startswith("?comment=") for query in command.queries):
-            return Reply(rows=tuple({".id": "*99"} for _ in self.rows))
+        if (ours := self._ours(command)) is not None:
+            return ours
+        asked = self.asks_time and self.clock == ["no", "yes"]
         come = 4 + int(self.counts_after is not None and self.readings > self.counts_after)
         return Reply(
             rows=(
-                {".id": "*1", "chain": OUT, "action": "return", "packets": "0"},
+                {".id": "*1", "chain": OUT, "packets": str(int(asked)), **_reversed(NTP_RULE)},
                 {".id": "*2", "chain": OUT, "action": "drop", "packets": str(self.dropped)},
                 {".id": "*3", "chain": BACK, "packets": str(come), **VPN_RULE},
-                {".id": "*4", "chain": BACK, "packets": "0", **NTP_RULE},
+                {".id": "*4", "chain": BACK, "packets": str(int(asked and self.tells_time)), **NTP_RULE},
                 {".id": "*5", "chain": BACK, "action": "drop", "packets": "2"},
             )
         )
@@ -118,10 +136,42 @@ class Fake:
         self.rows = self.rows if self.stuck else []
         return Reply()
 
-    def _add(self, words: dict[str, str]) -> Reply:
-        assert self.held, "the filter is opened without safe mode"
-        self.rows.append(words)
+    def _release(self) -> Reply:
+        assert self.rows == [], "safe mode is let go with rows of the proof on the router"
+        self.held = False
+        return Reply()
+
+    def _add(self, path: str, words: dict[str, str]) -> Reply:
+        assert self.held, "a row is added without safe mode"
+        self.rows.append({"menu": path.removesuffix("/add"), **words})
         return Reply(ret="*99")
+
+    def _remove(self) -> Reply:
+        self.rows = self.rows if self.stuck else self.rows[1:]
+        return Reply()
+
+    def _ours(self, command: Command) -> Reply | None:
+        """The rows of the proof in a menu, if it is those that are asked for."""
+        if not any(query.startswith("?comment=") for query in command.queries):
+            return None
+        menu = command.path.removesuffix("/print")
+        return Reply(rows=tuple({".id": "*99", **row} for row in self.rows if row["menu"] == menu))
+
+    def _watched(self, command: Command) -> Reply:
+        ours = self._ours(command)
+        assert ours is not None
+        status = "up" if self.connects else "down"
+        return Reply(rows=tuple({**row, "status": status} for row in ours.rows))
+
+    def _time(self, words: dict[str, str]) -> Reply:
+        assert self.held
+        self.clock.append(words["enabled"])
+        return Reply()
+
+
+def _reversed(rule: dict[str, str]) -> dict[str, str]:
+    """The rule that lets out what this one lets in again."""
+    return {name.replace("src-", "dst-"): value for name, value in rule.items()}
 
 
 def _echo(*, answered: bool) -> Reply:

@@ -43,8 +43,10 @@ def bearer() -> Bearer:
     return SATELLITE.bearer.model_copy(update={"allow": (added,)})
 
 
-def proving(*, open_filter: bool = False, link: Bearer | None = None, window_s: float = 90.0) -> Proving:
-    made = SATELLITE.proving(DECLARED, open_filter=open_filter, rehearsed=True)
+def proving(
+    *, open_filter: bool = False, try_all: bool = False, link: Bearer | None = None, window_s: float = 90.0
+) -> Proving:
+    made = SATELLITE.proving(DECLARED, open_filter=open_filter, try_all=try_all, rehearsed=True)
     made.bearer = link or bearer()
     made.pace = Pace(window_s=window_s, sleep=no_wait)
     return made
@@ -106,6 +108,11 @@ def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, o
     assert told(proof)[f"{STRANGER} open"] == (outcome, verdict)
     assert told(proof)[STRANGER] == ("refused here", "PASS")
     assert (router.rows, router.held) == ([], False)
+    assert [command.path for command in router.sent if command.path.startswith("/safe-mode/")] == [
+        "/safe-mode/take",
+        "/safe-mode/print",
+        "/safe-mode/release",
+    ]
     added = [dict(command.arguments) for command in router.sent if command.path == "/ip/firewall/filter/add"]
     assert [row["chain"] for row in added] == ["to-satellite", "from-satellite"]
     assert {row["protocol"] for row in added} == {"icmp"}
@@ -115,13 +122,13 @@ def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, o
 
 def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
     router = Fake(beyond={ADDED: 0}, safe_mode=False)
-    with pytest.raises(DeviceFailed, match="the filter was not opened: no such command prefix"):
+    with pytest.raises(DeviceFailed, match="nothing was changed for the proof: no such command prefix"):
         prove(router, proving(open_filter=True))
     assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
 
 
 def test_a_filter_that_may_still_be_open_is_never_called_closed() -> None:
-    with pytest.raises(OutcomeUnknown, match="does not say that its filter is closed again"):
+    with pytest.raises(OutcomeUnknown, match="does not say that the rows of the proof are gone"):
         prove(Fake(beyond={ADDED: 0}, stuck=True), proving(open_filter=True))
 
 
@@ -163,6 +170,62 @@ def test_silence_counts_only_while_the_tunnel_is_down_and_asks(tunnel: str | Non
 def test_a_terminal_in_the_wrong_subnet_is_found_by_arp(terminal: bool, factory: bool, code: str | None) -> None:  # noqa: FBT001 - a case
     proof = prove(Fake(beyond={ADDED: 0}, terminal=terminal, at_factory=factory))
     assert [finding.code for finding in proof.findings] == ([] if code is None else [code])
+
+
+def over_tcp() -> Bearer:
+    """The satellite of coastal with a web page that a person has added, and one that must be refused."""
+    words = {"address": ADDED, "port": 443, "transport": "tcp"}
+    added = AllowedTarget.model_validate({"name": "weather", **words})
+    refused = AllowedTarget.model_validate({"name": "ours", **words, "address": STRANGER})
+    return SATELLITE.bearer.model_copy(update={"allow": (added,), "refused_probes": (refused,)})
+
+
+@pytest.mark.parametrize(("connects", "seen"), [(True, ("answered", "PASS")), (False, ("silent", "FAIL"))])
+def test_a_tcp_target_is_tried_by_a_row_that_is_gone_afterwards(connects: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
+    router = Fake(connects=connects)
+    proof = prove(router, proving(try_all=True, link=over_tcp()))
+    assert told(proof)[f"{ADDED} tcp 443"] == seen
+    assert (router.rows, router.held) == ([], False)
+    added = [dict(command.arguments) for command in router.sent if command.path == "/tool/netwatch/add"]
+    assert [(row["type"], row["host"], row["port"]) for row in added] == [
+        ("tcp-conn", ADDED, "443"),
+        ("tcp-conn", STRANGER, "443"),
+    ]
+    assert {row["src-address"] for row in added} == {"10.10.2.2"}
+
+
+@pytest.mark.parametrize(
+    ("asks", "tells", "seen"),
+    [
+        (True, True, ("answered", "PASS")),
+        (True, False, ("silent", "FAIL")),
+        (False, True, ("not tried", "INCONCLUSIVE")),
+    ],
+)
+def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
+    router = Fake(beyond={ADDED: 0}, asks_time=asks, tells_time=tells)
+    proof = prove(router, proving(try_all=True))
+    assert told(proof)["192.0.2.123 udp 123"] == seen
+    assert (router.clock, router.rows, router.held) == (["no", "yes"], [], False)
+    ways = [dict(command.arguments) for command in router.sent if command.path == "/routing/rule/add"]
+    assert [(row["dst-address"], row["table"], row["place-before"]) for row in ways] == [
+        ("192.0.2.123/32", "via-satellite", "*A"),
+        ("192.0.2.124/32", "via-satellite", "*A"),
+    ]
+
+
+def test_while_the_satellite_carries_the_traffic_the_time_needs_no_way_of_its_own() -> None:
+    router = Fake(beyond={ADDED: 0}, active=True, tells_time=True)
+    proof = prove(router, proving(try_all=True))
+    assert told(proof)["192.0.2.123 udp 123"] == ("answered", "PASS")
+    assert not any(command.path == "/routing/rule/add" for command in router.sent)
+
+
+def test_without_a_word_no_row_is_added() -> None:
+    router = Fake(beyond={ADDED: 0})
+    prove(router, proving(link=over_tcp()))
+    reading = ("/print", "/tool/ping")
+    assert [command.path for command in router.sent if not command.path.endswith(reading)] == []
 
 
 def test_nothing_is_concluded_from_nothing() -> None:
