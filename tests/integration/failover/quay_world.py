@@ -14,7 +14,7 @@ from atlantis_netcfg.site import load
 from atlantis_netcfg.twin.device import Device
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable
 
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.twin.answers import Caller
@@ -37,21 +37,17 @@ class World:
     version: str = "7.18.2"
     device_mode: DeviceMode | None = None
     declaration: Declaration = field(default_factory=shipped)
-    edit: tuple[str, str] | None = None
-    """Replace this in the text, and by what: to break the damper."""
     now: float = 1000.0
     device: Device = field(init=False)
     caller: Caller = field(init=False)
     seen: list[tuple[float, str | None]] = field(default_factory=list)
     """From when on which bearer was active."""
+    _revision: int | None = None
 
     def __post_init__(self) -> None:
         host = self.declaration.hosts[f"{self.site}-router"]
         (twin,) = site_spec(self.declaration, [host]).twins
         text = router(self.declaration, host)
-        if self.edit is not None:
-            assert self.edit[0] in text
-            text = text.replace(*self.edit)
         adopted = f"add address={twin.router.management.address} "  # stands there before anything is declared
         seed = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(adopted))
         changes = {"seed": seed, "version": self.version}
@@ -60,7 +56,6 @@ class World:
         )
         self.device = Device(spec, lambda: self.now)
         self.enter()
-        self.started = self.now
 
     def enter(self) -> None:
         user = self.device.spec.users[0]
@@ -98,13 +93,18 @@ class World:
 
     def passes(self, seconds: float) -> None:
         """Let time pass, a second at a time, and note when another bearer takes over."""
+        self._note(self.active())
         end = self.now + seconds
         while self.now < end:
             self.now = min(end, self.now + STEP_S)
             self.device.tick()
-            active = self.active()
-            if not self.seen or self.seen[-1][1] != active:
-                self.seen.append((self.now, active))
+            if self._revision != self.device.revision:
+                self._revision = self.device.revision
+                self._note(self.active())
+
+    def _note(self, active: str | None) -> None:
+        if not self.seen or self.seen[-1][1] != active:
+            self.seen.append((self.now, active))
 
     def run(self, command: str) -> None:
         script = self.device.run(self.caller, ["/execute", f"=script={command}", "=as-string="])
@@ -114,8 +114,14 @@ class World:
         """The bearers that carried traffic, one after the other."""
         return [name for _, name in self.seen]
 
-    def moments(self) -> Iterator[float]:
-        return (moment for moment, _ in self.seen)
+    def since_change(self) -> float:
+        """Seconds since another bearer took over."""
+        return self.now - self.seen[-1][0]
+
+    def reboot(self) -> None:
+        self.device.reboot()
+        self.enter()
+        self._note(self.active())
 
     def errors(self) -> list[str]:
         return [row["message"] for row in self.rows("/log") if row["topics"].startswith("script,error")]

@@ -26,7 +26,7 @@ LTE = frozenset({"198.51.100.21", "198.51.100.22"})
         (World(silent=LTE), {"ether1"}),
         (World(silent=PTP | LTE), {"ether3"}),
         (World(silent=PTP, down=frozenset({"ether2"})), {"ether3"}),
-        # Nothing good is left: the link that was given up last is still better than no way out.
+        # Nothing good is left: a link that was given up is still better than no way out.
         (World(silent=PTP | LTE, down=frozenset({"ether3"})), {"ether2"}),
         (World(silent=PTP | LTE, down=frozenset({"ether2", "ether3"})), set()),
     ],

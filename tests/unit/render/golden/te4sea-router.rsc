@@ -210,8 +210,8 @@ add action=lookup comment="atlantis: VPN by the best link" dst-address=203.0.113
 add action=lookup-only-in-table comment="atlantis: 4g, from its own address" src-address=10.10.9.2/32 table=via-4g
 add action=lookup-only-in-table comment="atlantis: satellite, from its own address" src-address=10.10.10.2/32 table=via-satellite
 # When a link is left, and when it is taken back. For each canary three rows:
-#   watch    asks all the time. No answer: the link is held, and `silence` begins. An answer: `silence` ends, and `steady`
-#            begins if the link was held or left.
+#   watch    asks all the time. No answer: the link is held if it is in use, and `silence` begins. An answer: `silence`
+#            ends, and `steady` begins if the link was held or left.
 #   silence  the declared hold-down: if not one packet of it is answered, the route by this canary is left. If that was the
 #            last good one, so is the link, and its connections are cut: they would go on under its address by the next.
 #   steady   the declared fail-back: begins anew until every packet of it is answered; then the link is taken back, and what
