@@ -134,6 +134,7 @@ class Device(ConsoleSide, FileSide):
         except Trap as refusal:
             answers = [refusal.answer(), DONE]
         emit(self._core)
+        next_watch(self._core)  # what is new begins now
         return answers
 
     def _answer(self, caller: Caller, sentence: Sentence) -> list[Answer]:
