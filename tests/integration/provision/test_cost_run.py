@@ -1,0 +1,162 @@
+"""Real runs over links that are paid by the byte: asked first, counted, billed, whatever door they come in by."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from quay import CHECKOUT, ROUTER, Quay, quay
+
+from atlantis_netcfg.journal import CostCounted, Store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+HERE = ("site=coastal", f"only={ROUTER}")
+DEAR = (*HERE, "via=satellite")
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+def connections(at: Quay) -> int:
+    return int(at.do("counters")["connections"])
+
+
+def records(at: Quay) -> list[CostCounted]:
+    runs = Store(at.state).runs("coastal")
+    return [record for run in runs for record in run.log.records if isinstance(record, CostCounted)]
+
+
+def test_nobody_pays_by_saying_yes_to_changes(at: Quay) -> None:
+    for typed in (("--yes",), ("--plan",), ("--yes", "--json")):
+        done = at.provision(*DEAR, *typed, code=4)
+        told = done.stderr + done.stdout
+        assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in told
+        assert "--accept-cost" in told
+        assert " EUR" in told
+    at.provision("drift", *DEAR, code=4)
+    assert connections(at) == 0
+    assert not list(at.state.glob("real/coastal/runs/*"))
+
+
+def test_what_is_agreed_to_is_sent_counted_and_billed(at: Quay) -> None:
+    at.twins.do(ROUTER, "link", port="ether3")
+    done = at.json(*DEAR, "--yes", "--accept-cost", code=0)
+    cost = done["devices"][ROUTER]["cost"]
+    sent = done["devices"][ROUTER]["bytes"]
+    assert cost["accepted"] is True
+    assert (cost["bearer"], cost["declared"]) == ("satellite", "satellite")
+    assert cost["bill"]["payload_bytes"] > sent["sent"] + sent["received"]
+    assert cost["expected"]["payload_bytes"] == pytest.approx(cost["bill"]["payload_bytes"], rel=0.3)
+    assert cost["router"]["interface"] == "ether3"
+    assert cost["router"]["bytes"] == pytest.approx(cost["bill"]["payload_bytes"], rel=0.35)
+    (record,) = records(at)
+    assert (record.bearer, record.accepted, record.price) == ("satellite", True, cost["bill"]["price"])
+    again = at.provision(*DEAR, "--yes", "--accept-cost", code=0).stdout
+    assert "This goes over satellite of coastal, which is paid by the byte: up to" in again
+    assert "already so" in again
+    # By now the router's own traffic has a better way, and the session with it.
+    assert "but its traffic goes over wifi-ptp now" in again
+    assert "cost over satellite" not in again
+    assert len(records(at)) == 1
+    usage = Store(at.state).usage("coastal")
+    assert (usage.month("satellite", datetime.now(UTC)).bytes or 0) > 0
+    assert usage.month("4g", datetime.now(UTC)).bytes == 0
+
+
+def test_paying_and_changing_are_two_questions(at: Quay) -> None:
+    said_yes = at.typed(*DEAR, answer="yes", code=4)
+    assert "Type pay to go on" in said_yes
+    assert "nothing was sent" in said_yes
+    assert connections(at) == 0
+    at.typed(*DEAR, answer="pay\nyes", code=4)
+    before = at.export()
+    told = at.typed(*DEAR, answer="pay\npay\nno", code=4)
+    assert "not agreed, so nothing was changed" in told
+    assert at.export() == before
+    told = at.typed(*DEAR, answer="pay\npay\nyes", code=0)
+    assert "actions read back and kept" in told
+
+
+def test_over_the_cable_nobody_is_asked(at: Quay) -> None:
+    done = at.json(*HERE, "--yes", code=0)
+    assert "cost" not in done["devices"][ROUTER]
+    assert records(at) == []
+
+
+def test_a_run_over_the_dear_link_because_the_better_one_is_down_says_so_and_stops(at: Quay) -> None:
+    at.provision(*HERE, "--yes", code=0)
+    hide(at, "wifi-ptp")
+    at.do("console", words=["/system/identity/set", "=name=changed"])
+    over = (*HERE, "via=wifi-ptp")
+    refused = at.json(*over, "--yes", code=4)["devices"][ROUTER]
+    assert "wifi-ptp is down" in refused["notes"][-1]
+    assert "nobody has agreed to pay for it: over 4g of coastal" in refused["message"]
+    assert "set name=changed" in at.export()
+    planned = at.provision(*over, "--plan", code=2).stdout
+    assert "its traffic goes over 4g now, which is paid by the byte: wifi-ptp is down; over 4g" in planned
+    done = at.json(*over, "--yes", "--accept-cost", code=0)["devices"][ROUTER]
+    assert (done["cost"]["bearer"], done["cost"]["declared"]) == ("4g", "wifi-ptp")
+
+
+def hide(at: Quay, bearer: str) -> None:
+    """Let the bearer's port lose its carrier, as far as its routes are concerned."""
+    port = {"wifi-ptp": "ether1"}[bearer]
+    at.do("console", words=["/interface/ethernet/set", f"=numbers={port}", "=disabled=yes"])
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ((), 2, "-e atlantis_accept_cost=true"),
+        (("-e", "atlantis_accept_cost=perhaps"), 2, "atlantis_accept_cost is neither true nor false: perhaps"),
+        (("-e", "atlantis_accept_cost=true"), 0, "changed=1"),
+    ],
+)
+def test_a_plain_playbook_is_asked_too(at: Quay, words: tuple[str, ...], code: int, said: str) -> None:
+    file = at.inventory / "host_vars" / f"{ROUTER}.yml"
+    text = file.read_text(encoding="utf-8")
+    assert "access: {address: 10.64.101.1, " in text
+    file.write_text(text.replace("access: {address:", "access: {via: satellite, address:"), encoding="utf-8")
+    done = playbook(at, *words, "--check")
+    assert done.returncode == code, done.stdout + done.stderr
+    assert said in done.stdout + done.stderr
+    assert (connections(at) == 0) == (code != 0)
+
+
+def playbook(at: Quay, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [
+            *(sys.executable, "-m", "ansible", "playbook", "-i", str(at.inventory)),
+            *("--limit", ROUTER, *words, str(CHECKOUT / "playbooks" / "site.yml")),
+        ],
+        env={**at.environment(), "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_rehearsal_says_what_a_real_run_would_ask(at: Quay) -> None:
+    done = at.provision(*HERE, "--rehearse", code=0).stdout
+    lines = done.splitlines()
+    over = next(number for number, line in enumerate(lines) if "again over satellite" in line)
+    assert "a real run asks first: over satellite of coastal, which is paid by the byte: about" in lines[over + 1]
+    assert "it would have been cost over satellite: " in lines[over + 2]
+    told: dict[str, Any] = json.loads(at.provision(*HERE, "--rehearse", "--json", code=0).stdout)
+    bearers = told["devices"][ROUTER]["bearers"]
+    assert "cost" not in bearers["lan"]
+    assert bearers["satellite"]["cost"]["expected"]["price"] is not None
+    assert bearers["4g"]["cost"]["expected"]["price"] is None
