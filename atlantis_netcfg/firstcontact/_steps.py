@@ -29,6 +29,7 @@ _KEY_SIZE = 2048
 _USAGE = "digital-signature,key-encipherment,tls-server"
 _CLOCK_OFF = timedelta(days=2)
 _TRUE = ("true", "yes")
+_RADIOS = ("/interface/wireless", "/interface/wifi")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ def prepare(facts: Facts, wish: Wish, now: datetime) -> tuple[Step, ...]:
 
 def clear(facts: Facts) -> tuple[Step, ...]:
     """Remove the default configuration (and whatever stands in its menus); to be typed over the management port."""
-    lines: list[Line] = []
+    lines: list[Line] = [*_radios_off(facts)]
     back = _resets(facts)
     for menu in CLEARED:
         if menu == "/interface/list/member":
@@ -73,6 +74,19 @@ def clear(facts: Facts) -> tuple[Step, ...]:
     if not lines:
         return ()
     return (Step("clear", f"remove the default configuration ({len(lines)} commands)", tuple(lines), guarded=True),)
+
+
+def _radios_off(facts: Facts) -> Iterator[Line]:
+    """Switch off what the factory has on the air, open and without a firewall behind it any more.
+
+    A radio that carries our comment has been provisioned, and stays.
+    """
+    for one in facts.export.statements:
+        said = dict(one.values)
+        ours = (said.get("comment") or "").startswith("atlantis")
+        if one.menu in _RADIOS and one.verb == "set" and one.find and said.get("disabled") == "no" and not ours:
+            where = " ".join(f"{name}={quote(value or '')}" for name, value in one.find)
+            yield Line(f"{console_path(one.menu)} set [ find {where} ] disabled=yes")
 
 
 def close_door(facts: Facts, wish: Wish) -> tuple[Step, ...]:

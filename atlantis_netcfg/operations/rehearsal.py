@@ -150,6 +150,8 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
     adopted = _twin(declaration, host, None)
     management = adopted.router.management
     port = next((port for port in adopted.router.ports[1:] if port != management.port), None)
+    if adopted.router.radios and len(adopted.router.ports) == 1:
+        port = management.port  # as "CPE Router" its one port is no port of a bridge
     if port is None:
         raise UsageError(
             f"{host.name} has one port, by which the laptop would cut itself off: its adoption cannot be rehearsed",

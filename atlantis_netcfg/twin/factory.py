@@ -3,6 +3,10 @@
 Manual, Default configurations: "RouterMode": the first port is WAN with a DHCP client behind a firewall, all others are
 bridged, with 192.168.88.1/24 and a DHCP server. The rows are those of public exports of RB5009UPr+S+ with 7.16.2 and
 7.20.6; what a board adds for its disks and radios is left out.
+
+A box of one port and a radio comes as "CPE Router": the radio is the WAN, a station that looks for its access point,
+and the port has the address and the DHCP server itself, without a bridge. Its words are inferred from that page; a few
+models for bridges (DynaDish) come with both in a bridge instead, and are not emulated.
 """
 
 from __future__ import annotations
@@ -39,20 +43,46 @@ def default_configuration(spec: RouterSpec) -> str:
     return "".join(f"{line}\n" for line in (*_lan(spec), *_firewall(), *_firewall6(), *_tools()))
 
 
+def _is_cpe(spec: RouterSpec) -> bool:
+    return len(spec.ports) == 1 and bool(spec.radios)
+
+
 def _lan(spec: RouterSpec) -> Iterator[str]:
+    if _is_cpe(spec):
+        station = _station(spec)
+        yield from station
+        yield from _served(inside=spec.ports[0], outside=spec.radios[0].name if station else None)
+        return
     wan, *lan = spec.ports
     yield "/interface bridge add comment=defconf name=bridge"
+    for port in lan:
+        yield f"/interface bridge port add bridge=bridge comment=defconf interface={port}"
+    yield from _served(inside="bridge", outside=wan)
+
+
+def _station(spec: RouterSpec) -> tuple[str, ...]:
+    """Switch the radio on, where a package drives it; otherwise there is no such interface."""
+    radio = spec.radios[0].name
+    if "wireless" in spec.packages:
+        return (f"/interface wireless set [ find default-name={radio} ] disabled=no mode=station ssid=MikroTik",)
+    if any(package.startswith("wifi-") for package in spec.packages):
+        return (f"/interface wifi set [ find default-name={radio} ] configuration.mode=station disabled=no",)
+    return ()
+
+
+def _served(inside: str, outside: str | None) -> Iterator[str]:
+    """What the factory serves on the inside, and asks for on the outside, where there is one."""
     yield "/interface list add comment=defconf name=WAN"
     yield "/interface list add comment=defconf name=LAN"
     yield "/ip pool add name=default-dhcp ranges=192.168.88.10-192.168.88.254"
-    yield "/ip dhcp-server add address-pool=default-dhcp interface=bridge name=defconf"
-    for port in lan:
-        yield f"/interface bridge port add bridge=bridge comment=defconf interface={port}"
+    yield f"/ip dhcp-server add address-pool=default-dhcp interface={inside} name=defconf"
     yield "/ip neighbor discovery-settings set discover-interface-list=LAN"
-    yield "/interface list member add comment=defconf interface=bridge list=LAN"
-    yield f"/interface list member add comment=defconf interface={wan} list=WAN"
-    yield f"/ip address add address={ADDRESS}/24 comment=defconf interface=bridge"
-    yield f"/ip dhcp-client add comment=defconf interface={wan}"
+    yield f"/interface list member add comment=defconf interface={inside} list=LAN"
+    if outside is not None:
+        yield f"/interface list member add comment=defconf interface={outside} list=WAN"
+    yield f"/ip address add address={ADDRESS}/24 comment=defconf interface={inside}"
+    if outside is not None:
+        yield f"/ip dhcp-client add comment=defconf interface={outside}"
     yield f"/ip dhcp-server network add address={_NETWORK} comment=defconf dns-server={ADDRESS} gateway={ADDRESS}"
     yield "/ip dns set allow-remote-requests=yes"
     yield f"/ip dns static add address={ADDRESS} comment=defconf name=router.lan"
