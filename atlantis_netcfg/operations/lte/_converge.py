@@ -15,8 +15,9 @@ from atlantis_netcfg.bearers.lte.judge import quality
 from atlantis_netcfg.console import ConsoleLost
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.journal import ActionsConfirmed, JournalFailed, LayerSent, Outcome, Planned, PlannedAction
+from atlantis_netcfg.journal import ActionsConfirmed, JournalFailed, LayerSent, Outcome, Planned
 from atlantis_netcfg.operations.lte._result import FINE, LteResult, words
+from atlantis_netcfg.operations.lte._uci import LAYER, masked, planned_action, sections_of
 from atlantis_netcfg.operations.lte._unit import NotRehearsed
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.site.model import LteDriver
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Converge", "Patience"]
 
-_LAYER = "uci"
 _WORST = (Verdict.ERROR, Verdict.FAIL)
 _SETTLED = (
     Registration.DENIED,
@@ -40,6 +40,8 @@ _SETTLED = (
     Registration.DISABLED,
 )
 """States in which waiting for the network is in vain."""
+_FINAL = "roaming-not-allowed"
+"""The judge's word for a card that is in a network and will get no data there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +127,7 @@ class Converge:
     def _set(self, look: Look) -> _Set:
         unit, wanted = self._unit, self._unit.settings
         with unit.shell() as shell:
-            sections = _sections(shell)
+            sections = sections_of(shell)
             held = rutos.pin_held(look.reading, wanted, sections, tried=unit.pin_tried)
             if held is not None:
                 return _Set(held=held, commands=shell.count)
@@ -144,18 +146,18 @@ class Converge:
     def _write(self, shell: Commands, came: _Set, sections: dict[tuple[str, str], dict[str, str]]) -> None:
         """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
         name, numbers = self._unit.name, tuple(range(1, len(came.found) + 1))
-        self._journal.save(name, _masked(sections))
-        actions = tuple(_action(number, one) for number, one in zip(numbers, came.found, strict=True))
+        self._journal.save(name, masked(sections))
+        actions = tuple(planned_action(number, one) for number, one in zip(numbers, came.found, strict=True))
         self._journal.write(Planned(device=name, plan=came.hash, actions=actions))
         if any(one.option == "pincode" for one in came.found):
             self._unit.note_pin(datetime.now(UTC).isoformat(timespec="seconds"))
-        self._journal.write(LayerSent(device=name, layer=_LAYER, actions=numbers))
+        self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
         self._tell(Stage.APPLYING, f"{len(numbers)} settings")
         said = shell.run(rutos.WRITE, given=rutos.batch(came.found)).error.strip()
         shell.run(rutos.RELOAD)
         self._tell(Stage.VERIFYING, "reading back")
-        now = _sections(shell)
+        now = sections_of(shell)
         kept = [one for one in came.found if now.get((one.package, one.section), {}).get(one.option) == one.value]
         if len(kept) != len(came.found):
             self._touched = bool(kept)
@@ -176,7 +178,8 @@ class Converge:
             look = self._again()
             requests, sent, received = requests + look.requests, sent + look.sent, received + look.received
             quiet = not any(finding.verdict in _WORST for finding in look.findings)
-            if quiet or look.reading.state in _SETTLED or time.monotonic() > until:
+            final = any(finding.code == _FINAL for finding in look.findings)
+            if quiet or final or look.reading.state in _SETTLED or time.monotonic() > until:
                 return replace(look, requests=requests, sent=sent, received=received)
             self._tell(Stage.WAITING, look.reading.state.value.replace("_", " "))
             time.sleep(self._patience.poll_s)
@@ -258,40 +261,6 @@ class Converge:
 
     def _tell(self, stage: Stage, message: str) -> None:
         self._unit.notify(Event(self._unit.name, stage, message))
-
-
-def _sections(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
-    end = shell.run(rutos.SHOW)
-    if end.code:
-        said = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
-        raise rutos.SettingRefused(
-            f"the unit's configuration cannot be read over SSH: {said}",
-            hint="is `admin_user` one who may log in over SSH, and is this a Teltonika unit?",
-        )
-    return rutos.parse_show(end.out)
-
-
-def _masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:
-    """The configuration of before, without what is secret in it."""
-    secret = ("password", "pincode", "pukcode", "iccid", "imsi")
-    return "".join(
-        f"{package}.{section}.{option}='{'********' if option in secret else value}'\n"
-        for (package, section), options in sections.items()
-        for option, value in options.items()
-        if option
-    )
-
-
-def _action(number: int, one: Change) -> PlannedAction:
-    value = "********" if one.secret else one.value
-    return PlannedAction(
-        number=number,
-        layer=_LAYER,
-        menu=f"{one.package}.{one.section}",
-        verb="set",
-        subject=one.option,
-        values=((one.option, value),),
-    )
 
 
 def _state(look: Look) -> str:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["perform"]
 
-_REHEARSED = Patience(settle_s=5.0, poll_s=0.1)
+_REHEARSED = Patience(settle_s=1.0, poll_s=0.1)
 
 
 def perform(

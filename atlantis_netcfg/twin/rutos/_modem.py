@@ -65,7 +65,7 @@ class Modem:
             return False
         if self.registration == "Roaming" and self.settings.get("deny_roaming", "0") != "0":
             return False
-        automatic = self.settings.get("auto_apn", "1") == "1"
+        automatic = sim.listed and self.settings.get("auto_apn", "1") == "1"
         return sim.apn is None or automatic or self.settings.get("apn") == sim.apn
 
     @property

@@ -21,6 +21,8 @@ class RutosSim(_Spec):
     """PLMN of its operator."""
     apn: str | None = None
     """The only APN that its subscription has; None: any, also none."""
+    listed: bool = True
+    """The unit's own list of operators has that APN, so that `auto_apn` finds it."""
 
 
 class RutosNetwork(_Spec):
