@@ -125,7 +125,8 @@ def test_no_route_is_no_answer() -> None:
 
 CHECKED = (
     LINK
-    + "/ip route add gateway=10.10.0.1 check-gateway={check} comment=r\n/ip route add gateway=10.10.0.1 dst-address=10.9.0.0/16 comment=also"
+    + "/ip route add gateway=10.10.0.1 check-gateway={check} comment=r\n"
+    + "/ip route add gateway=10.10.0.1 dst-address=10.9.0.0/16 comment=also"
 )
 
 
