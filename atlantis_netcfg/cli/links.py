@@ -97,17 +97,7 @@ def _no_examples(opened: Session) -> None:
 
 
 def _report(opened: Session, looked: Looked) -> LinksReport:
-    from atlantis_netcfg.report.links import LinksReport
-
-    return LinksReport(
-        site=opened.site,
-        title=opened.declaration.sites[opened.site].title,
-        rehearsed=opened.rehearsed,
-        bearers=looked.as_dict(),
-        asked=looked.asked,
-        unreachable=[{"device": one.device, "message": one.message, "hint": one.hint} for one in looked.unreachable],
-        not_asked=looked.not_asked,
-        round_trips=looked.round_trips,
-        notes=looked.notes,
-        not_rehearsed=opened.rehearsal.not_rehearsed if opened.rehearsal else (),
-    )
+    title = opened.declaration.sites[opened.site].title
+    twins = opened.rehearsal
+    missing = twins.not_rehearsed if twins is not None else ()
+    return looked.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing)

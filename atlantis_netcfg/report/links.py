@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import ExitCode
@@ -16,8 +17,8 @@ __all__ = ["LinksReport"]
 _KINDS = {"wifi_ptp": "Wi-Fi bridge", "lte": "4G", "satellite": "satellite", "ethernet": "cable"}
 _STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "not known"}
 _FAILS = frozenset({Verdict.FAIL.value, Verdict.ERROR.value})
-_MARGIN = 14
-"""Column at which the words of a line begin."""
+_MARGIN, _WIDTH = 14, 117
+"""Column at which the words of a line begin, and at which they end, both behind the indent of 3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +62,9 @@ class LinksReport:
 
     def as_text(self) -> str:
         """What a person reads."""
-        return "\n".join(self._lines())
+        return "\n".join(self._told())
 
-    def _lines(self) -> Iterator[str]:
+    def _told(self) -> Iterator[str]:
         what = "emulated devices, nothing real was asked" if self.rehearsed else "nothing was changed"
         yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
         for number, (name, one) in enumerate(self.bearers.items(), start=1):
@@ -95,21 +96,23 @@ class LinksReport:
 def _block(number: int, name: str, one: Mapping[str, Any]) -> Iterator[str]:
     kind, box = _KINDS.get(one["kind"], one["kind"]), f", {one['box']}" if one["box"] else ""
     yield f"{number}. {name}: {kind}{box}"
-    yield _line("state", ", ".join(_state(one)))
+    yield from _lines("state", ", ".join(_state(one)))
     for title, words in _quality(one["kind"], one["quality"]):
-        yield _line(title, words)
+        yield from _lines(title, words)
     if one["probe_bytes"]:
         paid = f" ({_size(one['probe_bytes'])}, which is paid for)" if one["metered"] else ""
-        yield _line("probe", f"{_probe(one['quality'])}{paid}")
-    yield _line("this month", _month(one))
+        yield from _lines("probe", f"{_probe(one['quality'])}{paid}")
+    yield from _lines("this month", _month(one))
     for finding in one["findings"]:
-        yield _line(finding["verdict"], finding["message"])
+        yield from _lines(finding["verdict"], finding["message"])
         if finding["hint"]:
-            yield _line("", finding["hint"])
+            yield from _lines("", finding["hint"])
 
 
-def _line(title: str, words: str) -> str:
-    return f"   {title:<{_MARGIN}}{words}".rstrip()
+def _lines(title: str, words: str) -> Iterator[str]:
+    """One entry, broken where a console ends."""
+    for number, part in enumerate(wrap(words, _WIDTH - _MARGIN, break_long_words=False, break_on_hyphens=False)):
+        yield f"   {'' if number else title:<{_MARGIN}}{part}"
 
 
 def _state(one: Mapping[str, Any]) -> Iterator[str]:
@@ -149,12 +152,9 @@ def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]
 
 
 def _radio(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    if quality.get("signal_dbm") is not None:
-        chains = [value for name, value in quality.items() if name.startswith("signal_chain") and value is not None]
-        more = f" (chains {', '.join(f'{value:g}' for value in chains)})" if chains else ""
-        far = quality.get("far_signal_dbm")
-        back = "" if far is None else f"; the other end hears {far:g} dBm"
-        yield "signal", f"{_radio_grade(quality['signal_dbm'])}{quality['signal_dbm']:g} dBm{more}{back}"
+    heard = list(_heard(quality))
+    if heard:
+        yield "signal", "; ".join(heard)
     flow = [*_pair(quality, "rate", "rate_mbps", "Mbit/s"), *_pair(quality, "CCQ", "ccq_percent", "%")]
     if flow:
         yield "flow", ", ".join(flow)
@@ -162,11 +162,21 @@ def _radio(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "radio", ", ".join(str(quality[name]) for name in ("status", "channel") if quality.get(name) is not None)
 
 
+def _heard(quality: Mapping[str, Any]) -> Iterator[str]:
+    level, far = quality.get("signal_dbm"), quality.get("far_signal_dbm")
+    if level is not None:
+        chains = [value for name, value in quality.items() if name.startswith("signal_chain") and value is not None]
+        more = f" (chains {', '.join(f'{value:g}' for value in chains)})" if chains else ""
+        yield f"{_radio_grade(level)}, {level:g} dBm{more}"
+    if far is not None:
+        yield f"the other end hears {far:g} dBm"
+
+
 def _radio_grade(level: float) -> str:
     """Bands of a short link: devices.md, section 8; which bounds hold is for the findings to say."""
     if level > -35:  # noqa: PLR2004
-        return "too strong, "
-    return "good, " if level >= -65 else "fair, " if level >= -75 else "poor, "  # noqa: PLR2004
+        return "too strong"
+    return "good" if level >= -65 else "fair" if level >= -75 else "poor"  # noqa: PLR2004
 
 
 def _pair(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:

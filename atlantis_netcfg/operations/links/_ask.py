@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links._door import Door
 from atlantis_netcfg.operations.links._own import Silent
 from atlantis_netcfg.operations.links._radio import read_radio
 from atlantis_netcfg.operations.links._router import read_router
-from atlantis_netcfg.operations.links._unit import Unit, read_unit
+from atlantis_netcfg.operations.links._unit import UnitLook, read_by_driver, read_routeros
+from atlantis_netcfg.operations.lte import Unit
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 
@@ -26,7 +28,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["Round", "boxes"]
+__all__ = ["PATIENCE_S", "Round", "boxes"]
+
+PATIENCE_S = 15.0
+"""For a connection to a device that is reached over a fast link: one that is there answers at once."""
+_FAST_S = 0.2
+"""Round trip below which a link has no gaps of minutes, as a satellite has."""
 
 
 @dataclass(slots=True)
@@ -36,14 +43,13 @@ class Round:
     declaration: Declaration
     request: Request
     notify: Subscriber
+    patience_s: float = PATIENCE_S
     answers: dict[str, Any] = field(default_factory=dict)
     """Host name to its reading, or to Silent."""
     not_asked: dict[str, str] = field(default_factory=dict)
     """Host name to the reason."""
     doors: dict[str, Door] = field(default_factory=dict)
     """Host name to what was spent on it; RouterOS devices only."""
-    requests: dict[str, int] = field(default_factory=dict)
-    """Host name to the requests that were sent to it; 4G units of other makes only."""
 
     async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], ways: Sequence[Way]) -> None:
         """Ask every host that is `chosen` and can be asked, all at the same time."""
@@ -67,20 +73,10 @@ class Round:
         device = host.device
         if isinstance(device, SatelliteTerminal):
             return "no machine interface of it is documented: a person looks at its pages"
-        if isinstance(device, LteRouter) and device.driver is not LteDriver.ROUTEROS:
-            return self._why_not_unit(host, device)
-        if not handled(host):
-            return f"nobody reads a {device.kind.replace('_', ' ')} yet"
-        return self._why_not_emulated(host)
-
-    def _why_not_unit(self, host: Host, device: LteRouter) -> str | None:
-        if device.driver is LteDriver.MANUAL:
+        if isinstance(device, LteRouter) and device.driver is LteDriver.MANUAL:
             return "`driver: manual`: a person looks at its own page"
-        if device.driver is LteDriver.RUTOS and device.access is None:
-            return f"no `access` is declared in host_vars/{host.name}.yml"
-        return self._why_not_emulated(host)
-
-    def _why_not_emulated(self, host: Host) -> str | None:
+        if not handled(host) and not isinstance(device, LteRouter):
+            return f"nobody reads a {device.kind.replace('_', ' ')} yet"
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
@@ -100,26 +96,36 @@ class Round:
         if isinstance(host.device, Cpe):
             return read_radio(self._door(host))
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `boxes` yields no other kind that can be asked
-        door = self._door(host) if host.device.driver is LteDriver.ROUTEROS else None
-        return read_unit(Unit(host, host.device, self.request, door, self.requests))
+        unit = self.unit(host, host.device)
+        if host.device.driver is LteDriver.ROUTEROS:
+            return read_routeros(self._door(host), unit)
+        return read_by_driver(unit)
+
+    def unit(self, host: Host, device: LteRouter) -> Unit:
+        """A 4G unit as its driver wants it."""
+        pins = Store(self.request.state, rehearsed=self.request.rehearsed).pins
+        target = self.request.targets.get(host.name)
+        return Unit(host, device, pins, self.notify, self.request.rehearsed, target)
 
     def _door(self, host: Host) -> Door:
-        """Raises NothingMatched for a device that the engine does not handle."""
+        """Raises UsageError for a link that its site does not have."""
         access = managed(self.declaration, host).access
         pins = Store(self.request.state, rehearsed=self.request.rehearsed).pins
+        endpoint = Endpoint(str(access.address), access.port, access.user, access.password, pins.get(host.name))
         if self.request.rehearsed:
             target = self.request.targets[host.name]
-            endpoint = Endpoint(target.host, target.port, access.user, access.password, target.pin)
-        else:
-            endpoint = Endpoint(str(access.address), access.port, access.user, access.password, pins.get(host.name))
+            endpoint = replace(endpoint, host=target.host, port=target.port, pin=target.pin)
+        if bearer_of(self.declaration, host, self.request.via.get(host.name)).rtt_s < _FAST_S:
+            endpoint = replace(endpoint, connect_timeout_s=self.patience_s)
         self.doors[host.name] = Door(host.name, endpoint, _first_contact(pins.pin, self.notify))
         return self.doors[host.name]
 
     def _spent(self, name: str) -> str:
+        answer = self.answers[name]
         if name in self.doors:
             door = self.doors[name]
             return f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
-        return f"read in {self.requests[name]} requests" if name in self.requests else "read"
+        return f"read in {answer.requests} requests" if isinstance(answer, UnitLook) else "read"
 
 
 def _first_contact(pin: Callable[[str, str], object], notify: Subscriber) -> Callable[[str, str], None]:

@@ -6,16 +6,19 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.lte import manual
 from atlantis_netcfg.bearers.policy import active_bearers, probe_commands
+from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.errors import NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Counters, MonthBytes, Store
 from atlantis_netcfg.operations.costs import ways_of
-from atlantis_netcfg.operations.links._ask import Round, boxes
+from atlantis_netcfg.operations.links._ask import PATIENCE_S, Round, boxes
 from atlantis_netcfg.operations.links._bearer import Seen, ranked, told, twice
-from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge, of_unit
+from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge
 from atlantis_netcfg.operations.links._router import PINGS, RouterReading
 from atlantis_netcfg.operations.links._terminal import kept_off, of_terminal
+from atlantis_netcfg.operations.links._unit import UnitLook, of_unit
+from atlantis_netcfg.operations.proving import named_targets, resolve
+from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.site.model import BearerKind, Cpe, LteDriver, LteRouter, Router
 
 if TYPE_CHECKING:
@@ -51,6 +54,21 @@ class Looked:
     notes: tuple[str, ...] = ()
     """What went wrong beside the links."""
 
+    def report(self, site: str, title: str, *, rehearsed: bool, not_rehearsed: tuple[str, ...] = ()) -> LinksReport:
+        """For whoever reads it."""
+        return LinksReport(
+            site=site,
+            title=title,
+            rehearsed=rehearsed,
+            bearers=self.as_dict(),
+            asked=self.asked,
+            unreachable=[{"device": one.device, "message": one.message, "hint": one.hint} for one in self.unreachable],
+            not_asked=self.not_asked,
+            round_trips=self.round_trips,
+            notes=self.notes,
+            not_rehearsed=not_rehearsed,
+        )
+
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Each bearer as JSON-able data: what `BearerStatus` promises, and what was found beside it."""
         return {
@@ -70,20 +88,37 @@ def _stamp(moment: datetime | None) -> str | None:
     return None if moment is None else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
 
 
-async def look(
-    declaration: Declaration, site: str, chosen: Sequence[Host], request: Request, notify: Subscriber
+async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
+    declaration: Declaration,
+    site: str,
+    chosen: Sequence[Host],
+    request: Request,
+    notify: Subscriber,
+    patience_s: float = PATIENCE_S,
 ) -> Looked:
     """Look at a site; of its boxes only those `chosen` are asked, and of a bridge with one end the other one, too.
 
-    What does not answer is a finding and no error. Raises NothingMatched for a site without a router.
+    What does not answer is a finding and no error; `patience_s`: for a connection to a device over a fast link. Raises
+    NothingMatched for a site without a router.
     """
     router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), None)
     if router is None:
         raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
     ways = ways_of(declaration, router)
-    turn = Round(declaration, request, notify)
+    turn = Round(declaration, request, notify, patience_s)
     await turn.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), ways)
-    return _Site(declaration, router, ways, turn, request, datetime.now(UTC)).put_together()
+    moved = {} if request.rehearsed else await _names(declaration, site)
+    return _Site(declaration, router, ways, turn, request, datetime.now(UTC), moved).put_together()
+
+
+async def _names(declaration: Declaration, site: str) -> dict[str, tuple[Finding, ...]]:
+    """Ask this computer whether the names of each satellite's allow-list are still where it says."""
+    found = {}
+    for bearer in declaration.sites[site].bearers:
+        targets = named_targets(declaration, site, bearer)
+        resolved = await resolve(target.dns_name for target in targets)
+        found[bearer.name] = judge_names(targets, resolved, "this computer")
+    return found
 
 
 def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Host]:
@@ -108,6 +143,8 @@ class _Site:
     turn: Round
     request: Request
     now: datetime
+    moved: Mapping[str, tuple[Finding, ...]]
+    """Bearer to what is to be said of the names in its allow-list."""
     notes: list[str] = field(default_factory=list)
 
     def put_together(self) -> Looked:
@@ -157,15 +194,24 @@ class _Site:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind is BearerKind.SATELLITE:
             own = self._terminal(box)
-            return replace(own, quality=kept_off(bearer, way.port, self._reading) | own.quality)
+            findings = (*own.findings, *self.moved.get(bearer.name, ()))
+            return replace(own, quality=kept_off(bearer, way.port, self._reading) | own.quality, findings=findings)
         if box is not None and isinstance(box.device, Cpe):
             far = self.declaration.hosts.get(box.device.ptp.peer)
             return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))
         if box is not None and isinstance(box.device, LteRouter):
-            if box.device.driver is LteDriver.MANUAL:
-                return Own(findings=(manual.finding(str(box.device.address)),))
-            return of_unit(box, self._answer(box), forwards=self._forwards)
+            return self._unit(box, box.device)
         return Own()
+
+    def _unit(self, box: Host, device: LteRouter) -> Own:
+        """Of a unit that only a person can look at its driver says so without being asked."""
+        answer = self._answer(box)
+        if isinstance(answer, Silent):
+            return Own(silent=(answer,))
+        if device.driver is LteDriver.MANUAL:
+            found = self.turn.unit(box, device).look()
+            answer = UnitLook(found.reading, found.findings)
+        return Own() if answer is None else of_unit(box.name, answer, device.driver, forwards=self._forwards)
 
     @property
     def _forwards(self) -> bool:
@@ -224,7 +270,7 @@ class _Site:
                 interface=way.port,
                 rx_bytes=port.rx_bytes,
                 tx_bytes=port.tx_bytes,
-                at=self.now,
+                at=reading.at or self.now,
                 uptime_s=reading.uptime_s,
             )
             found.append((way.name, counters))

@@ -7,7 +7,8 @@ Nothing is asked that changes anything. The only packets that it causes on a lin
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Way, probe_commands
@@ -75,6 +76,8 @@ class Neighbour:
 class RouterReading:
     """What a router said of its links at one moment; None: a question that it refused."""
 
+    at: datetime | None = None
+    """When it had answered, by this computer's clock."""
     uptime_s: float | None = None
     ports: Mapping[str, Port] | None = None
     """By name, which is the factory name: the template renames none."""
@@ -98,7 +101,8 @@ async def read_router(door: Door, ways: Sequence[Way]) -> RouterReading:
     """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
     asked, probes = questions(ways)
     async with door.opened() as session:
-        return read(await session.flight(asked), probes)
+        replies = await session.flight(asked)
+        return replace(read(replies, probes), at=datetime.now(UTC))
 
 
 def read(replies: Sequence[Reply], probes: Sequence[Probe]) -> RouterReading:

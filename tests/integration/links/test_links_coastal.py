@@ -1,0 +1,197 @@
+"""`provision links` of coastal, well and sick in several ways: golden/*.txt is what a technician reads."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from links_bench import Bench, bench, masked
+
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.report.links import LinksReport
+    from atlantis_netcfg.twin import TwinSpec
+
+pytestmark = pytest.mark.slow
+
+GOLDEN = Path(__file__).with_name("golden")
+ROUTER, NEAR, FAR, UNIT, TERMINAL = "coastal-router", "coastal-cpe", "scc-cpe", "coastal-4g", "coastal-sat"
+KEYS = {"kind", "state", "active", "metered", "quality", "month_bytes", "findings"}
+_ASSOCIATED_WITHIN_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with bench(tmp_path_factory.mktemp("coastal"), "coastal", spoil=with_larger_antennas) as opened:
+        yield opened
+
+
+def with_larger_antennas(twin: TwinSpec) -> TwinSpec:
+    """Radios whose antennas are 3 dB better than declared, so that full power is too much for the other end."""
+    radios = tuple(radio.model_copy(update={"gain_dbi": 19.0}) for radio in twin.router.radios)
+    return twin.model_copy(update={"router": twin.router.model_copy(update={"radios": radios})})
+
+
+@pytest.fixture
+def coastal(running: Bench) -> Iterator[Bench]:
+    yield running
+    running.heal()
+
+
+def golden(name: str, report: LinksReport) -> None:
+    path = GOLDEN / f"{name}.txt"
+    shown = f"{masked(report.as_text())}\nexit {int(report.exit)}\n"
+    assert shown == path.read_text(encoding="utf-8"), f"{path}\n{shown}"
+
+
+def codes(report: LinksReport, bearer: str) -> list[str]:
+    return [f"{one['verdict']} {one['code']}" for one in report.bearers[bearer]["findings"]]
+
+
+def test_all_is_well(coastal: Bench) -> None:
+    report = coastal.report()
+    golden("coastal-well", report)
+    assert report.exit is ExitCode.DONE
+    assert [one["state"] for one in report.bearers.values()] == ["up", "up", "unknown"]
+
+
+def test_json_has_what_is_promised(coastal: Bench) -> None:
+    told = json.loads(json.dumps(coastal.report().as_json()))
+    assert list(told["bearers"]) == ["wifi-ptp", "4g", "satellite"]
+    assert all(set(one) >= KEYS for one in told["bearers"].values())
+    assert [one["active"] for one in told["bearers"].values()] == [True, False, False]
+    assert [one["metered"] for one in told["bearers"].values()] == [False, True, True]
+    wifi, unit, satellite = (one["quality"] for one in told["bearers"].values())
+    assert (wifi["signal_dbm"], wifi["far_signal_dbm"], wifi["tx_ccq_percent"]) == (-43.0, -43.0, 90.0)
+    assert (unit["rsrp_dbm"], unit["registration"]) == (-97.0, "registered_home")
+    assert (satellite["rtt_ms"], satellite["kept_off_packets"]) == (None, 0)
+    assert (told["site"], told["exit"], list(told["not_asked"])) == ("coastal", 0, [TERMINAL])
+
+
+def test_a_look_is_a_few_round_trips_and_changes_nothing(coastal: Bench) -> None:
+    names = (ROUTER, NEAR, FAR, UNIT)
+    before = [plain_export(coastal, name) for name in names]
+    history = [coastal.do(name, "console", words=["/system/history/print"]) for name in names]
+    for name in names:
+        coastal.do(name, "reset")
+    trips = coastal.look().round_trips
+    assert trips[ROUTER] <= 4
+    assert max(trips[NEAR], trips[FAR]) <= 3
+    assert trips[UNIT] <= 3
+    assert all(coastal.do(name, "counters")["turns"] <= 4 for name in names)
+    assert [plain_export(coastal, name) for name in names] == before
+    assert [coastal.do(name, "console", words=["/system/history/print"]) for name in names] == history
+
+
+def plain_export(at: Bench, name: str) -> str:
+    lines = str(at.do(name, "export", show_sensitive=True)).splitlines()
+    return "\n".join(line for line in lines if not line.startswith("#"))
+
+
+def test_no_secret_and_no_identity_is_told(coastal: Bench) -> None:
+    report = coastal.report()
+    said = json.dumps(report.as_json()) + report.as_text()
+    assert "EXAMPLE-ptp-key" not in said
+    assert "EXAMPLE-provision" not in said
+    assert not any(word in said for word in ("imei", "imsi", "iccid"))
+
+
+def test_a_radio_that_cannot_be_read_is_told_on_its_link(coastal: Bench) -> None:
+    coastal.away(NEAR)
+    report = coastal.report()
+    golden("coastal-cpe-unreachable", report)
+    assert codes(report, "wifi-ptp") == ["INCONCLUSIVE device-unreachable"]
+    assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_a_router_that_cannot_be_read_leaves_the_boxes(coastal: Bench) -> None:
+    coastal.away(ROUTER)
+    report = coastal.report()
+    golden("coastal-router-unreachable", report)
+    assert all(one["active"] is None for one in report.bearers.values())
+    assert report.bearers["wifi-ptp"]["state"] == "up"
+    assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_nobody_answers(coastal: Bench) -> None:
+    coastal.away(ROUTER, NEAR, FAR, UNIT)
+    report = coastal.report()
+    assert [one["device"] for one in report.unreachable] == [ROUTER, NEAR, FAR, UNIT]
+    assert {one["state"] for one in report.bearers.values()} == {"unknown"}
+    assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_only_some_are_asked(coastal: Bench) -> None:
+    report = coastal.report(ROUTER)
+    assert report.asked == (ROUTER,)
+    assert set(report.not_asked) == {NEAR, FAR, UNIT, TERMINAL}
+    assert report.bearers["wifi-ptp"]["state"] == "up"
+    assert report.exit is ExitCode.DONE
+    radios = coastal.report(NEAR)
+    assert set(radios.asked) == {NEAR, FAR}
+    assert radios.as_text().endswith("is not known: the router was not read")
+
+
+def test_nobody_was_asked(coastal: Bench) -> None:
+    report = coastal.report(TERMINAL)
+    assert report.exit is ExitCode.NOTHING
+    assert report.asked == ()
+
+
+def test_the_bridge_is_lost_behind_its_radios_and_4g_carries(coastal: Bench) -> None:
+    coastal.lose("wifi-ptp")
+    report = coastal.report()
+    golden("coastal-canaries-lost", report)
+    assert codes(report, "wifi-ptp") == ["FAIL canaries-silent"]
+    assert codes(report, "4g") == ["WARN in-place-of-a-better-one"]
+    assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_the_better_link_is_back_and_not_taken_yet(coastal: Bench) -> None:
+    coastal.lose("wifi-ptp")
+    coastal.do(ROUTER, "silence", addresses=[])
+    report = coastal.report()
+    assert codes(report, "wifi-ptp") == ["WARN not-taken-yet"]
+    assert report.exit is ExitCode.DONE
+
+
+def test_both_are_lost_and_the_satellite_carries(coastal: Bench) -> None:
+    coastal.lose("wifi-ptp")
+    coastal.lose("4g")
+    report = coastal.report()
+    assert report.bearers["satellite"]["active"] is True
+    assert report.bearers["satellite"]["state"] == "unknown"
+    assert "satellite carries the traffic of coastal: it is NOT the preferred link" in report.as_text()
+
+
+def test_a_radio_on_another_network_name(coastal: Bench) -> None:
+    coastal.types(NEAR, "/interface/wireless/set", "=.id=wlan1", "=ssid=another")
+    coastal.lose("wifi-ptp")
+    try:
+        golden("coastal-not-associated", coastal.report())
+    finally:
+        coastal.types(NEAR, "/interface/wireless/set", "=.id=wlan1", "=ssid=EXAMPLE-ATLANTIS-PTP")
+        associated(coastal)
+
+
+def test_a_radio_that_is_too_loud(coastal: Bench) -> None:
+    power = ("=tx-power-mode=all-rates-fixed", "=tx-power=30", "=frequency-mode=superchannel")
+    coastal.types(NEAR, "/interface/wireless/set", "=.id=wlan1", *power)
+    associated(coastal)
+    report = coastal.report()
+    golden("coastal-too-loud", report)
+    assert codes(report, "wifi-ptp") == ["WARN signal-strong"]
+    assert report.exit is ExitCode.DONE
+
+
+def associated(at: Bench) -> None:
+    """Wait until both radios have found each other again."""
+    until = time.monotonic() + _ASSOCIATED_WITHIN_S
+    while not at.hears(NEAR) or not at.hears(FAR):
+        assert time.monotonic() < until, "the radios do not find each other"

@@ -1,0 +1,193 @@
+"""The 4G link of te4sea as each driver reads it, well and sick: golden/te4sea-*.txt is what a technician reads."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from links_bench import Bench, bench, block, inventory, masked
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.operations import lte
+from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.site import load
+from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec, TwinSpec, modem, rutos
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.report.links import LinksReport
+
+pytestmark = pytest.mark.slow
+
+GOLDEN = Path(__file__).with_name("golden")
+UNIT = "te4sea-4g"
+FILE = f"host_vars/{UNIT}.yml"
+HOME, FOREIGN = "26803", "20601"
+SERIAL = f"""\
+---
+device:
+  kind: lte_router
+  address: 10.10.9.1
+  powered_by: {{device: te4sea-router, port: ether1}}
+  driver: at
+  serial: {os.devnull}
+  sim: {{apn: internet}}
+"""
+OTHERS = """\
+---
+device:
+  kind: lte_router
+  address: 10.10.9.1
+  powered_by: {{device: te4sea-router, port: ether1}}
+  driver: {driver}
+"""
+VAULTED = '!vault "$ANSIBLE_VAULT;1.1;AES256\\n6162\\n"'
+"""A sealed PIN; `wrong` stands in for the vault's password."""
+
+
+def wrong(_sealed: str) -> str:
+    return "0000"
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with bench(tmp_path_factory.mktemp("te4sea"), "te4sea") as opened:
+        yield opened
+
+
+@pytest.fixture
+def te4sea(running: Bench) -> Iterator[Bench]:
+    yield replace(running)
+    running.heal()
+
+
+@contextmanager
+def unit(at: Bench, folder: Path, **spec: Any) -> Iterator[Target]:
+    """Another RutOS unit in the place of the declared one."""
+    device = at.declaration.hosts[UNIT].device
+    access = getattr(device, "access")  # noqa: B009 - of one kind of device only
+    made = rutos.RutosSpec.model_validate(
+        {
+            "name": UNIT,
+            "reader": access.user,
+            "reader_password": access.password.reveal(),
+            "admin": access.admin_user,
+            "admin_password": access.admin_password.reveal(),
+            **spec,
+        }
+    )
+    with rutos.RunningRutos(made, folder / "unit") as started:
+        ready = started.ready
+        target = Target(
+            host=ready["host"], port=ready["https"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]
+        )
+        at.targets = {UNIT: target}
+        yield target
+
+
+def golden(name: str, report: LinksReport) -> None:
+    path = GOLDEN / f"{name}.txt"
+    shown = f"{block(masked(report.as_text()), '4g')}\nexit {int(report.exit)}\n"
+    assert shown == path.read_text(encoding="utf-8"), f"{path}\n{shown}"
+
+
+def codes(report: LinksReport) -> list[str]:
+    return [f"{one['verdict']} {one['code']}" for one in report.bearers["4g"]["findings"]]
+
+
+def test_two_links_and_both_are_well(te4sea: Bench) -> None:
+    report = te4sea.report()
+    assert list(report.bearers) == ["4g", "satellite"]
+    assert report.as_text().endswith("4g carries the traffic of te4sea: it is the preferred link")
+    golden("te4sea-rutos", report)
+
+
+SICK: dict[str, tuple[dict[str, Any], str]] = {
+    "roams-and-may-not": ({"sim": {"home": HOME}, "network": {"plmn": FOREIGN}}, "FAIL roaming-not-allowed"),
+    "asks-for-a-pin": ({"sim": {"pin": "1234"}}, "FAIL pin-needed"),
+    "has-no-card": ({"sim": None}, "FAIL sim-missing"),
+    "is-denied": ({"network": {"denies": True}}, "FAIL registration-denied"),
+    "finds-no-network": ({"network": {"silent": True}}, "FAIL searching"),
+}
+
+
+@pytest.mark.parametrize("name", SICK)
+def test_a_unit_that_is_sick(name: str, te4sea: Bench, tmp_path: Path) -> None:
+    spec, code = SICK[name]
+    with unit(te4sea, tmp_path, **spec):
+        te4sea.lose("4g")
+        report = te4sea.report()
+    golden(f"te4sea-{name}", report)
+    assert codes(report)[0] == code
+    assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_a_wrong_pin_is_told_and_not_tried_again(te4sea: Bench, tmp_path: Path) -> None:
+    root = inventory(tmp_path, {FILE: ("apn: internet\n", f"apn: internet\n    pin: {VAULTED}\n")})
+    te4sea.declaration = load(root, decrypt=wrong)
+    with unit(te4sea, tmp_path, sim={"pin": "1234", "tries": 3}) as target:
+        asked = te4sea.request.model_copy(update={"targets": {UNIT: target}}).model_dump(mode="json")
+        told = lte.perform(root, [UNIT], asked, plan_only=False, decrypt=wrong)["per_host"][UNIT]
+        assert told["exit"] != 0
+        te4sea.lose("4g")
+        first, second = te4sea.report(), te4sea.report()
+    golden("te4sea-wrong-pin", first)
+    assert codes(first) == codes(second) == ["FAIL pin-wrong"]
+    assert first.as_json()["bearers"]["4g"]["findings"] == second.as_json()["bearers"]["4g"]["findings"]
+
+
+def test_a_unit_that_cannot_be_read(te4sea: Bench) -> None:
+    te4sea.away(UNIT)
+    report = te4sea.report()
+    golden("te4sea-unreachable", report)
+    assert codes(report) == ["INCONCLUSIVE device-unreachable"]
+    assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_a_modem_on_a_serial_line(te4sea: Bench, tmp_path: Path) -> None:
+    te4sea.declaration = load(_declared(tmp_path, SERIAL))
+    with modem.RunningModem(modem.ModemSpec()) as started:
+        te4sea.targets = {UNIT: Target(host="", port=0, pin="", serial=started.path)}
+        report = te4sea.report()
+        assert started.forbidden == []
+    golden("te4sea-at", report)
+    assert report.exit is ExitCode.DONE
+
+
+@pytest.mark.parametrize(("driver", "codes_of"), [("manual", ["INCONCLUSIVE look-yourself"]), ("modemmanager", [])])
+def test_drivers_without_an_emulation_are_named(
+    driver: str, codes_of: list[str], te4sea: Bench, tmp_path: Path
+) -> None:
+    te4sea.declaration = load(_declared(tmp_path, OTHERS.format(driver=driver)))
+    te4sea.request = te4sea.request.model_copy(
+        update={"targets": {name: one for name, one in te4sea.request.targets.items() if name != UNIT}}
+    )
+    report = te4sea.report()
+    assert codes(report) == codes_of
+    assert UNIT in report.not_asked
+    assert report.bearers["4g"]["state"] == "up"
+
+
+def _declared(folder: Path, text: str) -> Path:
+    root = inventory(folder, {})
+    (root / FILE).write_text(text, encoding="utf-8")
+    return root
+
+
+def test_a_mikrotik_box_that_roams_and_may_not(tmp_path: Path) -> None:
+    def abroad(twin: TwinSpec) -> TwinSpec:
+        if twin.router.modem is None:
+            return twin
+        sick = ModemSpec(sim=SimSpec(home="00101"), cell=CellSpec(plmn=FOREIGN))
+        return twin.model_copy(update={"router": twin.router.model_copy(update={"modem": sick})})
+
+    with bench(tmp_path, "coastal", spoil=abroad) as coastal:
+        report = coastal.report()
+    assert [one["code"] for one in report.bearers["4g"]["findings"]] == ["roaming-not-allowed"]
+    assert report.bearers["4g"]["quality"]["registration"] == "registered_roaming"
+    assert report.exit is ExitCode.CHECKS_FAILED
