@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.answers import Answer, Caller
 
 UNIT = Path(__file__).parents[2] / "unit"
-SITES = sorted((UNIT / "render" / "golden").glob("*.rsc"))
+SITES = sorted((UNIT / "render" / "golden").glob("*-router.rsc"))
 CASES = yaml.safe_load((UNIT / "routeros_plan" / "guard_cases.yml").read_text(encoding="utf-8"))
 POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})
 
