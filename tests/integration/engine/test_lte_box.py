@@ -11,6 +11,7 @@ from engine_bench import Bench, on
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.render import lte
+from atlantis_netcfg.routeros import Mode, desired
 from atlantis_netcfg.site import load
 from atlantis_netcfg.twin import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
 from atlantis_netcfg.twin.control import obey
@@ -52,6 +53,20 @@ def test_it_converges_and_then_has_the_declared_access_point(tmp_path: Path, ver
         assert (again.status, again.planned) == ("unchanged", 0)
 
     on(box(tmp_path, version), act)
+
+
+def test_the_way_back_leads_to_what_it_was(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = bench.export()
+        saved = bench.router.export()
+        assert (await bench.converge()).status == "changed"
+        menus = desired.read(bench.text).menus
+        back = await bench.converge(Mode.ROLLBACK, desired=desired.from_export(saved, menus))
+        assert back.status == "changed"
+        assert bench.export() == before
+        assert (await bench.converge(Mode.ROLLBACK, desired=desired.from_export(saved, menus))).planned == 0
+
+    on(box(tmp_path), act)
 
 
 @pytest.mark.parametrize(
