@@ -31,7 +31,7 @@ def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
 
 
 def masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:
-    """The configuration of before, as far as a run may change it, secrets masked; the unit has other people's beside."""
+    """The configuration of before as far as a run may change it, secrets masked; other people's stands beside it."""
     return "".join(
         f"{package}.{section}.{option}='{'********' if option in _SECRET else value}'\n"
         for (package, section), options in sections.items()

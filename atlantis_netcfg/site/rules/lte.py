@@ -52,6 +52,9 @@ FIELDS: tuple[Field, ...] = (
     Field(("access", "admin_password"), of=(_RUTOS,)),
     Field(("host",), of=(_MODEMMANAGER, _AT)),
     Field(("serial",), of=(_AT,), needed_by=(_AT,), hint="add `serial:` with the modem's port, like /dev/ttyUSB2"),
+    Field(("sim", "user"), of=(_ROUTEROS, _RUTOS)),
+    Field(("sim", "password"), of=(_ROUTEROS, _RUTOS)),
+    Field(("sim", "pin"), of=(_ROUTEROS, _RUTOS)),
     Field(("sim", "bands"), of=(_ROUTEROS, _RUTOS)),
 )
 """The drivers' fields, in the order in which a declaration has them."""
@@ -60,6 +63,7 @@ _APN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]{0,98}[A-Za-z0-9])?")
 """3GPP TS 23.003, 9.1: labels as of a DNS name, at most 100 characters."""
 _PIN = re.compile(r"[0-9]{4,8}")
 """3GPP TS 31.101, 9.5.1."""
+_PORT = re.compile(r"/dev/[\w./-]+")
 
 
 def _value(device: LteRouter, path: tuple[str, ...]) -> object:
@@ -106,6 +110,40 @@ def pin(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(Part("device", host), ("sim", "pin"), message, hint)
 
 
+def administrator(draft: Draft) -> Iterator[Finding]:
+    """Whoever may set a RutOS unit has a name and a password, or is nobody."""
+    for host, _, device in draft.boxes(LteRouter):
+        access = device.access
+        if access is None or (access.admin_user is None) == (access.admin_password is None):
+            continue
+        missing, there = ("admin_password", "admin_user") if access.admin_user else ("admin_user", "admin_password")
+        message = f"`{there}` stands without `{missing}`: nobody could log in to set the unit"
+        hint = f"add `{missing}`, or remove `{there}`: then the unit is only checked"
+        yield draft.wrong(Part("device", host), ("access", there), message, hint)
+
+
+def in_quotes(draft: Draft) -> Iterator[Finding]:
+    """What is set on a RutOS unit goes to `uci` between single quotes."""
+    for host, _, device in draft.boxes(LteRouter):
+        user = device.sim.user
+        if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
+            message = f"`{user}` cannot be set on a RutOS unit: it has a quote or a backslash"
+            yield draft.wrong(Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract")
+
+
+def within_reach(draft: Draft) -> Iterator[Finding]:
+    """A modem is read in the computer that runs `provision`, at a port of it."""
+    for host, _, device in draft.boxes(LteRouter):
+        part = Part("device", host)
+        if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
+            message = f"a modem in another computer (`{device.host}`) cannot be read yet"
+            hint = "leave `host` out and run `provision` on that computer, or write `driver: manual`"
+            yield draft.wrong(part, ("host",), message, hint)
+        if device.driver is _AT and device.serial is not None and not _PORT.fullmatch(device.serial):
+            message = f"`{device.serial}` is no serial port"
+            yield draft.wrong(part, ("serial",), message, "write its whole path, like /dev/ttyUSB2")
+
+
 def is_the_gateway(draft: Draft) -> Iterator[Finding]:
     """A box that routes is the next hop of its link: with another address the site's router would not find it."""
     for host, name, device in draft.boxes(LteRouter):
@@ -120,4 +158,4 @@ def is_the_gateway(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(Part("device", host), ("address",), message, f"write {bearer.gateway}")
 
 
-RULES: tuple[Rule, ...] = (fields, apn, pin, is_the_gateway)
+RULES: tuple[Rule, ...] = (fields, apn, pin, administrator, in_quotes, within_reach, is_the_gateway)
