@@ -123,7 +123,9 @@ def perform(
         _record(store, results.values())
     told = {name: result.as_dict() for name, result in results.items()}
     Channel(asked.events_fd).outcome(told, {})
-    return {"per_host": {name: _of_host(result) for name, result in results.items()}}
+    # Ansible prints warnings, and of a task that went well nothing else.
+    warnings = [f"{name}: {_words(finding)}" for name, result in results.items() for finding in result.findings]
+    return {"per_host": {name: _of_host(result) for name, result in results.items()}, "warnings": warnings}
 
 
 def _of_host(result: TerminalResult) -> dict[str, Any]:

@@ -50,7 +50,9 @@ def codes(inventory: Path, state: Path, backup: Path | None = None) -> list[str]
 
 def run(inventory: Path, state: Path, mode: Mode = Mode.APPLY) -> dict[str, object]:
     request = Request(state=state, mode=mode).model_dump(mode="json")
-    told: dict[str, object] = perform(inventory, ["coastal-sat"], request, plan_only=False)["per_host"]["coastal-sat"]
+    outcome = perform(inventory, ["coastal-sat"], request, plan_only=False)
+    told: dict[str, object] = outcome["per_host"]["coastal-sat"]
+    assert outcome["warnings"] == [f"coastal-sat: {note}" for note in told["notes"]]  # type: ignore[attr-defined]  # a list
     return told
 
 
