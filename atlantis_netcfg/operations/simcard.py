@@ -41,7 +41,7 @@ class TriedPin:
         except (OSError, ValueError):
             when = "an earlier time"
         return (
-            f"the PIN was sent at {when}, and the SIM has not taken it; it is not tried again."
+            f"the PIN was sent at {when}, and it was not seen that the SIM took it; it is not tried again."
             f" Compare `sim.pin` with the SIM's letter, then delete {self.path}"
         )
 
