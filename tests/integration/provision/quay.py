@@ -50,6 +50,8 @@ class Quay:
     twins: SpawnedSite
     door: Door
     stack: ExitStack
+    alone: bool = True
+    """Only the router stands here; the ends of the Wi-Fi bridge do not."""
     twin: str = ROUTER
     """The emulated router that stands at the address now."""
 
@@ -82,9 +84,9 @@ class Quay:
         }
 
     def provision(self, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
-        """Type a command; `inventory=` is added."""
+        """Type a command; `inventory=` is added, and `only=`: nothing but the router stands at this quay."""
         done = subprocess.run(
-            [PROVISION, *typed, f"inventory={self.inventory}"],
+            [PROVISION, *typed, *self._only(typed), f"inventory={self.inventory}"],
             env=self.environment(),
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -95,12 +97,12 @@ class Quay:
         return done
 
     def typed(self, *typed: str, answer: str, code: int) -> str:
-        """Type a command at a terminal, and an answer to its question; give all that it prints."""
+        """Type a command at a terminal, and an answer to its question, as above; give all that it prints."""
         ours, theirs = os.openpty()
         with os.fdopen(ours, "wb", buffering=0) as keyboard:
             keyboard.write(f"{answer}\n".encode())
             done = subprocess.run(
-                [PROVISION, *typed, f"inventory={self.inventory}"],
+                [PROVISION, *typed, *self._only(typed), f"inventory={self.inventory}"],
                 env=self.environment(),
                 stdin=theirs,
                 stdout=subprocess.PIPE,
@@ -111,6 +113,12 @@ class Quay:
             os.close(theirs)
         assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}"
         return done.stdout
+
+    def _only(self, typed: tuple[str, ...]) -> tuple[str, ...]:
+        """Leave the bridge alone where a command is about the site; the engine's runs, which take `only=`."""
+        runs = {"drift", "backup", "rollback", "site=coastal"}
+        named = any(word.startswith(("only=", "--limit")) for word in typed)
+        return () if typed[0] not in runs or named or not self.alone else (f"only={ROUTER},coastal-gateway",)
 
     def json(self, *typed: str, code: int) -> dict[str, Any]:
         told: dict[str, Any] = json.loads(self.provision(*typed, "--json", code=code).stdout)

@@ -84,7 +84,7 @@ def test_what_a_stranger_did_is_told_and_put_right(at: Quay, tmp_path: Path) -> 
     before, entries = at.export(), at.do("console", words=["/system/history/print"])
     at.do("reset")
     told = at.provision("drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6)
-    assert at.do("counters")["turns"] <= 4
+    assert at.do("counters")["turns"] <= 5
     golden("drift.txt", told.stdout)
     golden("drift.xml", (tmp_path / "drift.xml").read_text(encoding="utf-8"))
     golden("drift.json", json.dumps(at.json("drift", "only=coastal-router", code=6), indent=1) + "\n")
@@ -154,7 +154,7 @@ def test_ansible_in_check_mode_shows_the_same(at: Quay) -> None:
     done = subprocess.run(
         [
             *(sys.executable, "-m", "ansible", "playbook", "-i", str(at.inventory)),
-            *(str(CHECKOUT / "playbooks/site.yml"), "--limit", "coastal", "--check", "--diff"),
+            *(str(CHECKOUT / "playbooks/site.yml"), "--limit", "coastal:!cpes:!lte_routers", "--check", "--diff"),
         ],
         cwd=CHECKOUT,
         env=at.environment(),
