@@ -261,7 +261,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     if site is None:
         site = arguments.word("site")
     hosts = choose(declaration, site, only)
-    _require_handled(hosts, declared=arguments.command.name == DEFAULT)
+    _require_handled(hosts, declared=arguments.command.name in {DEFAULT, "links"})
     with ExitStack() as stack:
         twins = None
         if rehearse:

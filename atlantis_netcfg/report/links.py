@@ -80,6 +80,8 @@ class LinksReport:
         """Which link carries the traffic, and whether that is the preferred one."""
         preferred = next(iter(self.bearers), "")
         active = [name for name, one in self.bearers.items() if one["active"]]
+        if not self.asked:
+            return f"Nobody was asked, so nothing is known of {self.site}"
         if any(one["active"] is None for one in self.bearers.values()):
             return f"Which link carries the traffic of {self.site} is not known: the router was not read"
         if not active:

@@ -142,6 +142,7 @@ def test_nobody_was_asked(coastal: Bench) -> None:
     report = coastal.report(TERMINAL)
     assert report.exit is ExitCode.NOTHING
     assert report.asked == ()
+    assert report.as_text().endswith("Nobody was asked, so nothing is known of coastal")
 
 
 def test_the_bridge_is_lost_behind_its_radios_and_4g_carries(coastal: Bench) -> None:

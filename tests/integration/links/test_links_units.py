@@ -18,7 +18,7 @@ from atlantis_netcfg.site import load
 from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec, TwinSpec, modem, rutos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.report.links import LinksReport
 
@@ -67,7 +67,7 @@ def te4sea(running: Bench) -> Iterator[Bench]:
 
 
 @contextmanager
-def unit(at: Bench, folder: Path, **spec: Any) -> Iterator[Target]:
+def unit(at: Bench, folder: Path, spec: Mapping[str, Any]) -> Iterator[Target]:
     """Another RutOS unit in the place of the declared one."""
     device = at.declaration.hosts[UNIT].device
     access = getattr(device, "access")  # noqa: B009 - of one kind of device only
@@ -119,7 +119,7 @@ SICK: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("name", SICK)
 def test_a_unit_that_is_sick(name: str, te4sea: Bench, tmp_path: Path) -> None:
     spec, code = SICK[name]
-    with unit(te4sea, tmp_path, **spec):
+    with unit(te4sea, tmp_path, spec):
         te4sea.lose("4g")
         report = te4sea.report()
     golden(f"te4sea-{name}", report)
@@ -130,7 +130,7 @@ def test_a_unit_that_is_sick(name: str, te4sea: Bench, tmp_path: Path) -> None:
 def test_a_wrong_pin_is_told_and_not_tried_again(te4sea: Bench, tmp_path: Path) -> None:
     root = inventory(tmp_path, {FILE: ("apn: internet\n", f"apn: internet\n    pin: {VAULTED}\n")})
     te4sea.declaration = load(root, decrypt=wrong)
-    with unit(te4sea, tmp_path, sim={"pin": "1234", "tries": 3}) as target:
+    with unit(te4sea, tmp_path, {"sim": {"pin": "1234", "tries": 3}}) as target:
         asked = te4sea.request.model_copy(update={"targets": {UNIT: target}}).model_dump(mode="json")
         told = lte.perform(root, [UNIT], asked, plan_only=False, decrypt=wrong)["per_host"][UNIT]
         assert told["exit"] != 0
