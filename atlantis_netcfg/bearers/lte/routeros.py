@@ -192,7 +192,10 @@ def _address(addresses: Rows, interface: str) -> str | None:
     live = [
         row["address"].partition("/")[0]
         for row in addresses
-        if row.get("interface") == interface and not yes(row.get("disabled")) and not yes(row.get("invalid"))
+        if row.get("interface") == interface
+        and row.get("address")
+        and not yes(row.get("disabled"))
+        and not yes(row.get("invalid"))
     ]
     return live[0] if live else None
 

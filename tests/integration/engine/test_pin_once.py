@@ -98,6 +98,16 @@ def test_after_a_person_has_corrected_it_the_right_one_is_sent(tmp_path: Path) -
     on(bench(tmp_path, "9999"), act)
 
 
+def test_no_file_holds_the_pin(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        assert (await once(bench)).status == "changed"
+        files = [path for path in bench.store.root.rglob("*") if path.is_file()]
+        assert any(path.name == "journal.jsonl" for path in files)
+        assert [path for path in files if b"90210768" in path.read_bytes()] == []
+
+    on(bench(tmp_path, "90210768", asks="90210768"), act)
+
+
 def test_a_sim_that_asks_for_none_gets_none(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await once(bench)).status == "changed"
