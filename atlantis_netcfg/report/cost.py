@@ -25,4 +25,4 @@ def cost_lines(result: Mapping[str, Any], *, rehearsed: bool) -> Iterator[str]:
         return
     if rehearsed and cost["words"]:
         yield f"a real run asks first: {asked(cost)}"
-    yield f"{'it would have been ' if rehearsed else ''}{cost['bill_words']}"
+    yield f"{'and comes to' if rehearsed else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"

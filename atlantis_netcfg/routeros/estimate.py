@@ -62,9 +62,9 @@ TYPICAL_MENUS: Final = tuple(
     if path != "/routing/settings" and not path.startswith(("/interface/wi", "/interface/w60g", "/interface/lte"))
 )
 """What a site's router needs: no radio, and not the settings whose arguments come with RouterOS 7.21."""
-TYPICAL_ROWS: Final = 15_000
+TYPICAL_ROWS: Final = 55_000
 """Bytes of all rows of a configured router, where nothing was observed."""
-TYPICAL_EXPORT: Final = 12_000
+TYPICAL_EXPORT: Final = 32_000
 TYPICAL_LINE: Final = 80
 """Bytes of a line of a desired text."""
 MOST_TEXT: Final = 45_000

@@ -162,7 +162,7 @@ class Meter:
             "words": self._asks(),
             "instead": next(self._elsewhere(), None),
             "bill": dict(spent.as_dict()),
-            "bill_words": _words(spent, router, self.link),
+            "bill_words": _words(spent, router),
             "router": router,
         }
 
@@ -184,8 +184,9 @@ class Meter:
         )
 
 
-def _words(spent: Bill, router: dict[str, Any] | None, link: Link) -> str:
-    told = f"cost over {link.name}: {spent.words}"
+def _words(spent: Bill, router: dict[str, Any] | None) -> str:
     if router is None:
-        return f"{told}; not counted by the router"
-    return f"{told}; the router counted {size(router['bytes'])} on {router['interface']}, others' traffic included"
+        return f"{spent.words}; not counted by the router"
+    return (
+        f"{spent.words}; the router counted {size(router['bytes'])} on {router['interface']}, others' traffic included"
+    )

@@ -267,9 +267,7 @@ def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declarati
     assert cost["bill"]["payload_bytes"] == 50_000 * 115 // 100 + 2 * 4000
     assert cost["bill"]["price"] == "0.524"
     assert cost["router"] == {"interface": "ether3", "rx_bytes": 40_000, "tx_bytes": 30_000, "bytes": 70_000}
-    assert cost["bill_words"] == (
-        "cost over satellite: 66 kB, 0.53 EUR; the router counted 70 kB on ether3, others' traffic included"
-    )
+    assert cost["bill_words"] == ("66 kB, 0.53 EUR; the router counted 70 kB on ether3, others' traffic included")
     assert journal.records == [
         CostCounted(
             device=ROUTER,

@@ -1,0 +1,76 @@
+"""The bill among the closing lines, in words and as JSON; what cost nothing has none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from atlantis_netcfg.report.cost import asked, cost_lines
+from atlantis_netcfg.report.drift import DriftReport
+from atlantis_netcfg.report.run import Pass, RunReport
+
+COST = {
+    "bearer": "satellite",
+    "declared": "satellite",
+    "instead": None,
+    "words": "over satellite of coastal, which is paid by the byte: about 64 kB, 0.52 EUR",
+    "bill_words": "63 kB, 0.51 EUR; not counted by the router",
+}
+INSTEAD = {**COST, "declared": "wifi-ptp", "instead": "wifi-ptp is down"}
+
+
+def result(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
+    return {
+        "exit": 0,
+        "message": "already so",
+        "hint": None,
+        "planned": 0,
+        "notes": ["a note"],
+        "drift": [],
+        "comparison": None,
+        "round_trips": 3,
+        "bytes": {"sent": 1000, "received": 2000},
+        "seconds": 1.25,
+        "version": "7.18.2",
+        "board": "b",
+        **more,
+    }
+
+
+def test_what_cost_nothing_has_no_bill() -> None:
+    assert list(cost_lines(result(), rehearsed=False)) == []
+    assert "cost" not in RunReport("coastal", False, {"r": result()}).as_json()["devices"]["r"]
+
+
+def test_a_run_tells_its_bill_and_a_rehearsal_what_would_be_asked() -> None:
+    assert list(cost_lines(result(cost=COST), rehearsed=False)) == [f"cost over satellite: {COST['bill_words']}"]
+    assert list(cost_lines(result(cost=COST), rehearsed=True)) == [
+        f"a real run asks first: {COST['words']}",
+        f"and comes to: {COST['bill_words']}",
+    ]
+
+
+def test_that_it_is_another_link_stands_before_the_price() -> None:
+    assert asked(INSTEAD) == f"wifi-ptp is down; {COST['words']}"
+    assert asked(COST) == COST["words"]
+
+
+def test_the_report_of_a_run_has_it_below_the_device_and_below_each_pass() -> None:
+    devices = {"r": result(cost=COST)}
+    report = RunReport(
+        "coastal", True, devices, (Pass("r", "lan", result()), Pass("r", "satellite", result(cost=COST)))
+    )
+    lines = [line.strip() for line in report.as_text().splitlines()]
+    asks = [number for number, line in enumerate(lines) if line.startswith("a real run asks first")]
+    assert asks == [1, 5]
+    assert lines[3].startswith("again over lan")
+    assert lines[4].startswith("again over satellite")
+    told = report.as_json()["devices"]["r"]
+    assert told["cost"] == COST
+    assert [("cost" in one) for one in told["bearers"].values()] == [False, True]
+
+
+def test_a_drift_report_has_it_too() -> None:
+    report = DriftReport("coastal", rehearsed=False, devices={"r": result(cost=COST)})
+    assert f"  cost over satellite: {COST['bill_words']}" in report.as_text().splitlines()
+    assert report.as_json()["devices"]["r"]["cost"] == COST
+    assert "cost" not in DriftReport("coastal", rehearsed=False, devices={"r": result()}).as_json()["devices"]["r"]
