@@ -61,7 +61,7 @@ def perform(
         problem = crashed(fault, asked.command, lambda: asked.state)
         channel.error(problem)
         raise problem from fault
-    return _for_ansible(results)
+    return _for_ansible(results, hosts)
 
 
 def _logged(result: DeviceResult, request: Request) -> DeviceResult:
@@ -87,13 +87,15 @@ def _perform(
     called = RunName()
     turns = {site: Turn(declaration, site, hosts, request, called) for site in sorted({one.site for one in hosts})}
     results: dict[str, Mapping[str, Any]] = {}
+    bridged = [member.bridge.ends for member in members if member.bridge is not None]
+    others = {one.name: other.name for ends in bridged for one, other in (ends, ends[::-1])}
 
     def ended(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
         paid = costs.told(result, turns[site].journal, store)
         turns[site].ended(result)
         told = _logged(result, request)
-        results[told.name] = {**told.as_dict(), **paid}
+        results[told.name] = {**told.as_dict(), **paid, "other_end": others.get(told.name)}
         run = turns[site].run
         channel.outcome({told.name: results[told.name]}, {site: run} if run else {})
 
@@ -144,9 +146,24 @@ def _made(job: DeviceJob | Pair) -> DeviceJob | Pair:
     return job
 
 
-def _for_ansible(results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Each device's result in the words of Ansible; the action `recap` gives it to the device's own host."""
-    return {"per_host": {name: _of_host(name, result) for name, result in results.items()}}
+def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> dict[str, Any]:
+    """Each device's result in the words of Ansible; the action `recap` gives it to the device's own host.
+
+    The other end of a bridge may not be of the play: then the end that is tells of both, and fails with it.
+    """
+    told = {name: _of_host(name, result) for name, result in results.items()}
+    for name, result in results.items():
+        other = result.get("other_end")
+        if other in names and name not in names:
+            here, there = told[other], told[name]
+            told[other] = {
+                **here,
+                "ok": here["ok"] and there["ok"],
+                "changed": (here["changed"] or there["changed"]) and here["ok"] and there["ok"],
+                "message": f"{here['message']}; {name}: {there['message']}",
+                "shown": here["shown"] + there["shown"],
+            }
+    return {"per_host": told}
 
 
 def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:

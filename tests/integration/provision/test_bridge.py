@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal import RunResumed, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.site import perform
@@ -118,6 +118,12 @@ def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> Non
         assert there.before("coastal-cpe") is not None
         drift = ask(root, tmp_path / "state", twins, "scc-cpe", mode="drift")
         assert statuses(drift) == dict.fromkeys(ENDS, "unchanged"), said(drift)
+        assert first["scc-cpe"]["other_end"] == "coastal-cpe"
+        assert f"coastal-cpe: {first['coastal-cpe']['message']}" in first["scc-cpe"]["message"]
+        again = ask(root, tmp_path / "state", twins, "scc-cpe", mode="resume", run=here.id)
+        assert statuses(again) == dict.fromkeys(ENDS, "unchanged"), said(again)
+        resumed = [store.run(site, here.id).log.records for site in ("scc", "coastal")]
+        assert all(any(isinstance(one, RunResumed) for one in records) for records in resumed)
         saved = ask(root, tmp_path / "state", twins, "scc-cpe", mode="backup")
         assert {result["exit"] for result in saved.values()} == {0}, said(saved)
 

@@ -310,9 +310,10 @@ def test_control_centre_carries_coastal_to_the_world_but_not_into_its_lan() -> N
 def test_both_ends_of_the_bridge_are_reached_from_either_management_port() -> None:
     for site, technician, out in (("scc", "10.64.100.10", "ether2"), ("coastal", "10.64.101.10", "ether1")):
         for cpe in ("10.10.0.3", "10.10.0.4"):
-            packet = Packet(technician, cpe, "ether8", out, "tcp", 8729)
-            assert WALKS[site].accepts("forward", packet)
-            assert WALKS[site].translation("srcnat", packet) == ("masquerade", "")
+            for port in (22, 8729):
+                packet = Packet(technician, cpe, "ether8", out, "tcp", port)
+                assert WALKS[site].accepts("forward", packet)
+                assert WALKS[site].translation("srcnat", packet) == ("masquerade", "")
 
 
 def test_routers_ping_each_other_over_the_bridge() -> None:
