@@ -46,6 +46,8 @@ _POSITIONAL = {
     "unset": ("numbers", "value-name"),
     "comment": ("numbers",),
     "move": ("numbers", "destination"),
+    "monitor": ("numbers",),
+    "show-capabilities": ("number",),
     "get": ("number", "value-name"),
     "import": ("file-name",),
     "sign": ("number",),

@@ -193,6 +193,19 @@ def test_another_card_and_another_network_under_a_modem_at_work() -> None:
         refit(Device(RouterSpec(name="router"), lambda: 0.0).core, {})
 
 
+def test_on_the_console_as_the_manual_shows_it() -> None:
+    box = Box()
+    typed = [
+        box.device.type(box.caller, f"/interface lte {line}") for line in ("monitor lte1 once", "monitor lte9 once")
+    ]
+    lines = [line.strip() for line in typed[0].text.splitlines()]
+    assert {"current-operator: EXAMPLE", "primary-band: B3@20Mhz earfcn: 1300 phy-cellid: 480", "rsrp: -97dBm"} <= set(
+        lines
+    )
+    assert (typed[1].failed, typed[1].text) == (True, "no such item")
+    assert "roaming-barring: yes" in box.device.type(box.caller, "/interface lte show-capabilities lte1").text
+
+
 def test_capabilities() -> None:
     assert Box().rows("/interface/lte/show-capabilities", "number=lte1")[0]["roaming-barring"] == "yes"
 
