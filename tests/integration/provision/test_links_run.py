@@ -1,0 +1,105 @@
+"""`provision links` on a real address: pins, vault, consent, the counters of a month, and nothing changed."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import PROVISION, ROUTER, Quay, quay
+
+from atlantis_netcfg.journal import Store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+ONLY = ("site=coastal", f"only={ROUTER}")
+
+
+@pytest.fixture(scope="module")
+def berth(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Quay]:
+    """A router as declared."""
+    with quay(tmp_path_factory.mktemp("quay")) as opened:
+        opened.provision(*ONLY, "--yes", code=0)
+        yield opened
+
+
+def test_a_look_reads_and_changes_nothing(berth: Quay) -> None:
+    before, entries = berth.export(), berth.do("console", words=["/system/history/print"])
+    berth.do("reset")
+    told = berth.json("links", *ONLY, code=0)
+    assert berth.do("counters")["turns"] <= 4
+    assert told["round_trips"] == {ROUTER: 2}
+    assert [one["state"] for one in told["bearers"].values()] == ["up", "up", "unknown"]
+    assert [one["active"] for one in told["bearers"].values()] == [True, False, False]
+    assert set(told["not_asked"]) == {"coastal-cpe", "scc-cpe", "coastal-4g", "coastal-sat"}
+    assert (berth.export(), berth.do("console", words=["/system/history/print"])) == (before, entries)
+    assert len(berth.runs()) == 1
+
+
+def test_names_of_the_allow_list_are_asked_for(berth: Quay) -> None:
+    findings = berth.json("links", *ONLY, code=0)["bearers"]["satellite"]["findings"]
+    codes = {one["code"] for one in findings}
+    assert codes & {"allow-list-name-not-asked", "allow-list-name-unknown"}, "no resolver is there in this network"
+
+
+def test_the_month_grows_with_the_counters(berth: Quay) -> None:
+    first, second = (berth.json("links", *ONLY, code=0)["bearers"]["4g"] for _ in range(2))
+    assert first["month_bytes"] < second["month_bytes"]
+    assert first["month_since"] == second["month_since"]
+    kept = Store(berth.state).usage("coastal").last("4g")
+    assert kept is not None
+    assert (kept.device, kept.interface) == (ROUTER, "ether2")
+
+
+def test_boxes_that_do_not_answer_are_findings(berth: Quay) -> None:
+    told = berth.json("links", "site=coastal", code=6)
+    assert {one["device"] for one in told["unreachable"]} == {"coastal-cpe", "scc-cpe", "coastal-4g"}
+    assert {one["code"] for one in told["bearers"]["wifi-ptp"]["findings"]} == {"device-unreachable"}
+    assert told["bearers"]["wifi-ptp"]["state"] == "up"
+
+
+def test_a_look_waits_for_nobody(berth: Quay) -> None:
+    with Store(berth.state).lock("coastal", "somebody else's run"):
+        berth.provision("links", *ONLY, code=0)
+
+
+def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(berth: Quay) -> None:
+    berth.do("reset")
+    refused = berth.provision("links", *ONLY, "via=4g", code=4)
+    assert "--accept-cost" in refused.stderr
+    assert berth.do("counters")["turns"] == 0
+    agreed = berth.provision("links", *ONLY, "via=4g", "--accept-cost", code=0)
+    assert "over 4g of coastal, which is paid by the byte" in agreed.stdout
+    assert berth.do("counters")["turns"] > 0
+
+
+def test_without_the_vaults_password_nobody_is_asked(berth: Quay) -> None:
+    environment = berth.environment()
+    del environment["ANSIBLE_VAULT_PASSWORD_FILE"]
+    berth.do("reset")
+    done = subprocess.run(
+        [PROVISION, "links", *ONLY, f"inventory={berth.inventory}"],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert "vault" in done.stderr
+    assert berth.do("counters")["turns"] == 0
+
+
+def test_another_box_at_the_address_is_not_logged_in_to(tmp_path: Path) -> None:
+    with quay(tmp_path) as at:
+        at.adopt()
+        at.replace("stranger")
+        told = at.json("links", *ONLY, code=6)
+        assert [one["device"] for one in told["unreachable"]] == [ROUTER]
+        assert "the certificate is not the one of this device" in told["unreachable"][0]["message"]
+        assert {one["active"] for one in told["bearers"].values()} == {None}
+        assert at.do("counters")["turns"] == 0
