@@ -1,0 +1,98 @@
+"""What one run consists of, and in which order its devices have their turn."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.members import members_of
+from atlantis_netcfg.operations.pairs import with_other_ends
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
+from atlantis_netcfg.routeros.desired import read
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site import Declaration
+
+ROOT = Path(__file__).parents[3]
+BOTH = ("coastal-cpe", "scc-cpe")
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(ROOT / "inventory")
+
+
+def named(declaration: Declaration, *names: str, **said: object) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Names of each member to what it waits for."""
+    request = Request.model_validate({"state": Path("/nowhere"), **said})
+    found = members_of(declaration, names, request)
+    return {tuple(host.name for host in member.hosts): member.after for member in found}
+
+
+def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(declaration: Declaration) -> None:
+    assert named(declaration, "coastal-cpe", "coastal-router") == {
+        BOTH: ("coastal-router",),
+        ("coastal-router",): (),
+    }
+    assert named(declaration, "scc-cpe") == {BOTH[::-1]: ()}
+    every = named(declaration, *declaration.hosts)
+    assert every[BOTH[::-1]] == ("scc-router", "coastal-router"), "who asks for all stands at the control centre"
+
+
+@pytest.mark.parametrize("mode", [Mode.PLAN, Mode.DRIFT])
+def test_who_only_reads_waits_for_nobody(declaration: Declaration, mode: Mode) -> None:
+    assert named(declaration, "coastal-router", "coastal-cpe", mode=mode) == {("coastal-router",): (), BOTH: ()}
+
+
+def test_a_replacement_gets_its_state_alone(declaration: Declaration) -> None:
+    assert named(declaration, "coastal-cpe", restore="20260101T000000Z") == {("coastal-cpe",): ()}
+
+
+def test_an_end_that_a_run_has_not_saved_is_not_taken_back_with_the_other(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    assert named(declaration, "coastal-cpe", state=tmp_path, back_to="20260101T000000Z") == {("coastal-cpe",): ()}
+
+
+def test_other_ends_are_added_once(declaration: Declaration) -> None:
+    hosts = [declaration.hosts[name] for name in ("coastal-router", *BOTH)]
+    assert with_other_ends(declaration, hosts) == tuple(hosts)
+    assert [host.name for host in with_other_ends(declaration, hosts[:2])] == ["coastal-router", *BOTH]
+    assert with_other_ends(declaration, hosts[:1]) == (hosts[0],)
+
+
+def job(name: str) -> DeviceJob:
+    """Where it leads to does not matter: the engine is replaced."""
+    return DeviceJob(name, Endpoint("127.0.0.1", 1, "nobody", Secret("x"), None), read("", source="nothing"))
+
+
+@pytest.mark.parametrize("how", ["ends", "fails to be made"])
+def test_a_device_begins_when_the_one_before_it_has_ended(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    order: list[str] = []
+
+    async def converge(job: DeviceJob, *, mode: object) -> DeviceResult:
+        assert mode is not None
+        order.append(f"{job.name} begins")
+        for _ in range(5):
+            await asyncio.sleep(0)
+        order.append(f"{job.name} ends")
+        return DeviceResult(job.name, Status.UNCHANGED, Status.UNCHANGED.exit, "")
+
+    def refuse() -> DeviceJob:
+        order.append("router ends")
+        raise NetcfgError("somebody works there")
+
+    monkeypatch.setattr(fleet, "converge", converge)
+    first = fleet.Waiting("router", (lambda: job("router")) if how == "ends" else refuse)
+    waiting = [fleet.Waiting("radio", lambda: job("radio"), after=("router", "of another run")), first]
+    told: list[str] = []
+    asyncio.run(fleet.stream(waiting, lambda result: told.append(result.name)))
+    assert order.index("router ends") < order.index("radio begins")
+    assert sorted(told) == ["radio", "router"]
