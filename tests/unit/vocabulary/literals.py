@@ -27,6 +27,8 @@ SPEAKERS = (
     "render",
 )
 """Packages whose texts may reach a router; those that are not there yet are passed over."""
+OTHER_LANGUAGES = ("bearers/lte/at", "bearers/lte/modemmanager", "bearers/lte/rutos")
+"""Parts of these that speak to devices of other makes: paths of a Linux host, of D-Bus, of RutOS' web interface."""
 _COMMAND = re.compile(r"^(?:/[a-z][a-z0-9-]*(?:[/ ].*)?|:[a-z]+ .*)$")
 _SUFFIX = re.compile(r"^X/([a-z-]+)$")
 
@@ -45,7 +47,8 @@ def literals() -> tuple[Literal, ...]:
     found: list[Literal] = []
     for package in SPEAKERS:
         for path in sorted((ROOT / "atlantis_netcfg" / package).rglob("*.py")):
-            found += _of_file(path)
+            if not path.relative_to(ROOT / "atlantis_netcfg").as_posix().startswith(OTHER_LANGUAGES):
+                found += _of_file(path)
     return tuple(found)
 
 

@@ -10,11 +10,15 @@ from literals import Literal, literals, sentences
 from spoken import Said, lines, sentence
 from trees import TREES, VERSIONS, Tree, parts
 
+from atlantis_netcfg.bearers.wifi import Family
+
 SINCE = {"/safe-mode": ("7.18.2", "asked for on every version, because that is how we learn whether it is there")}
 """Menus that not all of our versions have."""
 NO_COMMANDS = {
     "/add": "a suffix that is taken off",
     "/interface/wi": "a prefix by which the menus of radios are told",
+    "/dev/[\\w./-]+": "the pattern of a serial port's path in a Linux host",
+    "/interface/X/print": "the menu of either family of radios, which `test_a_radio_s_menu_can_be_printed` looks up",
     "/quit": "a word of the console's own, which the trees show at the root only as a script's word",
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
@@ -51,6 +55,11 @@ def test_every_text_is_a_command_or_a_menu(tree: Tree) -> None:
             odd[f"{literal.file}:{literal.line}"] = found
     assert odd == {}
     assert len(literals()) > 150
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_a_radio_s_menu_can_be_printed(tree: Tree) -> None:
+    assert all("print" in tree.commands(f"/interface/{family}") for family in Family)
 
 
 def test_every_word_behind_a_menu_is_a_command_or_a_menu_somewhere() -> None:
