@@ -5,6 +5,7 @@
     <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
     <state>/<real|rehearsal>/<site>/usage.json                  bytes of each bearer, by month
+    <state>/real/<site>/sim/<device>.tried                      a PIN was sent, and was not seen to be taken
     <state>/<real|rehearsal>/<site>/confirmed/<device>-<hash>.rsc    a state that runs have read back at their end
 
 Everything is readable by its owner only. No record holds a secret: actions arrive here masked.
