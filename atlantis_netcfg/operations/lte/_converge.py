@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte import Registration, rutos
 from atlantis_netcfg.bearers.lte.judge import quality
-from atlantis_netcfg.console import ConsoleLost
+from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import ActionsConfirmed, JournalFailed, LayerSent, Outcome, Planned
@@ -155,9 +155,11 @@ class Converge:
         self._touched = True
         self._tell(Stage.APPLYING, f"{len(numbers)} settings")
         said = shell.run(rutos.WRITE, given=rutos.batch(came.found)).error.strip()
-        shell.run(rutos.RELOAD)
-        self._tell(Stage.VERIFYING, "reading back")
-        now = sections_of(shell)
+        # A unit whose network reloads may drop the session: a new one tells what has come of it.
+        with suppress(ConsoleLost):
+            shell.run(rutos.RELOAD)
+        self._tell(Stage.VERIFYING, "reading back in a new session")
+        now = self._read_back()
         kept = [one for one in came.found if now.get((one.package, one.section), {}).get(one.option) == one.value]
         if len(kept) != len(came.found):
             self._touched = bool(kept)
@@ -169,6 +171,18 @@ class Converge:
             )
         self._journal.write(ActionsConfirmed(device=name, actions=numbers))
         self._touched = False
+
+    def _read_back(self) -> dict[tuple[str, str], dict[str, str]]:
+        """Read in a new session, as soon as one comes about. Raises DeviceFailed."""
+        until = time.monotonic() + self._patience.settle_s
+        while True:
+            try:
+                with self._unit.shell() as fresh:
+                    return sections_of(fresh)
+            except (ConsoleLost, ConsoleUnreachable):
+                if time.monotonic() > until:
+                    raise
+                time.sleep(self._patience.poll_s)
 
     def _settled(self, before: Look) -> Look:
         """Look until the unit is in its network with a connection, or waiting is in vain."""

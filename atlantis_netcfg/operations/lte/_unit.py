@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte import at, manual, modemmanager, rutos
+from atlantis_netcfg.bearers.lte import Registration, at, manual, modemmanager, rutos
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.console import UnknownHostKey, open_commands
 from atlantis_netcfg.errors import DeviceFailed, NetcfgError
@@ -153,8 +153,11 @@ class Unit:
             self._tell(f"first contact: its certificate is pinned, SHA-256 {unknown.fingerprint}")
             found = rutos.read(replace(endpoint, pin=unknown.fingerprint))
         self._identify(found.serial)
-        findings = judge(found.reading, self.wanted)
-        return Look(found.reading, findings, found.requests, found.sent, found.received, found.serial)
+        reading = found.reading
+        if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
+            # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
+            reading = replace(reading, pin_refused=True)
+        return Look(reading, judge(reading, self.wanted), found.requests, found.sent, found.received, found.serial)
 
     def _identify(self, serial: str | None) -> None:
         """A unit is known by its serial number, where it tells one."""

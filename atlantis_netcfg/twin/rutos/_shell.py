@@ -56,7 +56,9 @@ class Shell:
         self.commands: list[str] = []
         self.reloads = 0
         self.mute = False
-        """Knob: the next batch is taken and forgotten, as a unit does whose flash is read-only."""
+        """Knob: batches are taken and forgotten, as by a unit whose flash is read-only."""
+        self.drops_on_reload = False
+        """Knob: the session is lost while the network reloads."""
 
     async def serve(self, process: asyncssh.SSHServerProcess[str]) -> None:
         """One command."""
@@ -70,6 +72,9 @@ class Shell:
             process.stderr.write(error)
             if code:
                 break
+        if command == "reload_config" and self.drops_on_reload:
+            process.channel.get_connection().abort()
+            return
         process.exit(code)
 
     def _run(self, words: list[str], given: str) -> tuple[str, str, int]:

@@ -176,10 +176,11 @@ def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: 
     twin = deck.unit(sim=RutosSim(pin="4711"))
     first = deck.run()
     assert (first["exit"], twin.modem.attempts) == (6, 1)
-    assert "the SIM asks for a PIN" in first["message"]
+    assert "the SIM has refused the PIN, and it is not tried again; tries left: 2" in first["message"]
     second = deck.run()
     assert ends(second) == ("left-as-found", 4, 0)
-    assert second["message"].startswith("left as found, nothing was set: the declared PIN was tried by an earlier run")
+    assert second["message"].startswith("left as found, nothing was set: the SIM has refused the PIN (")
+    assert "unlock the SIM in a telephone" in second["hint"]
     deck.rutos(f"pin: {RIGHT}, apn: internet")
     assert ends(deck.run()) == ("left-as-found", 4, 0)
     assert (twin.modem.attempts, twin.shell.reloads) == (1, 1)
@@ -254,6 +255,15 @@ def test_a_unit_that_does_not_keep_what_it_is_told(deck: Deck) -> None:
     result = deck.run()
     assert ends(result) == ("left-as-found", 4, 0)
     assert "0 of 3 settings were kept; not kept: network.mob1s1a1.auto_apn" in result["message"]
+
+
+def test_a_session_that_is_lost_while_the_network_reloads_is_opened_again(deck: Deck) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    twin.shell.drops_on_reload = True
+    assert ends(deck.run()) == ("changed", 0, 3)
+    assert twin.shell.commands[-1] == "uci show network && uci show simcard"
+    assert ends(deck.run()) == ("unchanged", 0, 0)
 
 
 def test_another_firmware_is_refused(deck: Deck) -> None:
