@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from links_bench import Bench, bench, masked
+from links_bench import Bench, bench, inventory, masked
 
 from atlantis_netcfg.errors import ExitCode
 
@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 GOLDEN = Path(__file__).with_name("golden")
 ROUTER, NEAR, FAR, UNIT, TERMINAL = "coastal-router", "coastal-cpe", "scc-cpe", "coastal-4g", "coastal-sat"
 KEYS = {"kind", "state", "active", "metered", "quality", "month_bytes", "findings"}
+PLAIN_80211 = ("protocol: nv2", 'protocol: "802.11"\n    menus: wifi')
 _ASSOCIATED_WITHIN_S = 60.0
 
 
@@ -196,3 +197,17 @@ def associated(at: Bench) -> None:
     until = time.monotonic() + _ASSOCIATED_WITHIN_S
     while not at.hears(NEAR) or not at.hears(FAR):
         assert time.monotonic() < until, "the radios do not find each other"
+
+
+def test_radios_of_the_newer_family(tmp_path: Path) -> None:
+    """The menus `wifi` have no CCQ, which is left out and not shown as 0."""
+    files = {f"host_vars/{name}.yml": PLAIN_80211 for name in (NEAR, FAR)}
+    with bench(tmp_path, "coastal", root=inventory(tmp_path, files)) as opened:
+        report = opened.report()
+        trips = report.round_trips
+    quality = report.bearers["wifi-ptp"]["quality"]
+    assert (quality["signal_dbm"], quality["far_signal_dbm"]) == (-49.0, -49.0)
+    assert quality["tx_ccq_percent"] is None
+    assert "CCQ" not in report.as_text()
+    assert codes(report, "wifi-ptp") == []
+    assert max(trips[NEAR], trips[FAR]) <= 3
