@@ -48,7 +48,7 @@ def _again(opened: Session, twins: Rehearsal) -> Iterator[Pass]:
         for host in opened.asked:
             twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
         for device, result in opened.perform(Mode.APPLY, via=via).devices.items():
-            if device in via or device in units:
+            if device in via or device in units or result.get("other_end") in via:
                 yield Pass(device, name, result)
 
 
