@@ -97,7 +97,7 @@ class Session:
             mode=mode,
             rehearsed=self.rehearsed,
             targets=self.rehearsal.targets if self.rehearsal else {},
-            via={**({host.name: self.via for host in self.asked} if self.via else {}), **(via or {})},
+            via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
             back_to=self.back_to,
@@ -146,8 +146,8 @@ class Session:
         if request.rehearsed or self.declaration.pilot.example_values:
             return request
         accepted = request.model_copy(update={"accept_cost": True})
-        gate(self.declaration, self.asked, accepted)
-        words = [each.words for each in beforehand(self.declaration, self.asked, request)]
+        gate(self.declaration, self.hosts, accepted)
+        words = [each.words for each in beforehand(self.declaration, self.hosts, request)]
         if words and not request.accept_cost:
             pays(words, ask=not self.as_json)
         elif not self.as_json:

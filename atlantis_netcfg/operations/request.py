@@ -4,17 +4,37 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.paths import state_dir
 
-__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "Target"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "Target", "consent"]
 
 ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
 PLAIN_ANSIBLE = "ansible-playbook"
 """What the journal calls a run that was not asked for by `provision`."""
+
+
+_SAID = {"true": True, "yes": True, "false": False, "no": False}
+
+
+def consent(variables: Mapping[str, object]) -> dict[str, bool]:
+    """What Ansible's variables say of links that are paid by the byte, as fields of a request. Raises UsageError."""
+    if ACCEPT_COST not in variables:
+        return {}
+    said = str(variables[ACCEPT_COST])
+    if said.lower() not in _SAID:
+        raise UsageError(
+            f"{ACCEPT_COST} is neither true nor false: {said}", hint=f"type `-e {ACCEPT_COST}=true`, or leave it out"
+        )
+    return {"accept_cost": _SAID[said.lower()]}
 
 
 class Mode(StrEnum):

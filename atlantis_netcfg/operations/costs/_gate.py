@@ -10,14 +10,16 @@ from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs._links import link_of
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode
+from atlantis_netcfg.routeros.estimate import Estimate
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
+from atlantis_netcfg.site.model import LteDriver, LteRouter, Router
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.bearers.cost import Link, Preview
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+    from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["beforehand", "gate", "unpaid"]
@@ -33,11 +35,9 @@ def beforehand(
     """
     sums: dict[Link, list[Estimate]] = {}
     for host in hosts:
-        if not handled(host):
-            continue
-        bearer = bearer_of(declaration, host, request.via.get(host.name))
-        if bearer.metered:
-            found = _estimate(bearer, request, at_most=at_most)
+        bearer = _carrier(declaration, host, request)
+        if bearer is not None and bearer.metered:
+            found = _estimate(bearer, request, at_most=at_most) if handled(host) else _unit(bearer)
             sums.setdefault(link_of(declaration, host.site, bearer.name), []).append(found)
     return tuple(
         preview(
@@ -75,6 +75,27 @@ def unpaid(words: Sequence[str], command: str = "provision") -> CostRefused:
         f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
         hint=f"type the same with {flag}; `--yes` does not say that. Or go over another link, as in `via=lan`",
     )
+
+
+def _carrier(declaration: Declaration, host: Host, request: Request) -> Bearer | None:
+    """What a session to a host goes over; None: none is opened, or it is a modem of this computer.
+
+    A RutOS unit says nothing of a way of its own: it stands behind the router of its site, and is reached as that is.
+    """
+    if handled(host):
+        return bearer_of(declaration, host, request.via.get(host.name))
+    if not isinstance(host.device, LteRouter) or host.device.driver is not LteDriver.RUTOS:
+        return None
+    here = (one for one in declaration.hosts.values() if one.site == host.site and isinstance(one.device, Router))
+    router = next(here, None)
+    if router is None:
+        return None
+    return bearer_of(declaration, router, request.via.get(host.name) or request.via.get(router.name))
+
+
+def _unit(bearer: Bearer) -> Estimate:
+    """A look at a RutOS unit: two HTTPS sessions with a few kB of JSON (inferred, not measured on a unit)."""
+    return Estimate(bearer.name, 8, 4_000, 12_000, 12 * bearer.rtt_s, sessions=2)
 
 
 def _estimate(bearer: Bearer, request: Request, *, at_most: bool) -> Estimate:

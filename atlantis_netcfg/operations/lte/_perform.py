@@ -5,11 +5,12 @@ from __future__ import annotations
 from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__, paths
+from atlantis_netcfg import __version__
 from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
 from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.lte._converge import Converge, Patience
 from atlantis_netcfg.operations.lte._result import FINE
 from atlantis_netcfg.operations.lte._unit import Unit, is_unit
@@ -43,7 +44,7 @@ def perform(
     Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
     only saves or compares, is none of ours: then nothing is asked.
     """
-    asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
+    asked = Request.model_validate(request or {})
     if plan_only:
         asked = asked.model_copy(update={"mode": Mode.PLAN})
     channel = Channel(asked.events_fd)
@@ -74,6 +75,7 @@ def _perform(
             "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
         )
+    gate(declaration, units, request)
     results: dict[str, LteResult] = {}
     for site in sorted({host.site for host in units}):
         results |= _site(declaration, site, [host for host in units if host.site == site], request, channel)

@@ -19,10 +19,13 @@ from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.request import ACCEPT_COST as ACCEPT
+from atlantis_netcfg.operations.request import consent
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
 from atlantis_netcfg.site import load as load_inventory
+from atlantis_netcfg.site.model import LteDriver, LteRouter
 from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
@@ -122,6 +125,34 @@ def test_the_declared_link_is_asked_for_without_any_word(declaration: Declaratio
     asked = Request(state=tmp_path, mode=Mode.PLAN)
     (found,) = beforehand(declaration, [declaration.hosts["te4sea-router"], declaration.hosts[ROUTER]], asked)
     assert (found.link.site, found.link.name) == ("te4sea", "satellite")
+
+
+def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration: Declaration, tmp_path: Path) -> None:
+    unit = declaration.hosts["te4sea-4g"]
+    assert isinstance(unit.device, LteRouter)
+    assert unit.device.driver is LteDriver.RUTOS
+    (declared,) = beforehand(declaration, [unit], Request(state=tmp_path))
+    assert declared.link.name == "satellite"
+    (named,) = beforehand(declaration, [unit], Request(state=tmp_path, via={unit.name: "4g"}))
+    assert named.link.name == "4g"
+    assert beforehand(declaration, [unit], Request(state=tmp_path, via={"te4sea-router": "lan"})) == ()
+    assert beforehand(declaration, [declaration.hosts["te4sea-sat"]], Request(state=tmp_path)) == ()
+    with pytest.raises(CostRefused, match="nobody has agreed to pay"):
+        gate(declaration, [unit], Request(state=tmp_path, mode=Mode.PLAN))
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"), [(True, True), ("true", True), ("Yes", True), (False, False), ("no", False), ("False", False)]
+)
+def test_what_ansible_is_told_of_costs_is_taken_as_it_is_meant(said: object, *, meant: bool) -> None:
+    assert consent({ACCEPT: said}) == {"accept_cost": meant}
+    assert consent({}) == {}
+
+
+@pytest.mark.parametrize("said", ["perhaps", "", 1, None])
+def test_what_ansible_is_told_of_costs_is_never_guessed(said: object) -> None:
+    with pytest.raises(UsageError, match="atlantis_accept_cost is neither true nor false"):
+        consent({ACCEPT: said})
 
 
 def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: Declaration, tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from ansible.errors import AnsibleActionFail
-from ansible.module_utils.parsing.convert_bool import boolean
 from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
@@ -32,18 +31,6 @@ def _inventory(variables: dict[str, Any]) -> Path:
     return given if (given / "group_vars").is_dir() else Path(str(variables["playbook_dir"])).parent / "inventory"
 
 
-def _accepted(variables: dict[str, Any]) -> dict[str, bool]:
-    """What a person says of links that are paid by the byte: `-e atlantis_accept_cost=true`."""
-    from atlantis_netcfg.operations.request import ACCEPT_COST  # noqa: PLC0415 - Ansible imports every action plugin
-
-    if ACCEPT_COST not in variables:
-        return {}
-    try:
-        return {"accept_cost": boolean(variables[ACCEPT_COST], strict=True)}
-    except TypeError as error:
-        raise AnsibleActionFail(f"{ACCEPT_COST} is neither true nor false: {variables[ACCEPT_COST]}") from error
-
-
 class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
     """Door from a play to `atlantis_netcfg.operations`."""
 
@@ -56,6 +43,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Converge the hosts of the play; in check mode, only plan."""
+        from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
         from atlantis_netcfg.operations.site import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         result: dict[str, Any] = super().run(tmp, task_vars)
@@ -64,7 +52,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
             outcome = perform(
                 _inventory(variables),
                 tuple(variables["ansible_play_hosts"]),
-                {**(self._task.args.get("request") or {}), **_accepted(variables)},
+                {**(self._task.args.get("request") or {}), **consent(variables)},
                 plan_only=bool(self._task.check_mode),
                 decrypt=_decrypt,
             )

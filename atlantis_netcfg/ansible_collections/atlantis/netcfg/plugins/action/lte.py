@@ -34,6 +34,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Converge or check the units of the play; in check mode, only plan."""
         from atlantis_netcfg.operations.lte import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - as above
 
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
@@ -43,7 +44,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
             outcome = perform(
                 given if (given / "group_vars").is_dir() else beside,
                 tuple(variables["ansible_play_hosts"]),
-                self._task.args.get("request") or None,
+                {**(self._task.args.get("request") or {}), **consent(variables)},
                 plan_only=bool(self._task.check_mode),
                 decrypt=_decrypt,
             )
