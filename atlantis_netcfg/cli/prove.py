@@ -8,6 +8,7 @@ from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Co
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.cost import Bill
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.errors import ExitCode
@@ -55,22 +56,26 @@ def run(arguments: Arguments) -> ExitCode:
     with session(
         arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), only=(), unsealed=True
     ) as opened:
-        proof = _prove(opened)
+        proof, bill = _prove(opened)
     beyond = (_NOT_REHEARSED,) if opened.rehearsed else ()
     if opened.as_json:
-        told = {**proof.as_json(), "rehearsed": opened.rehearsed, "not_rehearsed": beyond}
-        print(json.dumps(told, ensure_ascii=False))
+        told = {"rehearsed": opened.rehearsed, "not_rehearsed": beyond, "cost": bill.as_dict()}
+        print(json.dumps({**proof.as_json(), **told}, ensure_ascii=False))
     else:
-        print("\n".join([proof.as_text(), *(f"  not rehearsed: {one}" for one in beyond)]))
+        cost = f"  {'would have ' if opened.rehearsed else ''}cost over {proof.bearer}: {bill.words}"
+        print("\n".join([proof.as_text(), cost, *(f"  not rehearsed: {one}" for one in beyond)]))
     return proof.exit
 
 
-def _prove(opened: Session) -> Proof:
+def _prove(opened: Session) -> tuple[Proof, Bill]:
     import sys
+    import time
     from contextlib import ExitStack
     from dataclasses import replace
 
+    from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.operations.costs import link_of
     from atlantis_netcfg.operations.proving import satellite_of, try_out
 
     found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
@@ -91,8 +96,11 @@ def _prove(opened: Session) -> Proof:
         _pay(opened, proving)
         if proving.open_filter or proving.try_all:
             stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
+        begun = time.monotonic()
         proof = try_out(opened.declaration, found.router, _request(opened), proving)
-    return replace(proof, findings=(*proof.findings, *declared))
+    link = link_of(opened.declaration, opened.site, proof.bearer)
+    bill = preview(proof.bytes_counted, time.monotonic() - begun, link).bill
+    return replace(proof, findings=(*proof.findings, *declared)), bill
 
 
 def _no_examples(opened: Session) -> None:
@@ -141,8 +149,10 @@ def _pay(opened: Session, proving: Proving) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
     from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._consent import pays
-    from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.costs import gate, link_of
 
+    # The session to the router may go over a link that is paid by the byte as well.
+    gate(opened.declaration, opened.hosts, _request(opened))
     link = link_of(opened.declaration, opened.site, proving.bearer.name)
     estimate = preview(proving.expected_bytes, proving.seconds, link)
     if opened.rehearsed:

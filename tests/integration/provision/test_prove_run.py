@@ -44,4 +44,7 @@ def test_nothing_is_sent_before_somebody_pays_and_nothing_is_left_behind(at: Qua
     seen = {row["target"]: row["code"] for row in opened["targets"] if row["filter_open"]}
     assert seen == {STRANGER: "only-the-router-enforces"}
     assert 0 < opened["bytes_counted"] < opened["budget_bytes"]
+    assert opened["cost"]["payload_bytes"] == opened["bytes_counted"]
+    dear = at.provision("prove", "site=coastal", "via=4g", code=4)
+    assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
     assert at.export().splitlines() == before.splitlines()
