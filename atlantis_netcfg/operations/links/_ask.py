@@ -103,9 +103,9 @@ class Round:
 
     def unit(self, host: Host, device: LteRouter) -> Unit:
         """A 4G unit as its driver wants it."""
-        pins = Store(self.request.state, rehearsed=self.request.rehearsed).pins
+        store = Store(self.request.state, rehearsed=self.request.rehearsed)
         target = self.request.targets.get(host.name)
-        return Unit(host, device, pins, self.notify, self.request.rehearsed, target)
+        return Unit(host, device, store, self.notify, self.request.rehearsed, target)
 
     def _door(self, host: Host) -> Door:
         """Raises UsageError for a link that its site does not have."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Way, probe_commands
@@ -31,13 +32,8 @@ PINGS = 3
 _PORT = ("name", "running", "disabled", "rx-byte", "tx-byte")
 _RULE = ("chain", "action", "disabled", "packets", "bytes")
 _NEIGHBOUR = ("address", "interface", "mac-address", "complete", "disabled", "invalid")
-_READS = (
-    Command("/system/resource/print", ((".proplist", "uptime"),)),
-    Command("/interface/print", ((".proplist", ",".join(_PORT)),)),
-    Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
-    Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),)),
-    Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
-)
+_MENUS = 5
+"""Questions besides the pings."""
 _TRUE = frozenset({"true", "yes"})
 _TIME = re.compile(r"(?:(\d+)s)?(?:(\d+)ms)?(?:(\d+)us)?")
 
@@ -92,9 +88,24 @@ class RouterReading:
 
 
 def questions(ways: Sequence[Way]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
-    """Everything that is sent after the login, in one flight, and the pings among it."""
+    """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
     probes = probe_commands(ways, count=PINGS)
-    return (*_READS, *(Command(probe.path, probe.arguments) for probe in probes)), probes
+    ports = [way.port for way in ways if way.port is not None]
+    menus = (
+        Command("/system/resource/print", ((".proplist", "uptime"),)),
+        Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("name", ports)),
+        Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
+        Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
+        Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
+    )
+    return (*menus, *(Command(probe.path, probe.arguments) for probe in probes)), probes
+
+
+def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
+    """Query words for rows in which a field has one of these values (Manual, API, "Queries")."""
+    return tuple(
+        word for place, value in enumerate(values) for word in (f"?{field}={value}", "?#|")[: 2 if place else 1]
+    )
 
 
 async def read_router(door: Door, ways: Sequence[Way]) -> RouterReading:
@@ -107,12 +118,12 @@ async def read_router(door: Door, ways: Sequence[Way]) -> RouterReading:
 
 def read(replies: Sequence[Reply], probes: Sequence[Probe]) -> RouterReading:
     """Read the answers to `questions`, in their order."""
-    resource, ports, routes, neighbours, rules = (rows(reply) for reply in replies[: len(_READS)])
+    resource, ports, routes, neighbours, rules = (rows(reply) for reply in replies[:_MENUS])
     return RouterReading(
         uptime_s=seconds(resource[0].get("uptime", "")) if resource else None,
         ports=None if ports is None else {row["name"]: _port(row) for row in ports if "name" in row},
         routes=routes,
-        echoes=_echoes(probes, replies[len(_READS) :]),
+        echoes=_echoes(probes, replies[_MENUS:]),
         neighbours=None if neighbours is None else _by_port(neighbours),
         dropped=None if rules is None else _by_chain(rules),
     )
@@ -165,11 +176,19 @@ def _by_port(told: Sequence[Row]) -> dict[str, tuple[Neighbour, ...]]:
     found: dict[str, tuple[Neighbour, ...]] = {}
     for row in told:
         dead = any(row.get(flag) in _TRUE for flag in ("disabled", "invalid")) or row.get("complete") in {"false", "no"}
-        if dead or not row.get("mac-address") or "address" not in row:
+        if dead or not row.get("mac-address") or not _is_address(row.get("address", "")):
             continue
         port = row.get("interface", "")
         found[port] = (*found.get(port, ()), Neighbour(row["address"], row["mac-address"]))
     return found
+
+
+def _is_address(text: str) -> bool:
+    try:
+        IPv4Address(text)
+    except AddressValueError:
+        return False
+    return True
 
 
 def _by_chain(rules: Sequence[Row]) -> dict[str, tuple[int, int]]:

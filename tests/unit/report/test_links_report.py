@@ -1,0 +1,151 @@
+"""Links as text, JSON and exit code: all of it from the same data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.report.links import LinksReport
+
+
+def bearer(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - any field
+    return {
+        "kind": "lte",
+        "state": "up",
+        "active": False,
+        "metered": False,
+        "quality": {},
+        "month_bytes": None,
+        "findings": [],
+        "box": "",
+        "probe_bytes": 0,
+        "month_since": None,
+        "month_gaps": [],
+        **more,
+    }
+
+
+def finding(verdict: str, hint: str | None = None) -> dict[str, Any]:
+    return {"verdict": verdict, "code": "code", "message": "something is so", "hint": hint}
+
+
+def report(*bearers: dict[str, Any], **more: Any) -> LinksReport:  # noqa: ANN401 - any field
+    named = {f"link{number}": one for number, one in enumerate(bearers, start=1)}
+    return LinksReport(
+        **{"site": "quay", "title": "A quay", "rehearsed": False, "bearers": named, "asked": ("r",), **more}
+    )
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "code"),
+    [
+        ([], ExitCode.DONE),
+        (["PASS", "WARN"], ExitCode.DONE),
+        (["INCONCLUSIVE"], ExitCode.DONE),
+        (["WARN", "FAIL"], ExitCode.CHECKS_FAILED),
+        (["ERROR"], ExitCode.CHECKS_FAILED),
+    ],
+)
+def test_how_it_ends(verdicts: list[str], code: ExitCode) -> None:
+    assert report(bearer(), bearer(findings=[finding(one) for one in verdicts])).exit is code
+
+
+def test_a_device_that_does_not_answer_fails_the_check() -> None:
+    silent = {"device": "box", "message": "nobody answers", "hint": None}
+    assert report(bearer(), unreachable=[silent]).exit is ExitCode.CHECKS_FAILED
+
+
+def test_nobody_asked_is_no_green() -> None:
+    nothing = report(bearer(active=True), asked=())
+    assert nothing.exit is ExitCode.NOTHING
+    assert nothing.as_text().endswith("Nobody was asked, so nothing is known of quay")
+    assert nothing.as_json()["exit"] == 7
+
+
+@pytest.mark.parametrize(
+    ("active", "metered", "said"),
+    [
+        ((True, False), True, "link1 carries the traffic of quay: it is the preferred link"),
+        (
+            (False, True),
+            True,
+            "link2 carries the traffic of quay: it is NOT the preferred link, which is link1; every byte on it is paid",
+        ),
+        ((False, True), False, "link2 carries the traffic of quay: it is NOT the preferred link, which is link1"),
+        ((True, True), False, "link1 and link2 carry the traffic of quay together"),
+        ((False, False), False, "NOTHING carries the traffic of quay"),
+        ((None, None), False, "Which link carries the traffic of quay is not known: the router was not read"),
+    ],
+)
+def test_the_last_line_says_who_carries(active: tuple[bool | None, ...], metered: bool, said: str) -> None:  # noqa: FBT001 - a column of the table
+    told = report(*(bearer(active=one, metered=metered) for one in active)).as_text()
+    assert told.splitlines()[-1] == said
+
+
+@pytest.mark.parametrize(
+    ("month", "said"),
+    [
+        ({}, "not counted yet"),
+        ({"month_bytes": 0, "month_since": "T"}, "0 B, counted since T"),
+        ({"month_bytes": 999, "month_since": "T"}, "999 B, counted since T"),
+        (
+            {"month_bytes": 61_400, "month_since": "T", "month_gaps": ["a"]},
+            "61 kB, counted since T; at least, there is a gap",
+        ),
+        (
+            {"month_bytes": 12_400_000, "month_since": "T", "month_gaps": ["a", "b"]},
+            "12.4 MB, counted since T; at least, there are 2 gaps",
+        ),
+    ],
+)
+def test_the_bytes_of_the_month(month: dict[str, Any], said: str) -> None:
+    assert f"   this month    {said}" in report(bearer(**month)).as_text().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("kind", "quality", "lines"),
+    [
+        (
+            "wifi_ptp",
+            {"signal_dbm": -48.0, "signal_chain0_dbm": -50.0, "signal_chain1_dbm": None},
+            ["signal        good, -48 dBm (chains -50)"],
+        ),
+        ("wifi_ptp", {"signal_dbm": -27.0}, ["signal        too strong, -27 dBm"]),
+        (
+            "wifi_ptp",
+            {"signal_dbm": -70.0, "far_signal_dbm": -80.0},
+            ["signal        fair, -70 dBm; the other end hears -80 dBm"],
+        ),
+        (
+            "wifi_ptp",
+            {"tx_rate_mbps": 54.0, "tx_ccq_percent": 34.0, "rx_ccq_percent": 36.0},
+            ["flow          rate 54 Mbit/s, CCQ 34/36 % sent/received"],
+        ),
+        ("lte", {"rsrp_dbm": -110.0, "sinr_db": 20.0}, ["signal        RSRP -110 dBm (poor), SINR 20 dB (good)"]),
+        ("lte", {"registration": "sim_missing"}, ["network       sim missing"]),
+        (
+            "satellite",
+            {"next_hop_seen": "no", "firmware": "1.2", "seen_by": "Ana", "seen_on": "2026-11-01"},
+            ["terminal      has not answered the router of late, firmware 1.2, seen by Ana on 2026-11-01"],
+        ),
+        (
+            "satellite",
+            {"kept_off_packets": 7, "kept_off_bytes": 4200},
+            ["kept off      7 packets (4.2 kB) that the allow-list does not admit"],
+        ),
+        ("ethernet", {"port": "ether1", "port_link": "down"}, ["port          ether1, link down"]),
+        ("lte", {}, []),
+    ],
+)
+def test_readings_in_words(kind: str, quality: dict[str, Any], lines: list[str]) -> None:
+    told = report(bearer(kind=kind, quality=quality)).as_text().splitlines()
+    month = next(number for number, line in enumerate(told) if line.startswith("   this month"))
+    assert [line.strip() for line in told[4:month]] == lines
+
+
+def test_long_words_are_broken_where_a_console_ends() -> None:
+    told = report(bearer(findings=[finding("WARN", "do this " * 40)])).as_text()
+    assert max(map(len, told.splitlines())) <= 120
+    assert told.count("do this") == 40
