@@ -10,11 +10,12 @@ NOT_REHEARSED = (
     "4G: coverage and speed; the SIM is one of its network, with the declared PIN and access point",
     "PoE: nothing is fed, nothing is short-circuited",
     "gateways and neighbours: every gateway on a connected network answers, only the listed neighbours answer a ping",
+    "failover: canaries answer, so no link is left; routes and netwatch work, check-gateway and times as the manual says",
     "VPN tunnels, DHCP leases, DNS lookups, NTP: they are configured, nothing comes up",
     "traffic of the robots: firewall, NAT and queues are stored; only the management path is walked through them",
     "certificates: the twin signs and imports them, without revocation lists, SCEP or passphrases",
     "menus outside the site's templates: names are checked by RouterOS' own command tree, values hardly",
-    "the console: no completion, no colours, no scripts beyond single commands; what print looks like is approximate",
+    "the console: no completion, no colours, no scripts beyond commands, :if and :do; what print looks like is approximate",
     "what a package contains: names, versions and architectures only; the configuration is not converted",
     "button presses",
 )
