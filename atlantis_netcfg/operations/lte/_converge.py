@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte import Registration, rutos
@@ -16,6 +13,7 @@ from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import ActionsConfirmed, JournalFailed, LayerSent, Outcome, Planned
+from atlantis_netcfg.operations.lte._came import Came
 from atlantis_netcfg.operations.lte._result import FINE, LteResult, words
 from atlantis_netcfg.operations.lte._uci import LAYER, masked, planned_action, sections_of
 from atlantis_netcfg.operations.lte._unit import NotRehearsed
@@ -24,12 +22,12 @@ from atlantis_netcfg.site.model import LteDriver
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.lte.rutos import Change
     from atlantis_netcfg.console import Commands
     from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.operations.lte._came import Patience
     from atlantis_netcfg.operations.lte._unit import Look, Unit
 
-__all__ = ["Converge", "Patience"]
+__all__ = ["Converge"]
 
 _WORST = (Verdict.ERROR, Verdict.FAIL)
 _SETTLED = (
@@ -42,35 +40,6 @@ _SETTLED = (
 """States in which waiting for the network is in vain."""
 _FINAL = "roaming-not-allowed"
 """The judge's word for a card that is in a network and will get no data there."""
-
-
-@dataclass(frozen=True, slots=True)
-class Patience:
-    """How long a unit may take to come back into its network after its settings were reloaded, in seconds."""
-
-    settle_s: float = 120.0
-    poll_s: float = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class _Set:
-    """What has become of the settings."""
-
-    found: tuple[Change, ...] = ()
-    done: bool = False
-    held: str | None = None
-    commands: int = 0
-
-    @property
-    def hash(self) -> str:
-        """Of what a person sees of the plan."""
-        return hashlib.sha256(json.dumps([(one.line, one.removed) for one in self.found]).encode()).hexdigest()
-
-    @property
-    def diff(self) -> str:
-        """What would be set, as a difference."""
-        rows = ((f"- {one.removed}\n" if one.removed else "") + f"+ {one.line}\n" for one in self.found)
-        return "".join(rows)
 
 
 class Converge:
@@ -113,25 +82,26 @@ class Converge:
         look = self._unit.look()
         self._tell(Stage.OBSERVED, look.reading.state.value.replace("_", " "))
         if not self._unit.may_set:
-            return self._told(look, _Set())
+            return self._told(look, Came())
         came = self._set(look)
         if came.done:
             try:
                 look = self._settled(look)
+                came = self._taken_back(look, came)
             except DeviceFailed as silent:
                 return self._silent(look, came, silent)
         if not self._plan_only and look.reading.state is not Registration.SIM_PIN_REQUIRED:
-            self._unit.note_pin(None)
+            self._unit.tried.forget()
         return self._told(look, came)
 
-    def _set(self, look: Look) -> _Set:
+    def _set(self, look: Look) -> Came:
         unit, wanted = self._unit, self._unit.settings
         with unit.shell() as shell:
             sections = sections_of(shell)
-            held = rutos.pin_held(look.reading, wanted, sections, tried=unit.pin_tried)
+            held = rutos.pin_held(look.reading, wanted, sections, tried=unit.tried.why_not)
             if held is not None:
-                return _Set(held=held, commands=shell.count)
-            came = _Set(rutos.changes(look.reading, wanted, sections), commands=shell.count)
+                return Came(held=held, commands=shell.count)
+            came = Came(rutos.changes(look.reading, wanted, sections), commands=shell.count)
             self._tell(Stage.PLANNED, f"{len(came.found)} settings differ")
             if self._plan_only or not came.found:
                 return came
@@ -143,14 +113,14 @@ class Converge:
             self._write(shell, came, sections)
             return replace(came, done=True, commands=shell.count)
 
-    def _write(self, shell: Commands, came: _Set, sections: dict[tuple[str, str], dict[str, str]]) -> None:
+    def _write(self, shell: Commands, came: Came, sections: dict[tuple[str, str], dict[str, str]]) -> None:
         """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
         name, numbers = self._unit.name, tuple(range(1, len(came.found) + 1))
         self._journal.save(name, masked(sections))
         actions = tuple(planned_action(number, one) for number, one in zip(numbers, came.found, strict=True))
         self._journal.write(Planned(device=name, plan=came.hash, actions=actions))
-        if any(one.option == "pincode" for one in came.found):
-            self._unit.note_pin(datetime.now(UTC).isoformat(timespec="seconds"))
+        if any(one.option == rutos.PIN for one in came.found):
+            self._unit.tried.remember()
         self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
         self._tell(Stage.APPLYING, f"{len(numbers)} settings")
@@ -184,6 +154,20 @@ class Converge:
                     raise
                 time.sleep(self._patience.poll_s)
 
+    def _taken_back(self, look: Look, came: Came) -> Came:
+        """Take a PIN that the SIM has refused back from the unit, which would try it again at its next start."""
+        wrong = next((one for one in came.found if one.option == rutos.PIN), None)
+        if wrong is None or look.reading.state is not Registration.SIM_PIN_REQUIRED:
+            return came
+        with self._unit.shell() as shell:
+            shell.run(rutos.WRITE, given=rutos.removal(wrong))
+            if rutos.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
+                raise DeviceFailed(
+                    f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
+                    hint="remove the PIN on the unit's own page before it starts again",
+                )
+            return replace(came, taken_back=True, commands=came.commands + shell.count)
+
     def _settled(self, before: Look) -> Look:
         """Look until the unit is in its network with a connection, or waiting is in vain."""
         until = time.monotonic() + self._patience.settle_s
@@ -209,13 +193,13 @@ class Converge:
                     raise
                 time.sleep(self._patience.poll_s)
 
-    def _silent(self, before: Look, came: _Set, silent: DeviceFailed) -> LteResult:
+    def _silent(self, before: Look, came: Came, silent: DeviceFailed) -> LteResult:
         """The settings are kept, and the unit has not answered since."""
         message = f"{len(came.found)} settings read back and kept; since then: {silent}"
         told = self._told(before, came)
         return replace(told, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
 
-    def _told(self, look: Look, came: _Set) -> LteResult:
+    def _told(self, look: Look, came: Came) -> LteResult:
         worst = next((one for one in look.findings if one.verdict in _WORST), None)
         others = tuple(words(one) for one in look.findings if one is not worst)
         status, code, message = self._outcome(look, came)
@@ -232,7 +216,7 @@ class Converge:
             message=message,
             hint=hint,
             planned=len(came.found),
-            confirmed=len(came.found) if came.done else 0,
+            confirmed=len(came.found) - came.taken_back if came.done else 0,
             diff=came.diff,
             notes=(*others, *self._unset()),
             plan_hash=came.hash,
@@ -244,12 +228,14 @@ class Converge:
             serial=look.serial,
         )
 
-    def _outcome(self, look: Look, came: _Set) -> tuple[Status, ExitCode, str]:
+    def _outcome(self, look: Look, came: Came) -> tuple[Status, ExitCode, str]:
         if came.held is not None:
             return Status.LEFT_AS_FOUND, ExitCode.FAILED, came.held
         said = _state(look)
         if came.done:
-            return Status.CHANGED, ExitCode.DONE, f"{len(came.found)} settings read back and kept; {said}"
+            kept = f"{len(came.found) - came.taken_back} settings read back and kept"
+            back = ", the PIN taken back" if came.taken_back else ""
+            return Status.CHANGED, ExitCode.DONE, f"{kept}{back}; {said}"
         if came.found:
             return Status.PLANNED, ExitCode.CHANGES, f"{len(came.found)} settings would be set; {said}"
         if self._unit.device.driver is LteDriver.MANUAL:

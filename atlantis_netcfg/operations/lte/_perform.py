@@ -11,7 +11,8 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.lte._converge import Converge, Patience
+from atlantis_netcfg.operations.lte._came import Patience
+from atlantis_netcfg.operations.lte._converge import Converge
 from atlantis_netcfg.operations.lte._result import FINE
 from atlantis_netcfg.operations.lte._unit import Unit, is_unit
 from atlantis_netcfg.operations.request import Mode, Request
@@ -109,7 +110,7 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
     unit = Unit(
         host,
         host.device,
-        store.pins,
+        store,
         channel.event,
         rehearsed=request.rehearsed,
         target=request.targets.get(host.name) if request.rehearsed else None,

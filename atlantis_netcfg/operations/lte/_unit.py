@@ -11,6 +11,7 @@ from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.console import UnknownHostKey, open_commands
 from atlantis_netcfg.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.operations.simcard import TriedPin
 from atlantis_netcfg.site.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte.rutos import LteSettings
     from atlantis_netcfg.console import Commands
     from atlantis_netcfg.events import Subscriber
-    from atlantis_netcfg.journal import Pins
+    from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.operations.request import Target
     from atlantis_netcfg.site import Host
 
@@ -30,8 +31,6 @@ __all__ = ["Look", "NotRehearsed", "Unit", "is_unit"]
 _HTTPS, _SSH = 443, 22
 _SERIAL = "serial number of "
 """Before a device's name where its serial number is kept among the pins; names have no spaces."""
-_TRIED = "PIN tried on "
-"""Before a device's name where it is kept that a PIN was tried: when, and never which."""
 
 
 class NotRehearsed(NetcfgError):
@@ -61,7 +60,8 @@ class Unit:
 
     host: Host
     device: LteRouter
-    pins: Pins
+    store: Store
+    """Pins of its certificates, and whether its SIM's PIN was tried."""
     notify: Subscriber
     rehearsed: bool = False
     target: Target | None = None
@@ -130,14 +130,19 @@ class Unit:
             return opened(pin=unknown.fingerprint)
 
     @property
+    def pins(self) -> Pins:
+        """By what it is known."""
+        return self.store.pins
+
+    @property
+    def tried(self) -> TriedPin:
+        """What is remembered of a PIN that its SIM has not taken."""
+        return TriedPin(self.store.root, self.host.site, self.name)
+
+    @property
     def pin_tried(self) -> bool:
         """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
-        return self.pins.get(f"{_TRIED}{self.name}") is not None
-
-    def note_pin(self, when: str | None) -> None:
-        """Remember that a PIN is about to be tried, before it is; or (None) that the SIM is unlocked."""
-        if when is not None or self.pin_tried:
-            self.pins.change(f"{_TRIED}{self.name}", when)
+        return bool(self.tried.why_not)
 
     def _rutos(self) -> Look:
         access, target = self.device.access, self.target

@@ -86,23 +86,23 @@ def test_a_pin_is_set_only_while_the_card_asks_for_one() -> None:
 @pytest.mark.parametrize(
     ("reading", "pin", "tried", "why"),
     [
-        (HOME, PIN, True, None),
-        (LOCKED, PIN, False, None),
-        (LOCKED, PIN, True, "tried by an earlier run"),
-        (LOCKED, None, False, "none is declared"),
-        (dataclasses.replace(LOCKED, pin_refused=True), PIN, False, "has refused the PIN"),
-        (dataclasses.replace(LOCKED, pin_tries_left=1), PIN, False, "one try left"),
-        (dataclasses.replace(LOCKED, state=Registration.SIM_PUK_REQUIRED), PIN, False, "asks for its PUK"),
+        (HOME, PIN, "sent at noon", None),
+        (LOCKED, PIN, "", None),
+        (LOCKED, PIN, "sent at noon", "sent at noon"),
+        (LOCKED, None, "", "none is declared"),
+        (dataclasses.replace(LOCKED, pin_refused=True), PIN, "", "has refused the PIN"),
+        (dataclasses.replace(LOCKED, pin_tries_left=1), PIN, "", "one try left"),
+        (dataclasses.replace(LOCKED, state=Registration.SIM_PUK_REQUIRED), PIN, "", "asks for its PUK"),
     ],
 )
-def test_when_nothing_may_be_set(reading: LteReading, pin: Secret | None, why: str | None, *, tried: bool) -> None:
+def test_when_nothing_may_be_set(reading: LteReading, pin: Secret | None, tried: str, why: str | None) -> None:
     held = pin_held(reading, LteSettings(pin=pin), parse_show(SHOWN), tried=tried)
     assert held is None if why is None else why in str(held)
 
 
 def test_a_saved_pin_that_did_not_help_is_wrong() -> None:
     sections = parse_show(SHOWN + "simcard.@sim[0].pincode='1234'\n")
-    assert "has the declared PIN saved" in str(pin_held(LOCKED, LteSettings(pin=PIN), sections, tried=False))
+    assert "has the declared PIN saved" in str(pin_held(LOCKED, LteSettings(pin=PIN), sections, tried=""))
 
 
 @pytest.mark.parametrize(

@@ -175,15 +175,22 @@ def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: 
     deck.rutos(f"pin: {WRONG}, roaming: true")
     twin = deck.unit(sim=RutosSim(pin="4711"))
     first = deck.run()
-    assert (first["exit"], twin.modem.attempts) == (6, 1)
+    assert (first["exit"], twin.modem.attempts, first["planned"], first["confirmed"]) == (6, 1, 1, 0)
+    assert first["message"].startswith("0 settings read back and kept, the PIN taken back; ")
+    assert "pincode" not in twin.export()
     assert "the SIM has refused the PIN, and it is not tried again; tries left: 2" in first["message"]
     second = deck.run()
     assert ends(second) == ("left-as-found", 4, 0)
-    assert second["message"].startswith("left as found, nothing was set: the SIM has refused the PIN (")
+    assert second["message"].startswith("left as found, nothing was set: the PIN was sent at ")
     assert "unlock the SIM in a telephone" in second["hint"]
     deck.rutos(f"pin: {RIGHT}, apn: internet")
     assert ends(deck.run()) == ("left-as-found", 4, 0)
     assert (twin.modem.attempts, twin.shell.reloads) == (1, 1)
+    (mark,) = (deck.folder / "state").rglob("*.tried")
+    mark.unlink()
+    assert ends(deck.run()) == ("changed", 0, 4)
+    assert (twin.modem.attempts, twin.modem.registration) == (2, "Registered, home")
+    assert ends(deck.run()) == ("unchanged", 0, 0)
 
 
 def test_once_the_sim_was_seen_unlocked_another_pin_may_be_tried(deck: Deck) -> None:

@@ -16,6 +16,7 @@ from atlantis_netcfg.bearers.lte.rutos._errors import (
 from atlantis_netcfg.bearers.lte.rutos._read import READS, UBUS_READS, RutosLook, read
 from atlantis_netcfg.bearers.lte.rutos._record import modem_of, reading_of
 from atlantis_netcfg.bearers.lte.rutos._settings import (
+    PIN,
     RELOAD,
     SHOW,
     WRITE,
@@ -26,10 +27,12 @@ from atlantis_netcfg.bearers.lte.rutos._settings import (
     changes,
     parse_show,
     pin_held,
+    removal,
 )
 from atlantis_netcfg.bearers.lte.rutos._wire import TIMEOUT_S, RutosEndpoint
 
 __all__ = [
+    "PIN",
     "READS",
     "RELOAD",
     "SHOW",
@@ -54,4 +57,5 @@ __all__ = [
     "pin_held",
     "read",
     "reading_of",
+    "removal",
 ]

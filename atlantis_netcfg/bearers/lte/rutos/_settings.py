@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.secret import Secret
 
 __all__ = [
+    "PIN",
     "RELOAD",
     "SHOW",
     "WRITE",
@@ -35,12 +36,15 @@ __all__ = [
     "changes",
     "parse_show",
     "pin_held",
+    "removal",
 ]
 
 SHOW = "uci show network && uci show simcard"
 """Reads both packages in one round trip."""
 WRITE = "uci batch"
 """Reads lines on its standard input, goes on after an error, and ends with 0: only reading back tells."""
+PIN = "pincode"
+"""The option in which a unit keeps the PIN that it tries [inferred]."""
 RELOAD = "reload_config"
 """OpenWrt's own command: services whose configuration has changed are reloaded."""
 _LINE = re.compile(r"(\w+)\.(@?\w+(?:\[\d+\])?)(?:\.(\w+))?=(.*)")
@@ -109,25 +113,31 @@ def parse_show(text: str) -> Sections:
     return sections
 
 
-def pin_held(reading: LteReading, wanted: LteSettings, sections: Sections, *, tried: bool) -> str | None:
+def pin_held(reading: LteReading, wanted: LteSettings, sections: Sections, *, tried: str) -> str | None:
     """Why nothing may be set while the card asks for a PIN: every reload may try the PIN that the unit has saved.
 
-    None: the card asks for none, or the declared PIN was never tried and is the one that the reload will try.
+    `tried`: why a PIN must not be tried, as far as earlier runs know. None: the card asks for none, or the declared PIN
+    was never tried and is the one that the reload will try.
     """
     if reading.state is Registration.SIM_PUK_REQUIRED:
         return "the SIM is locked after too many wrong PINs and asks for its PUK"
     if reading.state is not Registration.SIM_PIN_REQUIRED:
         return None
     pin = None if wanted.pin is None else wanted.pin.reveal()
-    saved = _slot(sections, _place(reading))[1].get("pincode")
+    saved = _slot(sections, _place(reading))[1].get(PIN)
     reasons = (
         (pin is None, "the SIM asks for a PIN and none is declared"),
+        (tried, tried),
         (reading.pin_refused, "the SIM has refused the PIN"),
-        (tried, "the declared PIN was tried by an earlier run, and the SIM still asks for one: it is wrong"),
         (saved == pin, "the unit has the declared PIN saved, and the SIM still asks for one: it is wrong"),
         ((reading.pin_tries_left or 3) < _A_PERSONS, "the SIM has one try left, which is a person's"),
     )
     return next((reason for holds, reason in reasons if holds), None)
+
+
+def removal(one: Change) -> str:
+    """What `uci batch` reads to take one option away again."""
+    return f"delete {one.package}.{one.section}.{one.option}\ncommit {one.package}\n"
 
 
 def changes(reading: LteReading, wanted: LteSettings, sections: Sections) -> tuple[Change, ...]:
@@ -196,7 +206,7 @@ def _card(sections: Sections, place: str, wanted: LteSettings, reading: LteReadi
     if (options.get("deny_roaming") or "0") != denied:
         yield Change("simcard", name, "deny_roaming", denied, options.get("deny_roaming"))
     if wanted.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
-        yield from _differing("simcard", name, options, {"pincode": (wanted.pin.reveal(), True)})
+        yield from _differing("simcard", name, options, {PIN: (wanted.pin.reveal(), True)})
 
 
 def _differing(
