@@ -105,9 +105,13 @@ def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, Running
     before = running.unit.export()
 
     def typed(*words: str, code: int) -> dict[str, Any]:
-        told: dict[str, Any] = json.loads(provision(inventory, state, *ONLY, *words, "--json", code=code))
+        told: dict[str, Any] = json.loads(
+            provision(inventory, state, *ONLY, *words, "--accept-cost", "--json", code=code)
+        )
         return dict(told["devices"][NAME])
 
+    # It stands behind a router that is reached over the satellite.
+    assert "nobody has agreed to pay" in provision(inventory, state, *ONLY, "--yes", "--json", code=4)
     assert typed("--plan", code=2)["planned"] == 3
     assert running.unit.export() == before
     assert typed("--yes", code=0)["status"] == "changed"
@@ -133,6 +137,7 @@ def test_plain_ansible_sets_it_too(at: tuple[Path, RunningRutos], tmp_path: Path
         "ANSIBLE_NOCOLOR": "1",
     }
     command = [sys.executable, "-m", "ansible", "playbook", "-i", str(inventory), "--limit", NAME]
+    command += ["-e", "atlantis_accept_cost=true"]
     for extra, recap in ((["--check", "--diff"], "changed=1"), ([], "changed=1"), ([], "changed=0")):
         done = subprocess.run(
             [*command, *extra, str(CHECKOUT / "playbooks" / "site.yml")],
