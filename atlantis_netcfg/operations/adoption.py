@@ -210,7 +210,7 @@ def wish_of(declaration: Declaration, host: Host) -> Wish:
     """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
     if not handled(host):
         raise NothingMatched(
-            f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are adopted",
+            f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices are adopted",
             hint="its own pages say how it is set up",
         )
     known = managed(declaration, host)

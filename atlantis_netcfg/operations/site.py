@@ -153,7 +153,7 @@ def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str])
     """
     told = {name: _of_host(name, result) for name, result in results.items()}
     for name, result in results.items():
-        other = result.get("other_end")
+        other = str(result["other_end"])
         if other in names and name not in names:
             here, there = told[other], told[name]
             told[other] = {

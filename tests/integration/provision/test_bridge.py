@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import socket
+import subprocess
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -252,3 +255,35 @@ def _unseen(twins: Rehearsal, name: str) -> dict[str, Target]:
         nobody.bind(("127.0.0.1", 0))
         port = nobody.getsockname()[1]
     return {**twins.targets, name: twins.targets[name].model_copy(update={"port": port})}
+
+
+@pytest.mark.slow
+def test_ansible_alone_takes_both_ends_where_one_is_limited_to(tmp_path: Path) -> None:
+    root, state = inventory(tmp_path, {}), tmp_path / "state"
+    with both(root, "coastal", "coastal-cpe") as twins:
+        targets = {name: target.model_dump() for name, target in twins.targets.items()}
+        request = {"atlantis_request": {"state": str(state), "rehearsed": True, "targets": targets}}
+        variables = tmp_path / "request.json"
+        variables.write_text(json.dumps(request), encoding="utf-8")
+        counts = [_play(root, variables) for _ in range(2)]
+    assert "coastal-cpe : ok=2 changed=1" in counts[0], counts[0]
+    assert "; scc-cpe: " in counts[0], "the other end is told of, too"
+    assert "coastal-cpe : ok=2 changed=0" in counts[1], counts[1]
+    store = Store(state, rehearsed=True)
+    assert [len(store.runs(site)) for site in ("coastal", "scc")] == [2, 2]
+
+
+def _play(root: Path, variables: Path) -> str:
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "ansible", "playbook", "-v", "-i", str(root), "--limit", "coastal-cpe"),
+            *("-e", f"@{variables}", str(CHECKOUT / "playbooks/site.yml")),
+        ],
+        cwd=CHECKOUT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return " ".join(done.stdout.split())

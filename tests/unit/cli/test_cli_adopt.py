@@ -23,7 +23,11 @@ SITE = ("adopt", "site=scc", "device=scc-router")
         ((*SITE, "--rehearse", "via=serial:"), 3, "`via=serial:` is no way to a router"),
         ((*SITE, "--rehearse", "wait=soon"), 3, "`wait=soon` is no number of seconds"),
         (SITE, 3, "the inventory still holds example values"),
-        (("adopt", "site=scc", "device=scc-vpn", "--rehearse"), 7, "scc-vpn is a vpn server: only routers are adopted"),
+        (
+            ("adopt", "site=scc", "device=scc-vpn", "--rehearse"),
+            7,
+            "scc-vpn is a vpn server: only RouterOS devices are adopted",
+        ),
         (("adopt", "site=scc", "device=scc-rooter", "--rehearse"), 7, "scc-rooter"),
     ],
 )

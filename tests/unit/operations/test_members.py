@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,12 +11,15 @@ import pytest
 
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.members import members_of
-from atlantis_netcfg.operations.pairs import with_other_ends
+from atlantis_netcfg.operations.pairs import far_bearer, pair_of, with_other_ends
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
+from atlantis_netcfg.routeros.pair import Signal
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import Cpe, SignalBounds
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration
@@ -66,6 +70,33 @@ def test_other_ends_are_added_once(declaration: Declaration) -> None:
     assert with_other_ends(declaration, hosts) == tuple(hosts)
     assert [host.name for host in with_other_ends(declaration, hosts[:2])] == ["coastal-router", *BOTH]
     assert with_other_ends(declaration, hosts[:1]) == (hosts[0],)
+
+
+def test_bounds_and_patience_of_a_pair_are_the_stricter_of_both_ends(declaration: Declaration) -> None:
+    (member,) = members_of(declaration, ["coastal-cpe"], Request(state=Path("/nowhere")))
+    assert member.bridge is not None
+    near, far = (end.device for end in member.bridge.ends)
+    assert isinstance(near, Cpe)
+    assert isinstance(far, Cpe)
+    changed = {"signal": SignalBounds(weakest_dbm=-70, strongest_dbm=-30), "link_timeout_s": 600}
+    ptp = near.ptp.model_copy(update=changed)
+    near_host = replace(member.bridge.near, device=near.model_copy(update={"ptp": ptp}))
+    pair = pair_of(replace(member.bridge, near=near_host), job("near"), job("far"))
+    assert pair.signal == Signal(weakest_dbm=-70, strongest_dbm=-35)
+    assert pair.link_timeout_s == 600
+    assert pair_of(member.bridge, job("near"), job("far")).link_timeout_s == 300
+
+
+@pytest.mark.parametrize(("over", "name"), [("lan", "wifi-ptp"), ("satellite", "satellite")])
+def test_a_session_to_the_far_end_is_as_slow_as_the_slower_part_of_its_way(
+    declaration: Declaration, over: str, name: str
+) -> None:
+    (member,) = members_of(declaration, ["coastal-cpe"], Request(state=Path("/nowhere")))
+    assert member.bridge is not None
+    near = replace(job("near"), bearer=bearer_of(declaration, member.bridge.near, over))
+    bearer = far_bearer(declaration, member.bridge, near)
+    assert bearer is not None
+    assert bearer.name == name
 
 
 def job(name: str) -> DeviceJob:
