@@ -166,7 +166,8 @@ def test_power_distance_and_weather_radars_are_told_to_the_radio() -> None:
     short = radio("scc-cpe", "wireless")
     assert (short["nv2-cell-radius"], short["skip-dfs-channels"]) == ("10", "10min-cac")
     bare = radio("scc-cpe", "wireless", with_ptp(shipped(), tx_power_dbm=None, antenna_gain_dbi=None))
-    assert "tx-power" not in bare
+    assert bare["tx-power-mode"] == "default"
+    assert bare.keys().isdisjoint({"tx-power", "antenna-gain"}), "what the factory knows of its antenna stays"
 
 
 def test_wpa3_and_the_key_stand_where_the_family_has_them() -> None:

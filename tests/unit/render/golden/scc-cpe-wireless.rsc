@@ -10,6 +10,7 @@ set [ find default-name=ether1 ] comment="atlantis: cable to the router" disable
 # Radio. Both ends agree on everything but the mode. The station looks for the access point on every legal channel, so that
 # it follows when a radar has driven the access point away. skip-dfs-channels keeps that way clear of channels with ten
 # minutes of listening. A fixed power is the same at every rate: on a short link full power overdrives the other receiver.
+# An antenna whose gain is not declared keeps the gain that the factory has set for it.
 /interface wireless security-profiles
 add authentication-types=wpa2-psk comment="atlantis: bridge" group-ciphers=aes-ccm mode=dynamic-keys name=atlantis-ptp unicast-ciphers=aes-ccm wpa2-pre-shared-key=EXAMPLE-ptp-key
 /interface wireless
