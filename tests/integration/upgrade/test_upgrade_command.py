@@ -31,6 +31,7 @@ def test_a_plan_shows_files_and_cost_and_changes_nothing(tmp_path: Path, provisi
     assert told.returncode == 2, told.stderr
     assert "RouterOS 7.18.2 -> 7.21.5" in told.stdout
     assert "2.0 MB over satellite, which is paid by the byte: about" in told.stdout
+    assert "over satellite of coastal, which is paid by the byte: about 2.4 MB, " in told.stdout
 
 
 def test_a_rehearsal_ends_with_what_was_read_back(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
