@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["beforehand", "gate", "unpaid"]
+__all__ = ["accepting", "beforehand", "gate", "unpaid"]
 
 
 def beforehand(
@@ -70,11 +70,15 @@ def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> N
 
 def unpaid(words: Sequence[str], command: str = "provision") -> CostRefused:
     """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
-    flag = f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{ACCEPT}`"
     return CostRefused(
         f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
-        hint=f"type the same with {flag}; `--yes` does not say that. Or go over another link, as in `via=lan`",
+        hint=f"type the same with {accepting(command)} (`--yes` does not say that), or go over another link: `via=lan`",
     )
+
+
+def accepting(command: str) -> str:
+    """What a person types to pay, by the door that they came in by."""
+    return f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{ACCEPT}`"
 
 
 def _carrier(declaration: Declaration, host: Host, request: Request) -> Bearer | None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, bill, preview, size
+from atlantis_netcfg.bearers.cost import CostRefused, bill, preview, size
 from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.journal import CostCounted, Counters, Store
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
+from atlantis_netcfg.operations.costs._gate import accepting
 from atlantis_netcfg.operations.costs._links import links_of, ports_of, ways_of
 from atlantis_netcfg.routeros.apply import Admission
 from atlantis_netcfg.routeros.estimate import on_the_wire
@@ -89,7 +90,7 @@ class Meter:
             return None
         return CostRefused(
             f"nobody has agreed to pay for it: {self.expected.words}",
-            hint=f"type the same with `{ACCEPT}`, or wait until {self.declared} is back",
+            hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared} is back",
         )
 
     def told(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
