@@ -248,3 +248,20 @@ def test_in_quiet_times_nothing_but_the_watch_asks_and_nothing_changes() -> None
     asked = {row["name"]: row.get("done-tests") for row in quay.rows("/tool/netwatch")}
     assert all((name.endswith("-watch")) is (done is not None) for name, done in asked.items())
     assert {int(done) for name, done in asked.items() if done is not None and name.startswith("4g")} == {121}
+
+
+def test_a_state_that_somebody_has_put_there_does_not_last() -> None:
+    """As a restored configuration does: a good link given up, or a silent one in use, and netwatch none the wiser."""
+    quay = world()
+    left = quay.canaries("wifi-ptp")
+    for canary in left:
+        quay.run(f'/ip route set [find comment="atlantis: wifi-ptp, while {canary} answers"] distance=110')
+    quay.passes(FAIL_BACK_S + BACK_LATER_S)
+    assert quay.order() == ["wifi-ptp", "4g", "wifi-ptp"]
+    quay.lose("4g")
+    quay.passes(PATIENCE_S)
+    quay.run('/ip route set [find comment~"^atlantis: 4g, while"] distance=20')
+    quay.lose("wifi-ptp", "4g")
+    quay.passes(PATIENCE_S)
+    assert quay.active() == "satellite"
+    assert quay.errors() == []

@@ -106,11 +106,10 @@ def _left(export: Export, world: World) -> dict[str, int]:
     """Return the distance that netwatch gives to the routes of silent canaries, by their comment."""
     found = {}
     for row in export.statements:
-        if row.menu == "/tool/netwatch" and row.get("host") in world.silent and row.get("test-script") is not None:
-            script = str(row.get("test-script"))
+        script = row.get("test-script") or ""
+        if row.menu == "/tool/netwatch" and row.get("host") in world.silent and '"response-count" = 0' in script:
             comment, distance = _LEAVES.findall(script)[0]
-            if '"response-count" = 0' in script:
-                found[comment] = int(distance)
+            found[comment] = int(distance)
     return found
 
 
