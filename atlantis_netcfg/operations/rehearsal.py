@@ -38,7 +38,7 @@ from atlantis_netcfg.twin import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer
@@ -81,12 +81,13 @@ class Rehearsal:
 @contextmanager
 def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
+    asked = {host.name for host in hosts}
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
     others = [host for host in hosts if is_unit(host)]
     with (
         tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
         emulated_units(others, Path(folder)) as units,
-        spawn(site_spec(declaration, emulated, via), Path(folder)) as twins,
+        spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - asked), Path(folder)) as twins,
     ):
         targets = {
             name: Target(
@@ -103,10 +104,15 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
         yield Rehearsal(targets, (*NOT_REHEARSED, *radio, *not_rehearsed(others)), twins, units)
 
 
-def site_spec(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> SiteSpec:
-    """Describe the twins of these hosts, each of a kind that the engine handles."""
+def site_spec(
+    declaration: Declaration, hosts: Sequence[Host], via: str | None = None, along: Collection[str] = ()
+) -> SiteSpec:
+    """Describe the twins of these hosts, each of a kind that the engine handles.
+
+    `along`: those that come along as the other end of a bridge, at a site that need not have the bearer `via`.
+    """
     name = ",".join(sorted({host.site for host in hosts}))
-    twins = tuple(_twin(declaration, host, via) for host in hosts)
+    twins = tuple(_twin(declaration, host, None if host.name in along else via) for host in hosts)
     return SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts)))
 
 

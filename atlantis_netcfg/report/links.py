@@ -34,6 +34,8 @@ class LinksReport:
     unreachable: Sequence[Mapping[str, str | None]] = ()
     not_asked: Mapping[str, str] = field(default_factory=dict)
     round_trips: Mapping[str, int] = field(default_factory=dict)
+    costs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Metered bearer to what the look itself has cost on it: its bill as data, and its `words`."""
     notes: tuple[str, ...] = ()
     not_rehearsed: tuple[str, ...] = ()
 
@@ -55,6 +57,7 @@ class LinksReport:
             "unreachable": [dict(one) for one in self.unreachable],
             "not_asked": dict(self.not_asked),
             "round_trips": dict(self.round_trips),
+            "costs": {name: dict(one) for name, one in self.costs.items()},
             "notes": list(self.notes),
             "not_rehearsed": list(self.not_rehearsed),
             "errors": [],
@@ -72,6 +75,8 @@ class LinksReport:
             yield from _block(number, name, one)
         yield ""
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
+        looked = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
+        yield from (f"{looked} {name}: {one['words']}" for name, one in self.costs.items())
         yield from (f"note: {note}" for note in self.notes)
         yield from (f"not rehearsed: {one}" for one in self.not_rehearsed)
         yield self._closing()

@@ -7,7 +7,8 @@ airtime is for traffic and no interface of it is documented.
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.links._look import Looked, look
+from atlantis_netcfg.operations.links._look import look
+from atlantis_netcfg.operations.links._looked import Looked
 from atlantis_netcfg.operations.links._own import Silent
 
 __all__ = ["Looked", "Silent", "look"]

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.policy import Way
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["PATIENCE_S", "Round", "boxes"]
@@ -41,6 +42,8 @@ class Round:
     """All questions of one look; `ask` sends them to all devices at once."""
 
     declaration: Declaration
+    router: Host
+    """Of the site that is looked at."""
     request: Request
     notify: Subscriber
     patience_s: float = PATIENCE_S
@@ -101,6 +104,14 @@ class Round:
             return read_routeros(self._door(host), unit)
         return read_by_driver(unit)
 
+    def carrier(self, host: Host) -> Bearer:
+        """What a session to a host goes over; to the far end of a bridge, what leads to the site that is looked at.
+
+        Raises UsageError for a link that its site does not have.
+        """
+        here = host if host.site == self.router.site else self.router
+        return bearer_of(self.declaration, here, self.request.via.get(here.name))
+
     def unit(self, host: Host, device: LteRouter) -> Unit:
         """A 4G unit as its driver wants it."""
         store = Store(self.request.state, rehearsed=self.request.rehearsed)
@@ -115,7 +126,7 @@ class Round:
         if self.request.rehearsed:
             target = self.request.targets[host.name]
             endpoint = replace(endpoint, host=target.host, port=target.port, pin=target.pin)
-        if bearer_of(self.declaration, host, self.request.via.get(host.name)).rtt_s < _FAST_S:
+        if self.carrier(host).rtt_s < _FAST_S:
             endpoint = replace(endpoint, connect_timeout_s=self.patience_s)
         self.doors[host.name] = Door(host.name, endpoint, _first_contact(pins.pin, self.notify))
         return self.doors[host.name]

@@ -6,19 +6,20 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.policy import active_bearers, probe_commands
+from atlantis_netcfg.bearers.policy import active_bearers
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.errors import NetcfgError, NothingMatched
-from atlantis_netcfg.journal import Counters, MonthBytes, Store
+from atlantis_netcfg.journal import MonthBytes, Store
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.links._ask import PATIENCE_S, Round, boxes
 from atlantis_netcfg.operations.links._bearer import Seen, ranked, told, twice
+from atlantis_netcfg.operations.links._counted import bills, months, ping_bytes
+from atlantis_netcfg.operations.links._looked import Looked
 from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge
-from atlantis_netcfg.operations.links._router import PINGS, RouterReading
+from atlantis_netcfg.operations.links._router import RouterReading
 from atlantis_netcfg.operations.links._terminal import kept_off, of_terminal
 from atlantis_netcfg.operations.links._unit import UnitLook, of_unit
 from atlantis_netcfg.operations.proving import named_targets, resolve
-from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.site.model import BearerKind, Cpe, LteDriver, LteRouter, Router
 
 if TYPE_CHECKING:
@@ -32,60 +33,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site.model import Bearer
 
 __all__ = ["Looked", "look"]
-
-
-@dataclass(frozen=True, slots=True)
-class Looked:
-    """What one look has shown, in the order of preference."""
-
-    bearers: tuple[BearerStatus, ...]
-    boxes: Mapping[str, str]
-    """Bearer to the box or boxes of it."""
-    months: Mapping[str, MonthBytes]
-    probe_bytes: Mapping[str, int]
-    """Bearer to what its pings may have cost on the wire."""
-    unreachable: tuple[Silent, ...]
-    not_asked: Mapping[str, str]
-    """Device to the reason."""
-    round_trips: Mapping[str, int]
-    """Of each RouterOS device that was asked, its login included."""
-    asked: tuple[str, ...]
-    """Devices, whether or not they answered."""
-    notes: tuple[str, ...] = ()
-    """What went wrong beside the links."""
-
-    def report(self, site: str, title: str, *, rehearsed: bool, not_rehearsed: tuple[str, ...] = ()) -> LinksReport:
-        """For whoever reads it."""
-        return LinksReport(
-            site=site,
-            title=title,
-            rehearsed=rehearsed,
-            bearers=self.as_dict(),
-            asked=self.asked,
-            unreachable=[{"device": one.device, "message": one.message, "hint": one.hint} for one in self.unreachable],
-            not_asked=self.not_asked,
-            round_trips=self.round_trips,
-            notes=self.notes,
-            not_rehearsed=not_rehearsed,
-        )
-
-    def as_dict(self) -> dict[str, dict[str, Any]]:
-        """Each bearer as JSON-able data: what `BearerStatus` promises, and what was found beside it."""
-        return {
-            one.name: {
-                **one.as_dict(),
-                "verdict": one.verdict.value,
-                "box": self.boxes[one.name],
-                "probe_bytes": self.probe_bytes.get(one.name, 0),
-                "month_since": _stamp(self.months[one.name].since),
-                "month_gaps": list(self.months[one.name].gaps),
-            }
-            for one in self.bearers
-        }
-
-
-def _stamp(moment: datetime | None) -> str | None:
-    return None if moment is None else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
 
 
 async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
@@ -105,10 +52,11 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     if router is None:
         raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
     ways = ways_of(declaration, router)
-    turn = Round(declaration, request, notify, patience_s)
+    began = datetime.now(UTC)
+    turn = Round(declaration, router, request, notify, patience_s)
     await turn.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), ways)
     moved = {} if request.rehearsed else await _names(declaration, site)
-    return _Site(declaration, router, ways, turn, request, datetime.now(UTC), moved).put_together()
+    return _Site(declaration, router, ways, turn, request, began, datetime.now(UTC), moved).put_together()
 
 
 async def _names(declaration: Declaration, site: str) -> dict[str, tuple[Finding, ...]]:
@@ -142,6 +90,7 @@ class _Site:
     ways: tuple[Way, ...]
     turn: Round
     request: Request
+    began: datetime
     now: datetime
     moved: Mapping[str, tuple[Finding, ...]]
     """Bearer to what is to be said of the names in its allow-list."""
@@ -150,7 +99,7 @@ class _Site:
     def put_together(self) -> Looked:
         """Judge what was heard, and keep the counters."""
         site = self.declaration.sites[self.router.site]
-        months = self._months()
+        month = self._months()
         active = self._active()
         seen = [
             Seen(
@@ -158,7 +107,7 @@ class _Site:
                 router=self._answer(self.router),
                 own=self._own(way, bearer),
                 active=None if active is None else way.name in active,
-                month_bytes=months[way.name].bytes,
+                month_bytes=month[way.name].bytes,
                 box=bearer.device,
                 next_hop=str(bearer.gateway),
                 network=bearer.network,
@@ -169,12 +118,13 @@ class _Site:
         return Looked(
             bearers=ranked(_told(seen), site.failover.fail_back_s),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
-            months=months,
-            probe_bytes=self._probe_bytes(seen),
+            months=month,
+            probe_bytes={one.way.name: ping_bytes(self.ways)[one.way.name] for one in seen if one.echoes},
             unreachable=self.turn.silent,
             not_asked=dict(self.turn.not_asked),
             round_trips={name: door.round_trips for name, door in self.turn.doors.items()},
             asked=tuple(self.turn.answers),
+            bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
             notes=tuple(self.notes),
         )
 
@@ -238,40 +188,10 @@ class _Site:
         source = getattr(box.device, "powered_by", None) if box is not None else None
         return source.port if source is not None and source.device == self.router.name else None
 
-    def _probe_bytes(self, seen: Sequence[Seen]) -> dict[str, int]:
-        """Of the bearers whose pings were carried out."""
-        costs: dict[str, int] = {}
-        for probe in probe_commands(self.ways, count=PINGS):
-            costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
-        return {one.way.name: costs[one.way.name] for one in seen if one.echoes}
-
     def _months(self) -> dict[str, MonthBytes]:
-        """Keep the counters of this look, and say what is known of the month with them."""
         usage = Store(self.request.state, rehearsed=self.request.rehearsed).usage(self.router.site)
-        found = dict.fromkeys((way.name for way in self.ways), MonthBytes())
         try:
-            for name, counters in self._counters():
-                usage.record(name, counters)
-            found |= {name: usage.month(name, self.now) for name in found}
+            return months(usage, self.router.name, self._reading, self.ways, self.now)
         except NetcfgError as error:
             self.notes.append(f"the bytes of this month are not known: {error}")
-        return found
-
-    def _counters(self) -> list[tuple[str, Counters]]:
-        reading = self._reading
-        ports = {} if reading is None else reading.ports or {}
-        found = []
-        for way in self.ways:
-            port = ports.get(way.port or "")
-            if reading is None or port is None or way.port is None or port.rx_bytes is None or port.tx_bytes is None:
-                continue
-            counters = Counters(
-                device=self.router.name,
-                interface=way.port,
-                rx_bytes=port.rx_bytes,
-                tx_bytes=port.tx_bytes,
-                at=reading.at or self.now,
-                uptime_s=reading.uptime_s,
-            )
-            found.append((way.name, counters))
-        return found
+            return dict.fromkeys((way.name for way in self.ways), MonthBytes())

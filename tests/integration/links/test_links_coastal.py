@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +27,7 @@ GOLDEN = Path(__file__).with_name("golden")
 ROUTER, NEAR, FAR, UNIT, TERMINAL = "coastal-router", "coastal-cpe", "scc-cpe", "coastal-4g", "coastal-sat"
 KEYS = {"kind", "state", "active", "metered", "quality", "month_bytes", "findings"}
 PLAIN_80211 = ("protocol: nv2", 'protocol: "802.11"\n    menus: wifi')
+PROVISION = str(Path(sys.executable).with_name("provision"))
 _ASSOCIATED_WITHIN_S = 60.0
 
 
@@ -197,6 +201,21 @@ def associated(at: Bench) -> None:
     until = time.monotonic() + _ASSOCIATED_WITHIN_S
     while not at.hears(NEAR) or not at.hears(FAR):
         assert time.monotonic() < until, "the radios do not find each other"
+
+
+def test_the_command_rehearses_over_a_bearer_that_the_other_end_has_not(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [PROVISION, "links", "site=coastal", "via=4g", "--rehearse", "--json"],
+        env={**os.environ, "ATLANTIS_STATE": str(tmp_path)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert list(told["costs"]) == ["4g"]
+    assert [one["state"] for one in told["bearers"].values()] == ["up", "up", "unknown"]
 
 
 def test_radios_of_the_newer_family(tmp_path: Path) -> None:

@@ -107,6 +107,17 @@ def test_two_links_and_both_are_well(te4sea: Bench) -> None:
     golden("te4sea-rutos", report)
 
 
+def test_a_look_over_a_metered_link_is_priced(te4sea: Bench) -> None:
+    """The router of te4sea is declared to be reached over its satellite."""
+    (cost,) = te4sea.report().as_json()["costs"].items()
+    assert cost[0] == "satellite"
+    assert 2_000 < cost[1]["payload_bytes"] < 30_000
+    assert float(cost[1]["price"]) > 0
+    assert "a real look comes to, over satellite: " in te4sea.report().as_text()
+    te4sea.request = te4sea.request.model_copy(update={"via": {"te4sea-router": "lan"}})
+    assert te4sea.report().as_json()["costs"] == {}
+
+
 SICK: dict[str, tuple[dict[str, Any], str]] = {
     "roams-and-may-not": ({"sim": {"home": HOME}, "network": {"plmn": FOREIGN}}, "FAIL roaming-not-allowed"),
     "asks-for-a-pin": ({"sim": {"pin": "1234"}}, "FAIL pin-needed"),
