@@ -64,10 +64,7 @@ class Converge:
             result = LteResult(
                 name=self._unit.name, status=Status.UNCHANGED, exit=ExitCode.NOTHING, message=str(nothing)
             )
-        except ConsoleLost as lost:
-            status = Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND
-            result = self._failed(lost, status)
-        except DeviceFailed as error:
+        except NetcfgError as error:
             result = self._failed(error, Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND)
         result = replace(result, seconds=time.monotonic() - began)
         self._tell(Stage.DONE if result.exit in FINE else Stage.FAILED, result.message)

@@ -13,9 +13,10 @@ from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.lte._came import Patience
 from atlantis_netcfg.operations.lte._converge import Converge
-from atlantis_netcfg.operations.lte._result import FINE
+from atlantis_netcfg.operations.lte._result import FINE, LteResult
 from atlantis_netcfg.operations.lte._unit import Unit, is_unit
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import LteRouter
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.journal import Recorder
-    from atlantis_netcfg.operations.lte._result import LteResult
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
@@ -115,13 +115,20 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
         rehearsed=request.rehearsed,
         target=request.targets.get(host.name) if request.rehearsed else None,
     )
-    return Converge(
+    turn = Converge(
         unit,
         journal,
         plan_only=request.mode is Mode.PLAN,
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
         patience=_REHEARSED if request.rehearsed else Patience(),
-    ).run()
+    )
+    try:
+        return turn.run()
+    except Exception as fault:  # noqa: BLE001 - a fault of ours on one unit must not hide what became of the others
+        problem = crashed(fault, request.command, lambda: request.state)
+        return LteResult(
+            name=host.name, status=Status.UNKNOWN, exit=problem.exit, message=str(problem), hint=problem.hint
+        )
 
 
 def _journal(declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: Store) -> Journal:

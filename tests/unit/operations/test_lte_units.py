@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.bearers.lte import rutos
+from atlantis_netcfg.journal import Journal, JournalFailed, Store
 from atlantis_netcfg.operations.lte import perform
 from atlantis_netcfg.twin.modem import ModemSpec, RunningModem
 from atlantis_netcfg.twin.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
@@ -341,6 +342,36 @@ def test_what_was_not_checked_is_not_green(deck: Deck, driver: str, message: str
     assert result["ok"]
     if driver == "manual":
         assert "http://10.10.9.1/" in result["notes"][0]
+
+
+def test_what_cannot_be_noted_is_not_done(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    before = twin.export()
+    write = Journal.write
+
+    def full(self: Journal, record: Any) -> None:  # noqa: ANN401 (any record)
+        if record.kind == "layer-sent":
+            raise JournalFailed("the journal cannot be written: no space left on device")
+        write(self, record)
+
+    monkeypatch.setattr(Journal, "write", full)
+    result = deck.run()
+    assert result["status"] == "left-as-found"
+    assert result["exit"] not in (0, 2)
+    assert "no space left on device" in result["message"]
+    assert (twin.export(), twin.shell.reloads) == (before, 0)
+
+
+def test_a_fault_of_ours_is_told_with_its_log(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
+    deck.rutos()
+    deck.unit()
+    monkeypatch.setattr(rutos, "read", lambda _endpoint: 1 // 0)
+    result = deck.run()
+    assert (result["exit"], result["status"]) == (1, "unknown")
+    assert "ZeroDivisionError" in result["message"]
+    assert list((deck.folder / "state" / "log").iterdir())
+    assert deck.store.runs("te4sea")[0].exit == 1
 
 
 def test_other_kinds_of_runs_are_none_of_ours(deck: Deck) -> None:
