@@ -228,8 +228,9 @@ def _targets(spawned: SpawnedSite) -> Rehearsal:
 
 
 @pytest.mark.slow
-def test_a_bridge_that_is_not_there_yet_is_made_end_by_end(tmp_path: Path) -> None:
-    root, state = inventory(tmp_path, {}), tmp_path / "state"
+@pytest.mark.parametrize("family", ["nv2", "wifi-wpa2"])
+def test_a_bridge_that_is_not_there_yet_is_made_end_by_end(tmp_path: Path, family: str) -> None:
+    root, state = inventory(tmp_path, FAMILIES[family]), tmp_path / "state"
     with boxes(root, tmp_path / "twins") as spawned:
         twins = _targets(spawned)
         for near, far in (ENDS, ENDS[::-1]):
@@ -244,7 +245,7 @@ def test_a_bridge_that_is_not_there_yet_is_made_end_by_end(tmp_path: Path) -> No
         assert statuses(again) == dict.fromkeys(ENDS, "unchanged"), said(again)
         gone = ask(root, state, Rehearsal(_unseen(twins, ENDS[1]), (), spawned), ENDS[0])
         assert statuses(gone) == {ENDS[0]: "unchanged", ENDS[1]: "left-as-found"}, said(gone)
-        inventory(tmp_path, {"frequency_mhz: 5500": "frequency_mhz: 5520"})
+        inventory(tmp_path, {"ssid: EXAMPLE-ATLANTIS-PTP": "ssid: EXAMPLE-ANOTHER"})
         kept = ask(root, state, Rehearsal(_unseen(twins, ENDS[1]), (), spawned), ENDS[0])
         assert statuses(kept) == dict.fromkeys(ENDS, "left-as-found"), said(kept)
 
