@@ -82,6 +82,8 @@ class Desired:
     """Why the PIN of the text must not be sent once more; empty: nothing is known against it."""
     run_time: tuple[RunTime, ...] = ()
     """Values that the device changes by itself: neither drift nor anything to put right."""
+    remarks: tuple[tuple[str, str], ...] = ()
+    """A menu, and what whoever agrees to a change of it should know."""
 
     @property
     def menus(self) -> tuple[str, ...]:

@@ -2,7 +2,9 @@
 
 `# atlantis:entire /ip firewall filter` says that the menu is ours entirely.
 `# atlantis:run-time /ip route distance=10 distance=110` says that the device itself puts 110 where 10 is declared while
-it works, so that a row with either is as declared. All mistakes are reported together.
+it works, so that a row with either is as declared.
+`# atlantis:note /tool netwatch: asking takes 1 MB a day` is told with every plan that changes that menu.
+All mistakes are reported together.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
-_ENTIRE, _RUN_TIME = "entire", "run-time"
+_ENTIRE, _RUN_TIME, _NOTE = "entire", "run-time", "note"
 _EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
 
@@ -35,7 +37,8 @@ def read(text: str, source: str = "text") -> Desired:
     mistakes: list[str] = []
     entire: dict[str, None] = {}
     run_time: list[RunTime] = []
-    _directives(text, source, mistakes, (entire, run_time))
+    remarks: list[tuple[str, str]] = []
+    _directives(text, source, mistakes, (entire, run_time, remarks))
     items: dict[str, list[Item]] = {menu: [] for menu in (*export.menus, *entire) if menu in MENUS}
     first: dict[tuple[str, tuple[str, ...]], int] = {}
     for statement in export.statements:
@@ -49,11 +52,14 @@ def read(text: str, source: str = "text") -> Desired:
     if mistakes:
         raise Mistake("\n".join(mistakes))
     declared = {menu: tuple(rows) for menu, rows in items.items()}
-    return Desired(source, declared, frozenset(entire), run_time=tuple(run_time))
+    return Desired(source, declared, frozenset(entire), run_time=tuple(run_time), remarks=tuple(remarks))
 
 
-def _directives(text: str, source: str, mistakes: list[str], found: tuple[dict[str, None], list[RunTime]]) -> None:
-    entire, run_time = found
+_Found = tuple[dict[str, None], list[RunTime], list[tuple[str, str]]]
+
+
+def _directives(text: str, source: str, mistakes: list[str], found: _Found) -> None:
+    entire, run_time, remarks = found
     for match in _DIRECTIVE.finditer(text):
         word, argument = match.groups()
         try:
@@ -61,8 +67,12 @@ def _directives(text: str, source: str, mistakes: list[str], found: tuple[dict[s
                 entire[_entire_menu(argument)] = None
             elif word == _RUN_TIME:
                 run_time.append(_run_time(argument))
+            elif word == _NOTE:
+                title, _, remark = argument.partition(": ")
+                remarks.append((_menu_named(title).path, remark))
             else:
-                raise Mistake(f"`atlantis:{word}` is no directive{near(word, [_ENTIRE, _RUN_TIME])}")  # noqa: TRY301
+                known = (_ENTIRE, _RUN_TIME, _NOTE)
+                raise Mistake(f"`atlantis:{word}` is no directive{near(word, known)}")  # noqa: TRY301
         except Mistake as mistake:
             line = text.count("\n", 0, match.start()) + 1
             mistakes.append(f"{source}, line {line}: {mistake}")

@@ -46,13 +46,15 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
         problems += part.problems
     if problems:
         raise CannotPlan("\n".join(f"{device}: {desired.source}, {problem}" for problem in problems))
+    changed = {part.menu.path for part in parts if part.changes}
+    remarks = [remark for path, remark in desired.remarks if path in changed]
     return Plan(
         device=device,
         actions=tuple(_numbered(parts)),
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
         hidden=tuple(hidden for part in parts for hidden in part.hidden),
-        notes=(*desired.notes, *dict.fromkeys(note for part in parts for note in part.notes)),
+        notes=(*desired.notes, *remarks, *dict.fromkeys(note for part in parts for note in part.notes)),
     )
 
 

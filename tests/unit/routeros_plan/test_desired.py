@@ -101,8 +101,8 @@ MISTAKES = {
     " property=instead`",
     "# atlantis:run-time /ip route distance=1 disabled=no": "x.rsc, line 1: write `atlantis:run-time /menu"
     " property=declared property=instead`",
-    "# atlantis:run-time /ip route distanse=1 distanse=2": "x.rsc, line 1: /ip route has no argument `distanse`; did you"
-    " mean distance?",
+    "# atlantis:run-time /ip route distanse=1 distanse=2": "x.rsc, line 1: /ip route has no argument `distanse`; did"
+    " you mean distance?",
     "# atlantis:run-time /ip rout distance=1 distance=2": "x.rsc, line 1: /ip rout is no menu that can be declared;"
     " did you mean /ip route?",
     "\n# atlantis:entire /ip pol": "x.rsc, line 2: /ip pol is no menu that can be declared; did you mean /ip pool?",

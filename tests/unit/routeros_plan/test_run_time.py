@@ -66,3 +66,12 @@ def test_a_new_row_has_the_declared_value() -> None:
     assert sum("distance=10 " in line for line in planned) == 1
     assert sum("disabled=yes" in line for line in planned) == 1
     assert not any("distance=110" in line for line in planned)
+
+
+def test_a_remark_is_told_with_a_change_of_its_menu_only() -> None:
+    text = "# atlantis:note /tool netwatch: asking takes 1 MB a day\n" + TEXT
+    assert plan("r", read(text), observed("")).notes == ("asking takes 1 MB a day",)
+    route = AS_DECLARED.format(ptp="10", other="21", asks="no", waits="yes")
+    planned = plan("r", read(text), observed(route))
+    assert len(planned.actions) == 1
+    assert planned.notes == ()
