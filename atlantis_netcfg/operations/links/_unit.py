@@ -37,12 +37,17 @@ class UnitLook:
 
 
 async def read_routeros(door: Door, unit: Unit) -> UnitLook:
-    """Read in one session of two round trips, three where only the log tells of the SIM. Raises DeviceFailed."""
+    """Read in one session of two round trips, three where only the log tells of the SIM. Raises DeviceFailed.
+
+    Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
+    """
     async with door.opened() as session:
         replies = await session.flight([command(query) for query in routeros.queries(_INTERFACE)])
         reading = _reading(replies)
         if reading.state is Registration.UNKNOWN:
             reading = _reading(replies, rows(await session.command(command(routeros.log_query()))))
+    if reading.state is Registration.SIM_PIN_REQUIRED and unit.pin_tried:
+        reading = replace(reading, pin_refused=True)
     return UnitLook(reading, judge.judge(reading, unit.wanted))
 
 
@@ -52,15 +57,9 @@ def _reading(replies: list[Reply], log: tuple[Row, ...] | None = None) -> LteRea
 
 
 async def read_by_driver(unit: Unit) -> UnitLook:
-    """Read a unit of another make, in a thread: its driver waits for answers. Raises NetcfgError.
-
-    Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the unit says.
-    """
+    """Read a unit of another make, in a thread: its driver waits for answers. Raises NetcfgError."""
     found = await asyncio.to_thread(unit.look)
-    if found.reading.state is not Registration.SIM_PIN_REQUIRED or not unit.pin_tried:
-        return UnitLook(found.reading, found.findings, found.requests)
-    reading = replace(found.reading, pin_refused=True)
-    return UnitLook(reading, judge.judge(reading, unit.wanted), found.requests)
+    return UnitLook(found.reading, found.findings, found.requests)
 
 
 def of_unit(name: str, told: UnitLook, driver: LteDriver, *, forwards: bool) -> Own:
