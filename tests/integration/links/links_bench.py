@@ -129,17 +129,17 @@ def inventory(folder: Path, changes: Mapping[str, tuple[str, str]]) -> Path:
 def bench(
     folder: Path,
     site: str,
-    *,
+    *only: str,
     root: Path = INVENTORY,
     spoil: Callable[[TwinSpec], TwinSpec] | None = None,
     ends: Mapping[str, int] | None = None,
 ) -> Iterator[Bench]:
-    """The twins of a site, all near by, configured. `spoil` changes a twin before it starts; `ends`: how a device's
+    """The twins of a site, or `only` some of them, all near by, configured.
 
-    configuration ends, where that is not 0.
+    `spoil` changes a twin before it starts; `ends`: how a device's configuration ends, where that is not 0.
     """
     declaration = load(root)
-    chosen = choose(declaration, site)
+    chosen = choose(declaration, site, only)
     with ExitStack() as stack:
         units = stack.enter_context(
             lte.emulated_units([host for host in chosen if lte.is_unit(host)], _made(folder / "units"))

@@ -12,20 +12,22 @@ import pytest
 from links_bench import Bench, bench, block, inventory, masked
 
 from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import lte
 from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.operations.simcard import TriedPin
 from atlantis_netcfg.site import load
 from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec, TwinSpec, modem, rutos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.report.links import LinksReport
 
 pytestmark = pytest.mark.slow
 
 GOLDEN = Path(__file__).with_name("golden")
-UNIT = "te4sea-4g"
+UNIT, BOX = "te4sea-4g", "coastal-4g"
 FILE = f"host_vars/{UNIT}.yml"
 HOME, FOREIGN = "26803", "20601"
 SERIAL = f"""\
@@ -190,15 +192,34 @@ def _declared(folder: Path, text: str) -> Path:
     return root
 
 
-def test_a_mikrotik_box_that_roams_and_may_not(tmp_path: Path) -> None:
-    def abroad(twin: TwinSpec) -> TwinSpec:
-        if twin.router.modem is None:
-            return twin
-        sick = ModemSpec(sim=SimSpec(home="00101"), cell=CellSpec(plmn=FOREIGN))
+def with_modem(sick: ModemSpec) -> Callable[[TwinSpec], TwinSpec]:
+    """Put another modem, card or network into the box."""
+
+    def spoil(twin: TwinSpec) -> TwinSpec:
         return twin.model_copy(update={"router": twin.router.model_copy(update={"modem": sick})})
 
-    with bench(tmp_path, "coastal", spoil=abroad) as coastal:
-        report = coastal.report()
-    assert [one["code"] for one in report.bearers["4g"]["findings"]] == ["roaming-not-allowed"]
+    return spoil
+
+
+def test_a_mikrotik_box_that_roams_and_may_not(tmp_path: Path) -> None:
+    abroad = ModemSpec(sim=SimSpec(home="00101"), cell=CellSpec(plmn=FOREIGN))
+    with bench(tmp_path, "coastal", BOX, spoil=with_modem(abroad)) as coastal:
+        report = coastal.report(BOX)
+    assert codes(report) == ["FAIL roaming-not-allowed"]
     assert report.bearers["4g"]["quality"]["registration"] == "registered_roaming"
     assert report.exit is ExitCode.CHECKS_FAILED
+
+
+def test_a_pin_that_a_run_has_tried_on_a_mikrotik_box_is_wrong(tmp_path: Path) -> None:
+    with bench(tmp_path, "coastal", BOX, spoil=with_modem(ModemSpec(sim=SimSpec(pin="1234")))) as coastal:
+        assert codes(coastal.report(BOX)) == ["FAIL pin-needed"]
+        store = Store(coastal.request.state, rehearsed=True)
+        TriedPin(store.root, "coastal", BOX).remember()
+        assert codes(coastal.report(BOX)) == ["FAIL pin-wrong"]
+
+
+def test_a_mikrotik_box_without_a_card(tmp_path: Path) -> None:
+    with bench(tmp_path, "coastal", BOX, spoil=with_modem(ModemSpec(sim=None))) as coastal:
+        report = coastal.report(BOX)
+    assert codes(report) == ["FAIL sim-missing"]
+    assert report.round_trips[BOX] <= 3
