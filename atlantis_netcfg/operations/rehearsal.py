@@ -113,13 +113,17 @@ def site_spec(
     """
     name = ",".join(sorted({host.site for host in hosts}))
     twins = tuple(_twin(declaration, host, None if host.name in along else via) for host in hosts)
-    return SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts)))
+    return SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts, via, along)))
 
 
-def _air(declaration: Declaration, hosts: Sequence[Host]) -> Iterator[RadioPair]:
+def _air(
+    declaration: Declaration, hosts: Sequence[Host], via: str | None, along: Collection[str]
+) -> Iterator[RadioPair]:
     """Describe the radio links between these hosts; the twins' near end is where the technician stands."""
     names = [host.name for host in hosts]
-    for member in members_of(declaration, names, Request(state=Path())):
+    asked = [name for name in names if name not in along]
+    request = Request(state=Path(), via=dict.fromkeys(asked, via) if via is not None else {})
+    for member in members_of(declaration, asked, request):
         if member.bridge is None or not all(end.name in names for end in member.hosts):
             continue
         near, far = member.bridge.ends

@@ -14,6 +14,7 @@ from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.operations.pairs import far_bearer, pair_of, with_other_ends
+from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal
@@ -97,6 +98,26 @@ def test_a_session_to_the_far_end_is_as_slow_as_the_slower_part_of_its_way(
     bearer = far_bearer(declaration, member.bridge, near)
     assert bearer is not None
     assert bearer.name == name
+
+
+@pytest.mark.parametrize(
+    ("asked", "via", "near"),
+    [
+        ("coastal-cpe", None, "coastal-cpe"),
+        ("scc-cpe", None, "scc-cpe"),
+        ("coastal-cpe", "wifi-ptp", "scc-cpe"),
+        ("coastal-router", None, None),
+    ],
+)
+def test_the_emulated_bridge_is_entered_where_the_run_enters_it(
+    declaration: Declaration, asked: str, via: str | None, near: str | None
+) -> None:
+    hosts = with_other_ends(declaration, [declaration.hosts[asked]])
+    spec = site_spec(declaration, hosts, via, {host.name for host in hosts} - {asked})
+    request = Request(state=Path("/nowhere"), via={} if via is None else {asked: via})
+    (member,) = members_of(declaration, [asked], request)
+    assert (member.bridge and member.bridge.near.name) == near
+    assert [pair.near for pair in spec.pairs] == ([near] if near else [])
 
 
 def job(name: str) -> DeviceJob:
