@@ -14,7 +14,7 @@ import pytest
 from quay import CHECKOUT, PROVISION, _inventory, _namespace
 from test_adopt_run import led
 
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.twin.rutos import RunningRutos, RutosSim, RutosSpec
 
 if TYPE_CHECKING:
@@ -124,6 +124,14 @@ def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, Running
     assert running.unit.export() == after
     runs = Store(state).runs("te4sea")
     assert [run.exit for run in runs] == [0, 0]
+
+    killed = RunStarted(site="te4sea", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
+    with Store(state).start(killed):
+        pass
+    assert len(Store(state).unfinished("te4sea")) == 1
+    resumed = json.loads(provision(inventory, state, "resume", "site=te4sea", "--accept-cost", "--json", code=0))
+    assert resumed["devices"][NAME]["status"] == "unchanged"
+    assert Store(state).unfinished("te4sea") == ()
     assert "a-real" not in "".join(path.read_text() for path in state.rglob("*") if path.is_file())
 
 
