@@ -50,7 +50,18 @@ def of_bridge(near: tuple[Host, RadioLook | Silent | None], far: tuple[Host, Rad
         if isinstance(told, RadioLook):
             judged = _of_end(host, told, [other for other, _ in ends if other is not host], macs)
             own = _joined(own, judged if host is near[0] else _far(judged))
-    return own
+    return _expected(own, far[1]) if far is not None and isinstance(far[1], Silent) else own
+
+
+def _expected(own: Own, far: Silent) -> Own:
+    """While the near end hears nobody, that the far one does not answer is no news."""
+    if own.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in own.silent:
+        return own
+    message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
+    hint = "repair the bridge first; if it stays away after that, look at its power"
+    found = Finding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
+    rest = tuple(one for one in own.silent if one is not far)
+    return replace(own, findings=(*own.findings, found), silent=rest)
 
 
 def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> Own:

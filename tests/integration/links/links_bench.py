@@ -163,7 +163,8 @@ def _made(folder: Path) -> Path:
 
 
 def _spec(declaration: Declaration, chosen: Sequence[Host], spoil: Callable[[TwinSpec], TwinSpec] | None) -> SiteSpec:
-    spec = site_spec(declaration, with_other_ends(declaration, [host for host in chosen if handled(host)]))
+    hosts = with_other_ends(declaration, [host for host in chosen if handled(host)])
+    spec = site_spec(declaration, hosts, along={host.name for host in hosts} - {host.name for host in chosen})
     near = tuple(twin.model_copy(update={"link": Link()}) for twin in spec.twins)
     return spec.model_copy(update={"twins": tuple(map(spoil, near)) if spoil is not None else near})
 

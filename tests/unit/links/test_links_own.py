@@ -59,6 +59,15 @@ def test_who_is_registered_is_not_judged_while_the_other_end_is_silent() -> None
     assert "far_signal_dbm" not in own.quality
 
 
+def test_that_the_far_end_is_silent_while_the_bridge_is_down_is_no_failure_of_its_own() -> None:
+    own = of_bridge((NEAR, radio("near", None)), (FAR, Silent("scc-cpe", "nobody answers", "has it power?")))
+    assert [f"{one.verdict.value} {one.code}" for one in own.findings] == [
+        "FAIL not-associated",
+        "INCONCLUSIVE far-end-unreachable",
+    ]
+    assert own.silent == ()
+
+
 def test_of_a_silent_near_end_only_what_the_far_one_hears_is_told() -> None:
     own = of_bridge((NEAR, Silent("coastal-cpe", "nobody answers")), (FAR, radio("far", "near", -52)))
     assert own.quality == {"far_signal_dbm": -52.0}
