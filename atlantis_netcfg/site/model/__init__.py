@@ -25,8 +25,13 @@ from atlantis_netcfg.site.model._box import (
 from atlantis_netcfg.site.model.device import (
     ControlCentre,
     Device,
-    Gateway,
     VpnServer,
+)
+from atlantis_netcfg.site.model.gateway import (
+    AddressBy,
+    Gateway,
+    Image,
+    ImageLayout,
 )
 from atlantis_netcfg.site.model.lte import (
     LteAccess,
@@ -84,6 +89,7 @@ from atlantis_netcfg.site.model.terminal import (
 __all__ = [
     "Access",
     "Address",
+    "AddressBy",
     "AllowedTarget",
     "Bearer",
     "BearerKind",
@@ -100,6 +106,8 @@ __all__ = [
     "Forward",
     "Gateway",
     "HostName",
+    "Image",
+    "ImageLayout",
     "Lan",
     "LinkRate",
     "LocationRow",

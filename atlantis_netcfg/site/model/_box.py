@@ -8,7 +8,7 @@ from pydantic import Field, StrictInt
 
 from atlantis_netcfg.site.model._base import Address, HostName, MacAddress, Model, Name, PortName, SecretText, Text
 
-__all__ = ["Access", "Box", "PowerSource"]
+__all__ = ["Access", "Box", "LanBox", "PowerSource"]
 
 
 class PowerSource(Model):
@@ -29,6 +29,14 @@ class Box(Model):
     """Of its network card."""
     powered_by: PowerSource | None = None
     """None if it has a supply of its own."""
+
+
+class LanBox(Box):
+    """A host of the site's LAN."""
+
+    address: Address
+    """In the site's LAN."""
+    vpn_address: Address | None = None
 
 
 class Access(Model):

@@ -6,35 +6,23 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from atlantis_netcfg.site.model._base import Address
-from atlantis_netcfg.site.model._box import Box
+from atlantis_netcfg.site.model._box import LanBox
+from atlantis_netcfg.site.model.gateway import Gateway
 from atlantis_netcfg.site.model.lte import LteRouter
 from atlantis_netcfg.site.model.radio import Cpe
 from atlantis_netcfg.site.model.router import Router
 from atlantis_netcfg.site.model.terminal import SatelliteTerminal
 
-__all__ = ["ControlCentre", "Device", "Gateway", "VpnServer"]
+__all__ = ["ControlCentre", "Device", "VpnServer"]
 
 
-class _LanHost(Box):
-    address: Address
-    """In the site's LAN."""
-    vpn_address: Address | None = None
-
-
-class Gateway(_LanHost):
-    """The data gateway computer."""
-
-    kind: Literal["gateway"]
-
-
-class VpnServer(_LanHost):
+class VpnServer(LanBox):
     """Runs the OpenVPN server."""
 
     kind: Literal["vpn_server"]
 
 
-class ControlCentre(_LanHost):
+class ControlCentre(LanBox):
     """Runs the control centre's services."""
 
     kind: Literal["control_centre"]

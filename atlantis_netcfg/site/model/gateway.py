@@ -1,0 +1,102 @@
+"""The data gateway computer of a site. `host_vars/<host>.yml`, key `device`."""
+
+from __future__ import annotations
+
+import base64
+import re
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator
+
+from atlantis_netcfg.site.model._base import Model, Text, wrong
+from atlantis_netcfg.site.model._box import LanBox
+
+__all__ = ["AddressBy", "Gateway", "Image", "ImageLayout", "SshKey"]
+
+_KINDS = (
+    "ssh-ed25519",
+    "sk-ssh-ed25519@openssh.com",
+    "ecdsa-sha2-nistp256",
+    "ecdsa-sha2-nistp384",
+    "ecdsa-sha2-nistp521",
+    "sk-ecdsa-sha2-nistp256@openssh.com",
+    "ssh-rsa",
+)
+"""Of authorized_keys (sshd(8)); ssh-dss is refused by every server since OpenSSH 7.0."""
+
+
+def _ssh_key(value: object) -> str:
+    text = value.strip() if isinstance(value, str) else ""
+    if "PRIVATE KEY" in text:
+        raise wrong("this is a private key", "take it out of the inventory, and write what its .pub file holds")
+    kind, _, rest = text.partition(" ")
+    body = rest.split(" ")[0]
+    like = "copy the line of the technician's .pub file: kind, key, name"
+    if kind not in _KINDS or not text.isprintable():
+        raise wrong("this is no public SSH key that a server takes", like)
+    try:
+        told = base64.b64decode(body, validate=True)
+    except ValueError:
+        raise wrong("this public SSH key is damaged", like) from None
+    size = int.from_bytes(told[:4], "big")
+    if told[4 : 4 + size] != kind.encode() or len(told) < 4 + size + 4:
+        raise wrong("this public SSH key is damaged", like)
+    return text
+
+
+SshKey = Annotated[str, BeforeValidator(_ssh_key)]
+"""A public key as a line of authorized_keys, without options."""
+
+
+def _interface(value: object) -> str:
+    text = value.strip() if isinstance(value, str) else ""
+    if not re.fullmatch(r"[a-z][a-z0-9]{0,14}", text):
+        raise wrong(f"`{value}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
+    return text
+
+
+def _account(value: object) -> str:
+    text = value.strip() if isinstance(value, str) else ""
+    if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
+        raise wrong(f"`{value}` is no name of an account", "an account is like root or odroid")
+    return text
+
+
+class ImageLayout(StrEnum):
+    """How the vendor's image is laid out."""
+
+    ODROID_N2 = "odroid-n2"
+    PLAIN = "plain"
+
+
+class AddressBy(StrEnum):
+    """Where the gateway has its address from."""
+
+    STATIC = "static"
+    DHCP = "dhcp"
+
+
+class Image(Model):
+    """What `provision image` puts into the vendor's image."""
+
+    layout: ImageLayout
+    """`plain`: x86, Raspberry-type boards; one ext4 partition."""
+    address_by: AddressBy = AddressBy.STATIC
+    """`static`: the device's `address`; `dhcp`: a reservation of the site's LAN gives it."""
+    interface: Annotated[str, BeforeValidator(_interface)] | None = None
+    """Of the LAN; null: the one that the board has."""
+    user: Annotated[str, BeforeValidator(_account)] = "root"
+    """The account that technicians log in to; it must be in the image."""
+    ssh_keys: tuple[SshKey, ...]
+    """The technicians' public keys: at least one, for every password is removed."""
+    source: Text | None = None
+    """Where the image was fetched, for people; nothing is fetched by the toolkit."""
+
+
+class Gateway(LanBox):
+    """The data gateway computer."""
+
+    kind: Literal["gateway"]
+    image: Image | None = None
+    """None: no card is made for it here."""
