@@ -26,11 +26,13 @@ COMMANDS: Mapping[str, str] = {
     "drift": "atlantis_netcfg.cli.drift",
     "links": "atlantis_netcfg.cli.links",
     "prove": "atlantis_netcfg.cli.prove",
+    "dds": "atlantis_netcfg.cli.dds",
     "runs": "atlantis_netcfg.cli.runs",
     "resume": "atlantis_netcfg.cli.resume",
     "rollback": "atlantis_netcfg.cli.rollback",
     "restore": "atlantis_netcfg.cli.restore",
     "upgrade": "atlantis_netcfg.cli.upgrade",
+    "image": "atlantis_netcfg.cli.image",
     "version": "atlantis_netcfg.cli.version",
     "help": "atlantis_netcfg.cli.help",
 }

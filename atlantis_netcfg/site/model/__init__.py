@@ -22,6 +22,13 @@ from atlantis_netcfg.site.model._box import (
     Access,
     PowerSource,
 )
+from atlantis_netcfg.site.model.dds import (
+    Dds,
+    DdsPath,
+    DdsPeer,
+    RosDistribution,
+    RosMiddleware,
+)
 from atlantis_netcfg.site.model.device import (
     ControlCentre,
     Device,
@@ -99,6 +106,9 @@ __all__ = [
     "Cpe",
     "Currency",
     "Day",
+    "Dds",
+    "DdsPath",
+    "DdsPeer",
     "Device",
     "DhcpRange",
     "DnsName",
@@ -132,6 +142,8 @@ __all__ = [
     "PtpProtocol",
     "RadioMenus",
     "Reservation",
+    "RosDistribution",
+    "RosMiddleware",
     "Router",
     "SatelliteTerminal",
     "SecretText",

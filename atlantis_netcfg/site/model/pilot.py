@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StrictBool, StrictInt
 
 from atlantis_netcfg.site.model._base import Address, DnsName, HostName, Model, Name, Network, Text
+from atlantis_netcfg.site.model.dds import Dds
 
 __all__ = [
     "Column",
@@ -115,3 +116,5 @@ class Pilot(Model):
     time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]
     """In order of preference."""
     vpn: Vpn
+    dds: Dds | None = None
+    """None: no profiles are made."""
