@@ -42,7 +42,8 @@ class Facts:
     architecture: str
     device_mode: Mapping[str, str]
     packages: tuple[str, ...]
-    policies: frozenset[str]
+    policies: frozenset[str] | None
+    """What our user may do; None: not asked yet, empty: the device does not tell."""
     has_safe_mode: bool
     safe_mode_owner: str | None
     """Who holds safe mode now, or None when nobody does (or the device has no safe mode)."""

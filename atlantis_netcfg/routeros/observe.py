@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["MenuMissing", "merged", "modem_row", "observe", "printing"]
+__all__ = ["LATER", "MenuMissing", "completed", "merged", "modem_row", "observe", "printing"]
 
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
 _SAFE_MODE = Command("/safe-mode/print")
@@ -31,6 +31,8 @@ _DEVICE_MODE = Command("/system/device-mode/print")
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
 _HISTORY = Command("/system/history/print", (("count-only", ""),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
+LATER = ("/certificate", _USER, _GROUP)
+"""Menus that matter once something is to change: whether it may be changed, and by us."""
 _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
 
@@ -66,12 +68,14 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
 ) -> Observed:
     """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
 
+    What our user may do is known if users and groups are among them.
+
     The byte counters of the ports `counted` are read first and last, as far as the round trips of the reading have room
     for it: they never cost one of their own. `known`: what an earlier reading of this run has told of the device
     itself, of which only version, name and the holder of safe mode are told anew.
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
-    menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY, _USER, _GROUP)))
+    menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY)))
     commands = [*map(printing, menus), *(_PREFLIGHT if known is None else _PREFLIGHT[:_AGAIN])]
     modem = [MONITOR] if LTE in needed else []
     commands = [*modem, *commands]
@@ -94,12 +98,22 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         )
     found = {path: there for path, there in rows.items() if there is not None}
     counts = (read_counts(reply, seen.resource) for reply in counters)
-    facts = _facts(seen, endpoint, version, found)
+    facts = _facts(seen, endpoint, version, found, asked=_GROUP in answers)
     if known is not None:
         facts = replace(
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
     return Observed(facts, found, tuple(each for each in counts if each is not None), *map(modem_row, told))
+
+
+async def completed(session: Channel, endpoint: Endpoint, observed: Observed) -> Observed:
+    """Return the observation with what is read LATER; what of it is there already is not asked again."""
+    menus = [path for path in LATER if path not in observed.rows]
+    replies = await session.flight([printing(path) for path in menus])
+    fresh = {path: _rows(reply, needed=False) for path, reply in zip(menus, replies, strict=True)}
+    rows = {**observed.rows, **{path: there for path, there in fresh.items() if there is not None}}
+    facts = replace(observed.facts, policies=_policies(endpoint.user, rows))
+    return replace(observed, facts=facts, rows=rows)
 
 
 def modem_row(reply: Reply) -> Row | None:
@@ -144,7 +158,9 @@ def _version(resource: Reply) -> Version:
         raise DeviceFailed(f"this is no RouterOS that we know: it calls its version `{text}`") from None
 
 
-def _facts(seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]]) -> Facts:
+def _facts(
+    seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]], *, asked: bool
+) -> Facts:
     resource = _first(seen.resource)
     holder = _first(seen.safe_mode)
     taken = holder.get("enabled") in ("true", "yes")
@@ -155,7 +171,7 @@ def _facts(seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping
         architecture=resource.get("architecture-name", ""),
         device_mode=_first(seen.device_mode),
         packages=(),
-        policies=_policies(endpoint.user, rows),
+        policies=_policies(endpoint.user, rows) if asked else None,
         has_safe_mode=seen.safe_mode.trap is None,
         safe_mode_owner=(holder.get("owner") or holder.get("user") or "somebody") if taken else None,
         session_address=_session_address(seen.active, endpoint),

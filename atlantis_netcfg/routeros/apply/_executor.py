@@ -31,7 +31,7 @@ from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
-from atlantis_netcfg.routeros.observe import MenuMissing, observe
+from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ async def _run(work: Work, mode: Mode) -> DeviceResult:
     busy = await _busy(work)
     if busy is not None and mode not in _READING:
         return _held(work, busy)
-    _plan(work)
+    await _plan(work)
     if busy is not None:
         work.notes.append(f"{busy}: what was changed meanwhile may yet be taken back")
     refusal = _toll(work, mode)
@@ -117,7 +117,8 @@ async def _observe(work: Work, mode: Mode) -> None:
     if mode is Mode.RESUME:
         await _until_undone(work)
     job = work.job = await fitted(work.session, work.job)
-    work.before = await observe(work.session, job.endpoint, job.desired.menus, GUARDED, job.counted)
+    watched = [path for path in GUARDED if path not in LATER]
+    work.before = await observe(work.session, job.endpoint, job.desired.menus, watched, job.counted)
     facts = work.before.facts
     work.record(
         DeviceObserved(device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before))
@@ -125,9 +126,13 @@ async def _observe(work: Work, mode: Mode) -> None:
     work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
 
 
-def _plan(work: Work) -> None:
+async def _plan(work: Work) -> None:
+    """Plan from what was read; where something is to change, from what has to be known then, too."""
     job = work.job
     work.plan = plan(job.name, job.desired, work.seen)
+    if work.plan.actions:
+        work.before = await completed(work.channel, job.endpoint, work.seen)
+        work.plan = plan(job.name, job.desired, work.seen)
     if job.bearer is not None:
         work.estimate = estimate(work.plan, job.bearer, work.seen)
     _protect(work)

@@ -38,7 +38,9 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     problems = [problem for path in menus for problem in _unsupported(path, desired, observed.facts.version)]
     names = new_names(desired, observed.rows)
     rows = as_renamed(desired, observed.rows)
-    sensitive = "sensitive" in observed.facts.policies
+    # Until it is known what our user may read, a secret that reads as empty counts as one: then it will be asked.
+    policies = observed.facts.policies
+    sensitive = policies is None or "sensitive" in policies
     context = Context(desired, Names(observed.rows), sensitive, sim_of(observed.modem))
     parts = [_plan_menu(path, desired, rows[path], context) for path in menus]
     for part in parts:

@@ -10,7 +10,7 @@ from scripted import Scripted
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
-from atlantis_netcfg.routeros.observe import MenuMissing, observe
+from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
 from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ ANSWERS: Mapping[str, Reply] = {
     "/system/identity/print": Reply(({"name": "quay"},)),
     "/user/print": Reply(({"name": "provision", "group": "ours"},)),
     "/user/group/print": Reply(({"name": "ours", "policy": "read,write,!sensitive,api"},)),
+    "/certificate/print": Reply(({".id": "*1", "name": "api"},)),
     "/ip/pool/print": Reply(({".id": "*1", "name": "lan"},)),
 }
 GONE = Reply(trap=Trap("no such command prefix", 0))
@@ -46,12 +47,31 @@ def read(changes: Mapping[str, Reply], *needed: str, looked_at: tuple[str, ...] 
 
 
 def test_facts_of_device_and_session() -> None:
-    facts = read({}, "/ip/pool").facts
+    facts = read({}, "/ip/pool", looked_at=LATER).facts
     assert (str(facts.version), facts.board, facts.identity) == ("7.18.2", "RB5009", "quay")
     assert facts.policies == {"read", "write", "api"}
     assert facts.session_address == "10.0.0.3"
     assert (facts.has_safe_mode, facts.safe_mode_owner, facts.history) == (True, None, 7)
     assert facts.device_mode["mode"] == "home"
+
+
+def test_who_we_are_is_asked_later_and_once() -> None:
+    sent: list[str] = []
+
+    def answer(command: Command) -> Reply:
+        sent.append(command.path)
+        return ANSWERS[command.path]
+
+    async def act() -> tuple[Observed, Observed]:
+        session = Scripted(answer)
+        first = await observe(session, ENDPOINT, ["/ip/pool", "/certificate"])
+        sent.clear()
+        return first, await completed(session, ENDPOINT, first)
+
+    first, later = asyncio.run(act())
+    assert (first.facts.policies, later.facts.policies) == (None, {"read", "write", "api"})
+    assert sent == ["/user/print", "/user/group/print"]
+    assert later.rows.keys() == {*first.rows, *LATER}
 
 
 def test_who_holds_safe_mode() -> None:
@@ -91,7 +111,7 @@ def test_menus_that_the_device_lacks_are_named() -> None:
 
 def test_menus_that_are_only_looked_at_may_be_missing_or_kept_from_us() -> None:
     secret = Reply(trap=Trap("not enough permissions (9)"))
-    found = read({"/ip/pool/print": GONE, "/user/print": secret}, looked_at=("/ip/pool",))
+    found = read({"/ip/pool/print": GONE, "/user/print": secret}, looked_at=("/ip/pool", *LATER))
     assert "/ip/pool" not in found.rows
     assert found.facts.policies == frozenset()
     with pytest.raises(Refused, match="not enough permissions"):
