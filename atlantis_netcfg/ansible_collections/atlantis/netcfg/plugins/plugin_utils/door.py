@@ -1,0 +1,80 @@
+"""What the actions share that take a whole play in one process: the door from Ansible to our `operations`."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ansible.errors import AnsibleActionFail
+from ansible.parsing.vault import VaultLib, VaultSecretsContext
+from ansible.plugins.action import ActionBase
+
+from atlantis_netcfg.errors import NetcfgError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["Asked", "Door"]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a task asks of all hosts of its play."""
+
+    inventory: Path
+    hosts: tuple[str, ...]
+    request: dict[str, Any]
+    plan_only: bool
+    """Check mode."""
+
+    @staticmethod
+    def decrypt(text: str) -> str:
+        """Open what ansible-vault has sealed, with the secrets of this run."""
+        secrets = VaultSecretsContext.current().secrets
+        return str(VaultLib(secrets).decrypt(text.encode()).decode())
+
+
+class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+    """An action that runs once for the whole play and takes one argument, `request`."""
+
+    BYPASS_HOST_LOOP = True
+    TRANSFERS_FILES = False
+    _requires_connection = False
+    _supports_check_mode = True
+    _supports_async = False
+    _VALID_ARGS = frozenset({"request"})
+
+    @staticmethod
+    @abstractmethod
+    def perform(asked: Asked) -> Mapping[str, Any]:
+        """Do it and give `per_host`. Raises NetcfgError."""
+
+    def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
+        """Do what is asked; an error of ours is told in its own words, with its hint."""
+        from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
+
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        variables = task_vars or {}
+        asked = Asked(
+            _inventory(variables),
+            tuple(variables["ansible_play_hosts"]),
+            {**(self._task.args.get("request") or {}), **consent(variables)},
+            bool(self._task.check_mode),
+        )
+        try:
+            result.update(self.perform(asked))
+        except NetcfgError as error:
+            hint = f"\n{error.hint}" if error.hint else ""
+            raise AnsibleActionFail(f"{error}{hint}") from error
+        return result
+
+
+def _inventory(variables: dict[str, Any]) -> Path:
+    """The folder of the declaration: the inventory that was given, or the one beside the playbooks.
+
+    AWX hands the hosts to a job in a file of its own; what they are to be stands in the project.
+    """
+    given = Path(str(variables.get("inventory_dir") or "."))
+    return given if (given / "group_vars").is_dir() else Path(str(variables["playbook_dir"])).parent / "inventory"
