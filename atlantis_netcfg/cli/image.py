@@ -1,0 +1,172 @@
+"""`provision image`: make the card of a gateway computer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Any
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.image import Card
+    from atlantis_netcfg.operations.imaging import Made, Order
+    from atlantis_netcfg.site import Declaration
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "image",
+    "customise the vendor's image for a gateway computer, write it to a card, read it back",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("host", "the gateway computer of it", required=True, example="coastal-gateway"),
+        Word("from", "the vendor's image: raw, xz or gz", required=True, example="ubuntu-minimal.img.xz"),
+        Word(
+            "to", "the card, by its link in /dev/disk/by-id; all that is on it is lost", example="/dev/disk/by-id/usb-…"
+        ),
+        Word(
+            "serial", "the card's or its reader's serial, which says that this disk is meant", example="20090516388200"
+        ),
+        Word("sha256", "of the vendor's image; else what lies beside it (x.img.xz.sha256, SHA256SUMS)"),
+        INVENTORY,
+    ),
+    flags=(
+        Flag("image-only", "keep the customised image as a new file, touch no card", takes="FILE", harmless=True),
+        Flag("yes", "with `serial=`: do not ask before writing"),
+        JSON,
+    ),
+    details="Refused, and nothing written: system disks, disks in use, disks that are not on USB or in an SD/MMC slot.",
+    changes=True,
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Check everything that can be known at once, ask, make the image, write it and read it back."""
+    import sys
+    from pathlib import Path
+
+    from atlantis_netcfg import paths
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.operations.imaging import Order, made
+    from atlantis_netcfg.site import choose, load
+
+    named = arguments.optional("inventory")
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    (host,) = choose(declaration, arguments.word("site"), [arguments.word("host")])
+    image = Path(arguments.word("from"))
+    order = Order(declaration, host, image, arguments.optional("sha256"), paths.state_dir())
+    order.check()
+    file = _file(arguments)
+    card = None if file is not None else _card(arguments, declaration)
+    as_json = arguments.flag("json")
+    with progress(quiet=as_json, out=sys.stderr) as notify, made(order, notify) as ready:
+        return _close(order, ready, _keep(ready, file, card), as_json=as_json)
+
+
+def _file(arguments: Arguments) -> Path | None:
+    """Where the image goes to, if not to a card."""
+    from pathlib import Path
+
+    from atlantis_netcfg.errors import UsageError
+
+    name, device = arguments.value("image-only"), arguments.optional("to")
+    if (name is None) == (device is None):
+        both = "both `to=` and `--image-only` are given" if name else "where shall the image go?"
+        raise UsageError(both, hint="`to=/dev/disk/by-id/…` writes a card, `--image-only FILE` makes a file")
+    if name is None:
+        return None
+    file = Path(name)
+    if file.exists() or file.is_symlink():
+        raise UsageError(f"{file} is there already", hint="name a new file, or remove that one")
+    if not file.parent.is_dir():
+        raise UsageError(f"there is no folder {file.parent}", hint="make it first")
+    return file
+
+
+def _card(arguments: Arguments, declaration: Declaration) -> Card:
+    """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
+    from pathlib import Path
+
+    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.image import BlockTree, Card, admit, confirmed
+
+    if declaration.pilot.example_values:
+        raise UsageError(
+            "the inventory still holds example values, and a card made of them lets nobody in",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --image-only FILE",
+        )
+    tree, device = BlockTree(), Path(arguments.word("to"))
+    card = Card(device, admit(tree, device), tree)
+    if not arguments.flag("json"):
+        print(card.shown.shown, flush=True)
+    typed = arguments.optional("serial")
+    if typed is None:
+        confirmed(card.shown, _typed(card))
+        return card
+    confirmed(card.shown, typed)
+    if not arguments.flag("yes"):
+        from atlantis_netcfg.cli._consent import agreed
+
+        agreed(f"Write {device}: all that is on it is lost. Go on")
+    return card
+
+
+def _typed(card: Card) -> str:
+    """What a person types at the question. Raises UsageError when nobody is there to be asked."""
+    import sys
+
+    from atlantis_netcfg.errors import UsageError
+
+    what = "serial" if card.shown.serial else "name and size"
+    if not sys.stdin.isatty():
+        raise UsageError(
+            f"nobody is here to type the {what} of the card, so nothing was written",
+            hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
+        )
+    try:
+        return input(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: ")
+    except EOFError:
+        return ""
+
+
+def _keep(ready: Made, file: Path | None, card: Card | None) -> dict[str, Any]:
+    """Put the image where it goes to; what became of it, for people and programs."""
+    from dataclasses import asdict
+
+    if file is not None:
+        return {"file": str(file), "size": ready.into(file)}
+    if card is None:
+        raise AssertionError("neither a file nor a card")
+    written, receipt = ready.onto(card)
+    disk = {"path": str(card.device), "name": card.shown.name, "serial": card.shown.serial, "size": card.shown.size}
+    return {"device": disk, "written": asdict(written), "receipt": str(receipt)}
+
+
+def _close(order: Order, ready: Made, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
+    import json
+
+    from atlantis_netcfg.errors import ExitCode
+
+    if as_json:
+        image = {"name": order.image.name, "sha256": ready.expanded.sha256, "confirmed_by": ready.expanded.told_by}
+        told = {"exit": 0, "site": order.host.site, "host": order.host.name, "image": image, "notes": ready.notes}
+        print(json.dumps({**told, **kept}, ensure_ascii=False))
+        return ExitCode.DONE
+    for note in ready.notes:
+        print(f"note: {note}")
+    if "file" in kept:
+        print(f"{kept['file']}: the image of {order.host.name}, {kept['size'] / 1e6:.0f} MB; no card was touched")
+        return ExitCode.DONE
+    written = kept["written"]
+    print(
+        f"{order.host.name}: written and read back in {written['seconds']:.0f} s:"
+        f" {written['data'] / 1e6:.0f} MB of data, {written['cleared'] / 1e6:.0f} MB of zeros,"
+        f" {written['skipped'] / 1e6:.0f} MB skipped, {written['compared'] / 1e6:.0f} MB compared"
+    )
+    print(f"recorded in {kept['receipt']}")
+    print("Not proved here: that the board boots from it. Its boot switch must be on MMC where it has one.")
+    return ExitCode.DONE

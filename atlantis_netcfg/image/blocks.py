@@ -1,0 +1,210 @@
+"""What the kernel says of a block device: which disk it is, and who uses it.
+
+Read from `/sys` and `/proc` alone, so that another tree can stand in their place. The bus is read from the device's
+place in `/sys`: the flags `removable` and `hotplug` are wrong both ways (an SD slot says 0, an NVMe dock 1).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from atlantis_netcfg.image._errors import DeviceRefused
+
+__all__ = ["BlockTree", "Bus", "Disk", "Use"]
+
+_SECTOR = 512
+"""Bytes in the unit of `/sys/block/*/size`, whatever the device's own sectors are."""
+_SYSTEM = ("/boot", "/usr", "/var", "/home", "/etc", "/opt", "/srv", "/nix", "/root")
+
+
+class Bus(StrEnum):
+    """How a disk is attached."""
+
+    USB = "USB"
+    MMC = "SD/MMC slot"
+    NVME = "NVMe"
+    ATA = "SATA"
+    VIRTIO = "virtio"
+    VIRTUAL = "no hardware (loop, RAM, LVM, RAID)"
+    OTHER = "an internal bus"
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """Somebody has a part of the disk in use."""
+
+    part: str
+    """Kernel name, like sdb1."""
+    how: str
+    """In words, like `is mounted at /media/boot`."""
+    system: bool
+    """Whether this computer runs from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disk:
+    """One block device as it was at one moment; two looks at the same card are equal."""
+
+    name: str
+    number: str
+    """MAJOR:MINOR."""
+    size: int
+    """Bytes; 0: a reader without a card."""
+    bus: Bus
+    serial: str
+    """Of the card (SD/MMC slot) or of the reader (USB); empty where neither has one."""
+    label: str
+    """Vendor and model."""
+    read_only: bool
+    sector: int
+    """Logical sector in bytes."""
+    diskseq: int | None
+    """Rises with every card that is put in (Linux 5.15 and later)."""
+    whole: str
+    """The disk that this is a partition of; empty for a whole disk."""
+    uses: tuple[Use, ...]
+
+    @property
+    def proof(self) -> str:
+        """What a person types to say that this disk is meant: its serial, or its name and size where it has none."""
+        return self.serial or f"{self.name}-{self.size}"
+
+    @property
+    def shown(self) -> str:
+        """One line for people."""
+        label = self.label or "without a name"
+        serial = f"serial {self.serial}" if self.serial else "without a serial"
+        return f"{self.name}: {label}, {self.size / 1e9:.1f} GB, {self.bus}, {serial}"
+
+
+@dataclass(frozen=True, slots=True)
+class BlockTree:
+    """Where the kernel tells of block devices."""
+
+    sys: Path = Path("/sys")
+    proc: Path = Path("/proc")
+
+    def disk(self, path: Path) -> Disk:
+        """The disk that a path leads to. Raises DeviceRefused where it leads to none."""
+        number = self._number(path)
+        place = self.sys / "dev" / "block" / number
+        try:
+            return self._read(place.resolve(strict=True), number)
+        except (OSError, ValueError) as error:
+            raise DeviceRefused(f"{path} is gone, or cannot be read", hint="put the card in again") from error
+
+    @staticmethod
+    def _number(path: Path) -> str:
+        try:
+            status = path.stat()
+        except FileNotFoundError:
+            raise DeviceRefused(
+                f"there is no {path}", hint="`ls -l /dev/disk/by-id` lists the disks; the card may not be in"
+            ) from None
+        except OSError as error:
+            raise DeviceRefused(f"{path}: {error.strerror}") from error
+        if not stat.S_ISBLK(status.st_mode):
+            raise DeviceRefused(
+                f"{path} is not a block device",
+                hint="`to=` wants a disk of /dev/disk/by-id; `--image-only FILE` makes a file",
+            )
+        return f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+
+    def _read(self, place: Path, number: str) -> Disk:
+        partition = (place / "partition").exists()
+        queue = (place.parent if partition else place) / "queue"
+        diskseq = _text(place / "diskseq")
+        return Disk(
+            name=place.name,
+            number=number,
+            size=int(_text(place / "size")) * _SECTOR,
+            bus=_bus(place.relative_to(self.sys.resolve())),
+            serial=self._serial(place),
+            label=_label(place),
+            read_only=_text(place / "ro") == "1",
+            sector=int(_text(queue / "logical_block_size") or _SECTOR),
+            diskseq=int(diskseq) if diskseq else None,
+            whole=place.parent.name if partition else "",
+            uses=tuple(self._uses(place)),
+        )
+
+    def _serial(self, place: Path) -> str:
+        """Of the nearest thing above that has one; a USB root hub has its controller's address there, which is none."""
+        for above in (place, *place.parents):
+            if above == self.sys.resolve() or re.fullmatch(r"usb\d+", above.name):
+                return ""
+            if serial := _text(above / "serial"):
+                return serial
+        return ""
+
+    def _uses(self, place: Path) -> list[Use]:
+        """Of the disk, its partitions, and everything that is built on one of these."""
+        found: list[Use] = []
+        mounts, swaps = self._mounts(), self._swaps()
+        rest, seen = [place], set[str]()
+        while rest:
+            part = rest.pop(0)
+            if part.name in seen:
+                continue
+            seen.add(part.name)
+            for key in (_text(part / "dev"), part.name):
+                found += [Use(part.name, f"is mounted at {at}", _is_system(at)) for at in mounts.get(key, ())]
+            if part.name in swaps:
+                found.append(Use(part.name, "is swap space", system=True))
+            rest += sorted(each.parent for each in part.glob("*/partition"))
+            for holder in sorted((part / "holders").glob("*")):
+                found.append(Use(part.name, f"is held by {holder.name} (LVM, RAID or encryption)", system=False))
+                rest.append(holder.resolve())
+        return list(dict.fromkeys(found))
+
+    def _mounts(self) -> dict[str, list[str]]:
+        """Mount points by MAJOR:MINOR, and by name: btrfs shows a number that no device has (proc_pid_mountinfo(5))."""
+        found: dict[str, list[str]] = {}
+        for line in _text(self.proc / "self" / "mountinfo").splitlines():
+            before, _, after = line.partition(" - ")
+            fields, told = before.split(), after.split()
+            point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), fields[4])
+            found.setdefault(fields[2], []).append(point)
+            if len(told) > 1 and told[1].startswith("/dev/"):
+                found.setdefault(Path(told[1]).resolve().name, []).append(point)
+        return found
+
+    def _swaps(self) -> set[str]:
+        lines = _text(self.proc / "swaps").splitlines()[1:]
+        return {Path(line.split()[0]).resolve().name for line in lines if line.strip()}
+
+
+def _text(path: Path) -> str:
+    """What a file of the kernel says; empty where there is none."""
+    try:
+        return path.read_text(errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def _label(place: Path) -> str:
+    named = [_text(place / "device" / name) for name in ("vendor", "model", "name")]
+    return " ".join(filter(None, named))
+
+
+def _bus(place: Path) -> Bus:
+    """An NVMe disk behind anything is NVMe; a SATA disk in a USB case hangs on USB."""
+    parts = place.parts
+    rows = (
+        (r"nvme\d+.*", Bus.NVME),
+        (r"usb\d+", Bus.USB),
+        (r"mmc_host", Bus.MMC),
+        (r"ata\d+", Bus.ATA),
+        (r"virtio\d+", Bus.VIRTIO),
+        (r"virtual", Bus.VIRTUAL),
+    )
+    return next((bus for word, bus in rows if any(re.fullmatch(word, part) for part in parts)), Bus.OTHER)
+
+
+def _is_system(point: str) -> bool:
+    return point == "/" or any(point == each or point.startswith(f"{each}/") for each in _SYSTEM)

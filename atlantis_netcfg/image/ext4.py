@@ -1,0 +1,189 @@
+"""An ext4 file system inside an image file, read and edited by debugfs at its offset: no mount, no root.
+
+debugfs(8) ends with 0 whatever happened, so that nothing is believed: after editing the file system is checked, and
+every edit is read back. Paths are those of this package; one that debugfs could take apart is refused.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.image._errors import ImageRefused
+from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+__all__ = ["Ext4", "Status", "tool"]
+
+_PATH = re.compile(r"(/[A-Za-z0-9._@+~-]+)+|/")
+_KINDS = {"regular": 0o100000, "directory": 0o040000, "symlink": 0o120000}
+_CORRECTED = 1
+"""Exit code of e2fsck(8): errors were corrected, such as a journal that was replayed."""
+
+
+def tool(name: str, package: str) -> str:
+    """The path of a program of the system. Raises ImageRefused where it is not installed."""
+    found = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
+    if found is None:
+        raise ImageRefused(f"`{name}` is not installed on this computer", hint=f"sudo apt install {package}")
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What the file system says of a path."""
+
+    kind: str
+    """`regular`, `directory`, `symlink`, or another word of debugfs."""
+    mode: int
+    """Permission bits."""
+    owner: tuple[int, int]
+    target: str
+    """Of a short symbolic link."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ext4:
+    """One file system; `image` is a working copy whose path has no blanks."""
+
+    image: Path
+    offset: int
+
+    @property
+    def _where(self) -> str:
+        return f"{self.image}?offset={self.offset}"
+
+    def recover(self) -> None:
+        """Replay a journal that was left open. Raises ImageRefused where the file system is damaged."""
+        done = self._run([tool("e2fsck", "e2fsprogs"), "-p", self._where])
+        if done.returncode not in {0, _CORRECTED}:
+            raise ImageRefused(f"the image's file system is damaged: {_last(done.stdout)}", hint="fetch it again")
+
+    def check(self) -> None:
+        """Hold that the file system is clean. Raises ImageRefused."""
+        done = self._run([tool("e2fsck", "e2fsprogs"), "-fn", self._where])
+        if done.returncode:
+            raise ImageRefused(f"the image's file system is damaged after customising: {_last(done.stdout)}")
+
+    def status(self, path: str) -> Status | None:
+        """What stands at a path; None: nothing. Links on the way are not followed."""
+        said = self._ask(f"stat {_safe(path)}")
+        head = re.search(r"Type: (\w+).*?Mode:\s+(\d+).*?User:\s+(\d+)\s+Group:\s+(\d+)", said, re.DOTALL)
+        if head is None:
+            return None
+        target = re.search(r'Fast link dest: "(.*)"', said)
+        owner = (int(head[3]), int(head[4]))
+        return Status(head[1], int(head[2], 8), owner, target[1] if target else "")
+
+    def read(self, path: str) -> bytes | None:
+        """A file's bytes; None where there is no regular file."""
+        status = self.status(path)
+        if status is None or status.kind != "regular":
+            return None
+        with tempfile.TemporaryDirectory(prefix="atlantis-", dir=self.image.parent) as scratch:
+            out = Path(scratch) / "file"
+            self._ask(f"dump {_safe(path)} {out}")
+            return out.read_bytes() if out.exists() else None
+
+    def names(self, path: str) -> tuple[str, ...]:
+        """The names in a directory; empty where there is none."""
+        said = self._ask(f"ls -p {_safe(path)}")
+        found = (line.split("/")[5] for line in said.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
+        return tuple(sorted(name for name in found if name not in {"", ".", ".."}))
+
+    def exists(self, path: str) -> bool:
+        """Whether anything stands there, also where the way leads through links like /sbin -> usr/sbin."""
+        return self.status(path) is not None
+
+    def apply(self, edits: Sequence[Edit]) -> None:
+        """Carry out the edits, check the file system, and read each edit back. Raises ImageRefused."""
+        with tempfile.TemporaryDirectory(prefix="atlantis-", dir=self.image.parent) as scratch:
+            commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
+            batch = Path(scratch) / "commands"
+            batch.write_text("".join(f"{line}\n" for line in commands))
+            self._run([tool("debugfs", "e2fsprogs"), "-w", "-f", str(batch), self._where])
+        self.check()
+        for edit in edits:
+            self._held(edit)
+
+    def _commands(self, edit: Edit, number: int, scratch: str) -> Iterator[str]:
+        path = _safe(edit.path)
+        there = self.status(path)
+        if isinstance(edit, Directory):
+            if there is None:
+                yield f"mkdir {path}"
+            yield from _attributes(path, _KINDS["directory"] | edit.mode, edit.owner)
+            return
+        if there is not None:
+            if there.kind == "directory":
+                raise ImageRefused(f"the image has a directory at {path}, where a file is expected")
+            yield f"rm {path}"
+        if isinstance(edit, File):
+            (Path(scratch) / str(number)).write_bytes(edit.content)
+            yield f"write {Path(scratch) / str(number)} {path}"
+            yield from _attributes(path, _KINDS["regular"] | edit.mode, edit.owner)
+        elif isinstance(edit, Link):
+            yield f"symlink {path} {_safe_target(edit.target)}"
+
+    def _held(self, edit: Edit) -> None:
+        status = self.status(edit.path)
+        if isinstance(edit, Remove):
+            held = status is None
+        elif status is None:
+            held = False
+        elif isinstance(edit, File):
+            held = self.read(edit.path) == edit.content and (status.mode, status.owner) == (edit.mode, edit.owner)
+        elif isinstance(edit, Directory):
+            held = status.kind == "directory" and (status.mode, status.owner) == (edit.mode, edit.owner)
+        else:
+            held = status.kind == "symlink" and status.target == edit.target
+        if not held:
+            raise ImageRefused(
+                f"{edit.path} of the image could not be set: what is read back is something else",
+                hint="the image's file system may be full; nothing was written to a card",
+            )
+
+    def _ask(self, request: str) -> str:
+        return self._run([tool("debugfs", "e2fsprogs"), "-R", request, self._where]).stdout
+
+    @staticmethod
+    def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            check=False,
+            env={"LC_ALL": "C", "DEBUGFS_PAGER": "cat", "PAGER": "cat"},
+        )
+
+
+def _attributes(path: str, mode: int, owner: tuple[int, int]) -> Iterator[str]:
+    yield f"set_inode_field {path} mode 0{mode:o}"
+    yield f"set_inode_field {path} uid {owner[0]}"
+    yield f"set_inode_field {path} gid {owner[1]}"
+
+
+def _safe(path: str) -> str:
+    if not _PATH.fullmatch(path) or ".." in PurePosixPath(path).parts:
+        raise ImageRefused(f"`{path}` cannot be the path of a file in an image")
+    return path
+
+
+def _safe_target(target: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9._@+~/-]{1,59}", target):  # 60 bytes and more are no fast link
+        raise ImageRefused(f"`{target}` cannot be the target of a link in an image")
+    return target
+
+
+def _last(text: str) -> str:
+    return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "it says nothing")

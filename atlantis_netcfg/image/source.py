@@ -1,0 +1,224 @@
+"""From the vendor's file to a sparse working copy: checksum, xz or gz or raw, block map; memory stays small.
+
+One pass over the file: its bytes are hashed as they are read. The checksum is compared before the copy is used.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+import lzma
+import re
+import zlib
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, cast
+
+from atlantis_netcfg.image import bmap
+from atlantis_netcfg.image._errors import ImageRefused
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+__all__ = ["Checksum", "Expanded", "checksum", "expand"]
+
+_PIECE = 64 * 2**10
+"""Bytes that become a hole of the working copy where they are all zero."""
+_CHUNK = 2**20
+_PADDED = 4096
+"""The working copy ends with a whole block, so that devices of any sector size can be written from it."""
+_ZEROS = bytes(_PIECE)
+_OTHERS = ((b"\x28\xb5\x2f\xfd", "zstd", "zstd -d"), (b"PK\x03\x04", "zip", "unzip"), (b"BZh", "bzip2", "bunzip2"))
+
+
+@dataclass(frozen=True, slots=True)
+class Checksum:
+    """What the file's SHA-256 shall be, and who says so."""
+
+    sha256: str
+    told_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Expanded:
+    """A working copy of an image."""
+
+    path: Path
+    size: int
+    """Of the image in bytes; the copy may be up to one block longer."""
+    sha256: str
+    """Of the vendor's file, as it was read."""
+    told_by: str
+    """Who confirmed that; empty: nobody."""
+    mapped: tuple[tuple[int, int], ...] | None
+    """Spans that matter, by a block map; None: all of it."""
+
+
+def checksum(image: Path, typed: str | None = None) -> Checksum | None:
+    """The checksum that was typed, or that lies beside the image; None where there is none. Raises ImageRefused."""
+    if typed is not None:
+        if not re.fullmatch(r"[0-9a-fA-F]{64}", typed):
+            raise ImageRefused(f"`{typed}` is no SHA-256: that has 64 hex digits", hint=f"sha256sum {image}")
+        return Checksum(typed.lower(), "sha256=")
+    for name in (f"{image.name}.sha256", f"{image.name}.sha256sum", "SHA256SUMS", "sha256sums.txt"):
+        listed = image.with_name(name)
+        if listed.is_file() and (found := _listed(listed, image.name)):
+            return Checksum(found, name)
+    return None
+
+
+def _listed(path: Path, name: str) -> str | None:
+    """The sum of a file in the format of `sha256sum`; a file of its own may hold the bare sum."""
+    for line in path.read_text(errors="replace").splitlines():
+        found = re.fullmatch(r"([0-9a-fA-F]{64})(?:[ *]+(\S.*))?", line.strip())
+        if found and (found[2] or name).rpartition("/")[2] == name:
+            return found[1].lower()
+    return None
+
+
+def expand(image: Path, copy: Path, wanted: Checksum | None, tell: Callable[[int, int], None]) -> Expanded:
+    """Make the working copy; `tell` hears the bytes read, and of how many. Raises ImageRefused."""
+    try:
+        with image.open("rb") as file, copy.open("xb") as out:
+            copy.chmod(0o600)
+            hashed = _Hashed(file, image.stat().st_size, tell)
+            written = _Sparse(out, _map_of(image))
+            _pour(image, hashed, written)
+            hashed.drain()
+            size = written.finish(image)
+    except OSError as error:
+        raise ImageRefused(
+            f"{image} cannot be unpacked to {copy.parent}: {error.strerror or error}",
+            hint="the unpacked image needs room there; TMPDIR=/some/directory provision … uses another place",
+        ) from error
+    if wanted is not None and hashed.hexdigest() != wanted.sha256:
+        raise ImageRefused(
+            f"{image}: its SHA-256 is {hashed.hexdigest()}, and {wanted.told_by} says {wanted.sha256}",
+            hint="the file is damaged, or another one: fetch it again",
+        )
+    told_by = wanted.told_by if wanted else ""
+    return Expanded(copy, size, hashed.hexdigest(), told_by, written.mapped)
+
+
+class _Hashed(io.RawIOBase):
+    """The vendor's file, hashed and counted as it is read."""
+
+    def __init__(self, file: IO[bytes], size: int, tell: Callable[[int, int], None]) -> None:
+        self._file = file
+        self._size = size
+        self._tell = tell
+        self._sha256 = hashlib.sha256()
+        self._done = 0
+        self.start = file.read(512)
+        file.seek(0)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: object) -> int:
+        view = cast("memoryview", buffer)
+        data = self._file.read(len(view))
+        view[: len(data)] = data
+        self._sha256.update(data)
+        self._done += len(data)
+        self._tell(self._done, self._size)
+        return len(data)
+
+    def drain(self) -> None:
+        """Read what a decompressor has left, for the checksum is over the whole file."""
+        while self.read(_CHUNK):
+            pass
+
+    def hexdigest(self) -> str:
+        return self._sha256.hexdigest()
+
+
+def _pour(image: Path, hashed: _Hashed, out: _Sparse) -> None:
+    for magic, name, tool in _OTHERS:
+        if hashed.start.startswith(magic):
+            raise ImageRefused(f"{image} is packed by {name}", hint=f"unpack it first: {tool} {image.name}")
+    buffered = io.BufferedReader(hashed, _CHUNK)
+    plain: IO[bytes] = buffered
+    if hashed.start.startswith(b"\xfd7zXZ\x00"):
+        plain = cast("IO[bytes]", lzma.LZMAFile(buffered))  # noqa: SIM115 - the buffer is not ours to close
+    elif hashed.start.startswith(b"\x1f\x8b"):
+        plain = cast("IO[bytes]", gzip.GzipFile(fileobj=buffered))
+    try:
+        while chunk := plain.read(_CHUNK):
+            out.write(chunk)
+    except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
+        raise ImageRefused(f"{image} is damaged or was not fetched whole: {error}", hint="fetch it again") from error
+    finally:
+        while buffered.read(_CHUNK):  # what was read ahead is in the checksum already
+            pass
+
+
+def _map_of(image: Path) -> bmap.Bmap | None:
+    place = bmap.beside(image)
+    return bmap.read(place) if place is not None else None
+
+
+class _Sparse:
+    """The working copy: zeros, and what a block map leaves out, become holes."""
+
+    def __init__(self, file: IO[bytes], known: bmap.Bmap | None) -> None:
+        self._file = file
+        self._map = known
+        self._at = 0
+        self._rest = list(known.ranges) if known else []
+        self._digest = hashlib.new(known.algorithm) if known else None
+
+    @property
+    def mapped(self) -> tuple[tuple[int, int], ...] | None:
+        """Spans that matter; None: all."""
+        return None if self._map is None else tuple((each.start, each.end) for each in self._map.ranges)
+
+    def write(self, data: bytes) -> None:
+        """Take the next bytes of the image."""
+        for start in range(0, len(data), _PIECE):
+            piece = data[start : start + _PIECE]
+            if self._map is None:
+                self._put(self._at, piece)
+            else:
+                self._put_mapped(piece)
+            self._at += len(piece)
+
+    def _put(self, at: int, piece: bytes) -> None:
+        if piece != (_ZEROS if len(piece) == _PIECE else bytes(len(piece))):
+            self._file.seek(at)
+            self._file.write(piece)
+
+    def _put_mapped(self, piece: bytes) -> None:
+        end = self._at + len(piece)
+        while self._rest and self._rest[0].start < end:
+            wanted = self._rest[0]
+            start, stop = max(wanted.start, self._at), min(wanted.end, end)
+            part = piece[start - self._at : stop - self._at]
+            self._put(start, part)
+            if self._digest is not None:
+                self._digest.update(part)
+            if wanted.end > end:
+                return
+            self._end_range(wanted)
+
+    def _end_range(self, wanted: bmap.MappedRange) -> None:
+        self._rest.pop(0)
+        if self._map is None or self._digest is None:
+            return
+        if wanted.digest and self._digest.hexdigest() != wanted.digest:
+            raise ImageRefused(
+                f"bytes {wanted.start} to {wanted.end} of the image are not those of its block map",
+                hint="the image or its .bmap file is damaged: fetch both again",
+            )
+        self._digest = hashlib.new(self._map.algorithm)
+
+    def finish(self, image: Path) -> int:
+        """Give the copy its whole length; return the image's."""
+        if self._map is not None and self._map.size != self._at:
+            raise ImageRefused(
+                f"{image} has {self._at} bytes, and its block map speaks of {self._map.size}",
+                hint="the image is not whole, or the .bmap file belongs to another one",
+            )
+        self._file.truncate(-(-self._at // _PADDED) * _PADDED)
+        return self._at

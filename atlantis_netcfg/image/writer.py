@@ -1,0 +1,246 @@
+"""Writes an image to a card, and believes nothing that it has not read back.
+
+Order, so that a card that was not finished does not boot: the card's first MiB is cleared; what must be zero is made
+so; the data is written; everything is read back and compared; then the first MiB is written, its first 4 KiB last of
+all (partition table, and the boot code of most boards), and read back.
+
+The device is opened with O_EXCL (the kernel refuses a disk that is mounted or held anywhere, in other namespaces too)
+and O_DIRECT (what is read back comes from the device and not from this computer's memory; a reader's own memory cannot
+be ruled out). Reading back comes after all writing, so that a card that claims more room than it has is found out.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import mmap
+import os
+import stat
+import struct
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.image._errors import CardUnfinished, DeviceRefused
+from atlantis_netcfg.image.guard import same
+from atlantis_netcfg.image.progress import Meter, Progress, Step
+from atlantis_netcfg.image.segments import Kind, Segment
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.image.blocks import BlockTree, Disk
+
+__all__ = ["Card", "Written", "write"]
+
+_HEAD = 2**20
+_FIRST = 4096
+_CHUNK = 4 * 2**20
+_ZEROS = bytes(_CHUNK)
+_BLKGETSIZE64 = 0x80081272
+"""linux/fs.h: the size of a block device in bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What was put on a card and read back."""
+
+    data: int
+    """Bytes of data written."""
+    cleared: int
+    """Bytes that had to be zero, were not, and were written."""
+    skipped: int
+    """Bytes of the image that were not written: zero already, or of no matter."""
+    compared: int
+    """Bytes read back."""
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """The disk that a person was shown, and the path to it."""
+
+    device: Path
+    shown: Disk
+    tree: BlockTree
+
+    def still(self, needed: int) -> None:
+        """Hold that it is the same, and may be written. Raises DeviceRefused."""
+        same(self.tree, self.device, self.shown, needed)
+
+
+def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> Written:
+    """Write the segments of a working copy. Raises DeviceRefused before the first byte, CardUnfinished after it."""
+    needed = max((part.end for part in parts), default=0)
+    card.still(needed)
+    opened = _open(card.device)
+    source = os.open(copy, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        _hold(opened, card.device, card.shown)
+        card.still(needed)
+        return _Job(opened, source, parts, tell).run()
+    finally:
+        os.close(source)
+        os.close(opened)
+
+
+def _open(device: Path) -> int:
+    try:
+        return os.open(device, os.O_RDWR | os.O_EXCL | os.O_DIRECT | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno == errno.EBUSY:
+            raise DeviceRefused(
+                f"{device} is in use by this computer, and nothing was written",
+                hint="unmount it; another program may be writing to it",
+            ) from error
+        why = "only root may write to it" if error.errno in {errno.EACCES, errno.EPERM} else error.strerror
+        raise DeviceRefused(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
+
+
+def _hold(card: int, device: Path, shown: Disk) -> None:
+    """What was opened is what was shown: a path may lead elsewhere by the time that it is opened."""
+    status = os.fstat(card)
+    number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+    if not stat.S_ISBLK(status.st_mode) or number != shown.number:
+        raise DeviceRefused(f"{device} has changed since it was shown, and nothing was written")
+    (size,) = struct.unpack("Q", fcntl.ioctl(card, _BLKGETSIZE64, bytes(8)))
+    if size != shown.size:
+        raise DeviceRefused(f"{device} has {size} bytes, not the {shown.size} that were shown; nothing was written")
+
+
+class _Differs(Exception):
+    """The card, or the working copy, is not what it must be."""
+
+
+class _Job:
+    """One card being written."""
+
+    def __init__(self, card: int, source: int, parts: Sequence[Segment], tell: Callable[[Progress], None]) -> None:
+        self._card, self._source, self._tell = card, source, tell
+        self._head = min(_HEAD, max(part.end for part in parts))
+        self._body = tuple(_after(parts, self._head))
+        self._total = max(part.end for part in parts)
+        self._ours, self._theirs = mmap.mmap(-1, _CHUNK), mmap.mmap(-1, _CHUNK)
+        self._data = self._cleared = self._compared = 0
+
+    def run(self) -> Written:
+        """Write and compare everything; whatever stops it leaves the first MiB empty."""
+        began = time.monotonic()
+        try:
+            self._put(0, self._head, zero=True)
+            os.fsync(self._card)
+            self._clear()
+            self._copy()
+            os.fsync(self._card)
+            self._compare(self._body)
+            self._finish()
+        except (OSError, KeyboardInterrupt, _Differs) as error:
+            raise self._unfinished(error) from error
+        skipped = self._total - self._data - self._cleared
+        return Written(self._data, self._cleared, skipped, self._compared, time.monotonic() - began)
+
+    def _unfinished(self, error: BaseException) -> CardUnfinished:
+        """Whatever has happened, and wherever: see to it that the card does not boot, and say whether that is so."""
+        why = str(error)
+        if isinstance(error, KeyboardInterrupt):
+            why = "it was stopped"
+        elif isinstance(error, OSError):
+            why = f"the card does not take it ({error.strerror})"
+        try:
+            self._put(0, self._head, zero=True)
+            os.fsync(self._card)
+        except OSError:
+            now = "Its first block could not be cleared either: do not use this card"
+        else:
+            now = "Its first block is empty, so it does not boot"
+        return CardUnfinished(
+            f"the card was not finished: {why}. {now}",
+            hint="type the same again; if it fails at the same place, take another card",
+        )
+
+    def _clear(self) -> None:
+        """Make zeros of what must be zero. A card that is zero already is only read, which is quicker than writing."""
+        zeros = [part for part in self._body if part.kind is Kind.ZERO]
+        meter, done, total = Meter(Step.CLEARING, self._tell), 0, sum(part.size for part in zeros)
+        for part in zeros:
+            dirty = False
+            for at, size in _chunks(part):
+                dirty = dirty or self._read(at, size) != _zeros(size)
+                if dirty:
+                    self._put(at, size, zero=True)
+                    self._cleared += size
+                done += size
+                meter(done, total)
+
+    def _copy(self) -> None:
+        data = [part for part in self._body if part.kind is Kind.DATA]
+        meter, done, total = Meter(Step.WRITING, self._tell), 0, sum(part.size for part in data)
+        for part in data:
+            for at, size in _chunks(part):
+                self._put(at, size)
+                done += size
+                meter(done, total)
+        self._data += done
+
+    def _compare(self, parts: Sequence[Segment]) -> None:
+        meter, done, total = Meter(Step.COMPARING, self._tell), 0, sum(part.size for part in parts)
+        for part in parts:
+            for at, size in _chunks(part):
+                wanted = _zeros(size) if part.kind is Kind.ZERO else self._wanted(at, size)
+                if self._read(at, size) != wanted:
+                    raise _Differs(f"bytes {at} to {at + size} read back from it are not those that were written")
+                done += size
+                meter(done, total)
+        self._compared += done
+
+    def _finish(self) -> None:
+        """The first MiB, its beginning last."""
+        first = min(_FIRST, self._head)
+        if self._head > first:
+            self._put(first, self._head - first)
+            os.fsync(self._card)
+        self._put(0, first)
+        os.fsync(self._card)
+        self._data += self._head
+        self._compare([Segment(0, self._head, Kind.DATA)])
+
+    def _put(self, at: int, size: int, *, zero: bool = False) -> None:
+        self._ours[:size] = _zeros(size) if zero else self._wanted(at, size)
+        with memoryview(self._ours) as view:
+            done = 0
+            while done < size:
+                done += os.pwrite(self._card, view[done:size], at + done)
+
+    def _wanted(self, at: int, size: int) -> bytes:
+        data = os.pread(self._source, size, at)
+        os.posix_fadvise(self._source, at + size, _CHUNK, os.POSIX_FADV_WILLNEED)
+        if len(data) != size:
+            raise _Differs(f"the working copy of the image ends at byte {at + len(data)}")
+        return data
+
+    def _read(self, at: int, size: int) -> bytes:
+        with memoryview(self._theirs) as view:
+            done = 0
+            while done < size:
+                got = os.preadv(self._card, [view[done:size]], at + done)
+                if not got:
+                    raise _Differs(f"the card ends at byte {at + done}")
+                done += got
+        return self._theirs[:size]
+
+
+def _zeros(size: int) -> bytes:
+    return _ZEROS if size == _CHUNK else bytes(size)
+
+
+def _after(parts: Sequence[Segment], start: int) -> Iterator[Segment]:
+    """What of the segments lies after a byte."""
+    for part in parts:
+        if part.end > start:
+            yield Segment(max(part.start, start), part.end, part.kind)
+
+
+def _chunks(part: Segment) -> Iterator[tuple[int, int]]:
+    for at in range(part.start, part.end, _CHUNK):
+        yield at, min(_CHUNK, part.end - at)

@@ -1,0 +1,171 @@
+"""Real images (MBR, FAT, ext4), customised by an ordinary user and looked into by other programs than ours."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from ipaddress import IPv4Address, IPv4Interface
+from pathlib import Path
+
+import pytest
+from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
+
+from atlantis_netcfg.image import LAYOUTS, ImageRefused, Static, Wish, customise
+from atlantis_netcfg.image.edits import Edit, File, Remove
+from atlantis_netcfg.image.ext4 import Ext4
+
+WISH = Wish(
+    host="coastal-gateway",
+    site="coastal",
+    user="root",
+    keys=(KEY,),
+    static=Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org"),
+    interface="eth0",
+    time_zone="Europe/Lisbon",
+    time_servers=(IPv4Address("192.0.2.123"),),
+    source="x.img.xz, SHA-256 00",
+)
+N2, PLAIN = LAYOUTS["odroid-n2"], LAYOUTS["plain"]
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    return disk(tmp_path / "gw.img", tree(tmp_path / "root"))
+
+
+def cat(image: Path, path: str) -> str:
+    """By debugfs' own words, not by our reader."""
+    asked = ["debugfs", "-R", f"cat {path}", f"{image}?offset={ROOT_AT}"]
+    return subprocess.run(asked, check=True, capture_output=True, text=True).stdout
+
+
+def test_the_image_is_that_of_the_host(image: Path) -> None:
+    assert customise(image, N2, WISH) == ()
+    assert cat(image, "/etc/hostname") == "coastal-gateway\n"
+    assert cat(image, "/root/.ssh/authorized_keys") == f"{KEY}\n"
+    assert "$6$" not in cat(image, "/etc/shadow")
+    assert cat(image, "/etc/passwd").count(":x:") == 4
+    assert "10.64.1.10/24" in cat(image, "/etc/netplan/10-atlantis.yaml")
+    assert cat(image, "/etc/netplan/01-netcfg.yaml") == ""
+    assert cat(image, "/etc/ssh/ssh_host_ed25519_key") == ""
+    assert cat(image, "/etc/machine-id") == ""
+    run("e2fsck", "-fn", f"{image}?offset={ROOT_AT}")
+    status = Ext4(image, ROOT_AT).status("/etc/localtime")
+    assert status is not None
+    assert status.target == "/usr/share/zoneinfo/Europe/Lisbon"
+
+
+def test_the_gap_and_the_fat_partition_are_kept(image: Path, tmp_path: Path) -> None:
+    before = image.read_bytes()[:BOOT_AT]
+    customise(image, N2, WISH)
+    assert image.read_bytes()[:BOOT_AT] == before
+    run("mcopy", "-i", f"{image}@@{BOOT_AT}", "::boot.ini", "::ATLANTIS.TXT", str(tmp_path))
+    assert (tmp_path / "boot.ini").read_text() == "ODROIDN2-UBOOT-CONFIG\n"
+    assert "made for coastal-gateway of site coastal" in (tmp_path / "ATLANTIS.TXT").read_text()
+
+
+def test_twice_is_as_once(image: Path) -> None:
+    customise(image, N2, WISH)
+    paths = [
+        "/etc/hosts",
+        "/etc/shadow",
+        "/etc/ssh/sshd_config",
+        "/etc/netplan/10-atlantis.yaml",
+        "/etc/atlantis/image.json",
+    ]
+    once = [cat(image, path) for path in paths]
+    customise(image, N2, WISH)
+    assert [cat(image, path) for path in paths] == once
+    assert all(once)
+
+
+def test_an_ordinary_user_can_do_it(image: Path, tmp_path: Path) -> None:
+    """As `nobody`, in a directory of its own; the modes and owners inside are root's nevertheless."""
+    place = tmp_path / "own"
+    place.mkdir()
+    program = (
+        "import sys; sys.path[:0] = sys.argv[2:]; from pathlib import Path; from test_image_customise import *;"
+        "customise(Path(sys.argv[1]), N2, WISH)"
+    )
+    here = Path(__file__).parent
+    (image).rename(place / "gw.img")
+    for path in (place, place / "gw.img"):
+        run("chown", "65534:65534", str(path))
+    for above in (tmp_path, *list(tmp_path.parents)[:2]):
+        above.chmod(0o755)
+    command = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", sys.executable, "-B", "-c", program]
+    done = subprocess.run(
+        [*command, str(place / "gw.img"), str(here), str(here.parents[2])],
+        cwd=place,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    status = Ext4(place / "gw.img", ROOT_AT).status("/root/.ssh/authorized_keys")
+    assert status is not None
+    assert (status.mode, status.owner) == (0o600, (0, 0))
+
+
+def test_a_plain_image_has_one_ext4(image: Path) -> None:
+    customise(image, PLAIN, WISH)
+    assert cat(image, "/etc/hostname") == "coastal-gateway\n"
+
+
+def test_a_gpt_image(tmp_path: Path) -> None:
+    image, root = tmp_path / "gpt.img", tree(tmp_path / "root")
+    with image.open("wb") as file:
+        file.truncate(40 * 2**20)
+    subprocess.run(["sfdisk", "-q", str(image)], input="label: gpt\n8192,65536,L\n", text=True, check=True)
+    run(
+        "mke2fs", "-q", "-t", "ext4", "-E", f"offset={8192 * 512},root_owner=0:0", "-d", str(root), str(image), "32768k"
+    )
+    customise(image, PLAIN, WISH)
+    assert Ext4(image, 8192 * 512).read("/etc/hostname") == b"coastal-gateway\n"
+
+
+@pytest.mark.parametrize(
+    ("at", "data", "said"),
+    [
+        (510, b"\0\0", "holds no partition table"),
+        (ROOT_AT + 1080, b"\0\0", "its partition 2 holds no ext4"),
+        (BOOT_AT + 54, b"\0\0\0", "its partition 1 holds no FAT"),
+        (ROOT_AT + 4096, b"\xff" * 64, "is damaged"),
+    ],
+    ids=["table", "ext4", "fat", "file system"],
+)
+def test_an_image_of_another_kind_is_refused(image: Path, at: int, data: bytes, said: str) -> None:
+    with image.open("r+b") as file:
+        file.seek(at)
+        file.write(data)
+    with pytest.raises(ImageRefused, match=said):
+        customise(image, N2, WISH)
+
+
+def test_a_full_file_system_is_told(tmp_path: Path) -> None:
+    """debugfs ends with 0 also where it could not write: reading back finds it."""
+    image = disk(tmp_path / "full.img", tree(tmp_path / "root"), root_mib=4)
+    root = Ext4(image, ROOT_AT)
+    with pytest.raises(ImageRefused, match=r"/etc/large of the image could not be set|damaged after"):
+        root.apply([File("/etc/large", b"x" * 8 * 2**20)])
+
+
+@pytest.mark.parametrize(
+    "edit", [File("/etc/a b", b""), File("/etc/../x", b""), Remove('/etc/"x"'), File("etc/x", b"")]
+)
+def test_a_path_that_debugfs_could_take_apart_is_refused(image: Path, edit: Edit) -> None:
+    with pytest.raises(ImageRefused, match="cannot be the path of a file"):
+        Ext4(image, ROOT_AT).apply([edit])
+
+
+def test_a_missing_program_is_named(image: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.which", lambda _name, **_more: None)
+    with pytest.raises(ImageRefused, match="`e2fsck` is not installed") as caught:
+        customise(image, N2, WISH)
+    assert caught.value.hint == "sudo apt install e2fsprogs"
+
+
+def test_time_zone_data_may_be_missing(tmp_path: Path) -> None:
+    files = {name: text for name, text in ROOT.items() if "zoneinfo" not in name}
+    image = disk(tmp_path / "gw.img", tree(tmp_path / "root", files))
+    assert "no time zone data" in customise(image, N2, WISH)[0]

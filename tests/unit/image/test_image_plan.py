@@ -1,0 +1,186 @@
+"""The planner: from what an image holds and what a host shall be to the edits; nothing is read or written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address, IPv4Interface
+
+import pytest
+import yaml
+
+from atlantis_netcfg.image import ImageRefused, Static, Wish
+from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
+from atlantis_netcfg.image.plan import notes, plan
+from atlantis_netcfg.image.wish import Seen
+
+STATIC = Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
+WISH = Wish(
+    host="coastal-gateway",
+    site="coastal",
+    user="root",
+    keys=("ssh-ed25519 AAAA one", "ssh-ed25519 BBBB two"),
+    static=STATIC,
+    interface="eth0",
+    time_zone="Europe/Lisbon",
+    time_servers=(IPv4Address("192.0.2.123"), IPv4Address("192.0.2.124")),
+    source="x.img.xz, SHA-256 00",
+)
+FILES = {
+    "/etc/passwd": "root:x:0:0:root:/root:/bin/bash\n"
+    "odroid:x:1000:1001::/home/odroid:/bin/sh\nd:x:1:1::/:/usr/sbin/nologin\n",
+    "/etc/shadow": "root:$6$a$b:0:0:99999:7:::\nodroid:$6$c$d:19000::::::\nguest::19000::::::\ndaemon:*:19000::::::\n",
+    "/etc/group": "root:x:0:\nshadow:x:42:\n",
+    "/etc/hosts": "127.0.0.1\tlocalhost\n127.0.1.1\todroid\n192.0.2.9\tkept\n",
+    "/etc/ssh/sshd_config": "# the vendor's\nPermitRootLogin yes\n",
+}
+PLAN = "/usr/sbin/netplan"
+SEEN = Seen(FILES, frozenset({PLAN, "/etc/netplan", "/usr/share/zoneinfo/Europe/Lisbon"}))
+
+
+def files(edits: tuple[Edit, ...]) -> dict[str, str]:
+    return {edit.path: edit.content.decode() for edit in edits if isinstance(edit, File)}
+
+
+def test_the_name_is_the_declared_one() -> None:
+    found = files(plan(SEEN, WISH))
+    assert found["/etc/hostname"] == "coastal-gateway\n"
+    assert found["/etc/hosts"] == "127.0.0.1\tlocalhost\n192.0.2.9\tkept\n127.0.1.1\tcoastal-gateway\n"
+
+
+@pytest.mark.parametrize(
+    ("user", "home", "owner"), [("root", "/root", (0, 0)), ("odroid", "/home/odroid", (1000, 1001))]
+)
+def test_the_keys_are_those_of_the_account(user: str, home: str, owner: tuple[int, int]) -> None:
+    edits = plan(SEEN, replace(WISH, user=user))
+    assert Directory(f"{home}/.ssh", 0o700, owner) in edits
+    keys = b"ssh-ed25519 AAAA one\nssh-ed25519 BBBB two\n"
+    assert File(f"{home}/.ssh/authorized_keys", keys, 0o600, owner) in edits
+
+
+def test_no_password_is_left() -> None:
+    edits = plan(SEEN, WISH)
+    text = "root:*::0:99999:7:::\nodroid:*:19000::::::\nguest:*:19000::::::\ndaemon:*:19000::::::\n"
+    assert File("/etc/shadow", text.encode(), 0o640, (0, 42)) in edits
+    assert "/etc/passwd" not in files(edits)
+
+
+def test_a_password_in_the_file_that_everybody_reads_goes_too() -> None:
+    spoilt = replace(SEEN, files={**FILES, "/etc/passwd": "root::0:0:root:/root:/bin/bash\n"})
+    assert files(plan(spoilt, WISH))["/etc/passwd"] == "root:x:0:0:root:/root:/bin/bash\n"
+
+
+def test_the_ssh_server_takes_keys_only_whatever_the_vendor_says() -> None:
+    found = files(plan(SEEN, WISH))
+    assert "PasswordAuthentication no\n" in found["/etc/ssh/sshd_config.d/00-atlantis.conf"]
+    include = "Include /etc/ssh/sshd_config.d/*.conf\n"
+    assert found["/etc/ssh/sshd_config"] == include + FILES["/etc/ssh/sshd_config"]
+    once = replace(SEEN, files={**FILES, "/etc/ssh/sshd_config": f"# first\n\n{include}PermitRootLogin yes\n"})
+    assert "/etc/ssh/sshd_config" not in files(plan(once, WISH))
+
+
+def test_what_must_not_be_on_two_cards_is_removed() -> None:
+    seed, bus = "/var/lib/systemd/random-seed", "/var/lib/dbus/machine-id"
+    listed = {"/etc/ssh": ("sshd_config", "ssh_host_rsa_key", "ssh_host_rsa_key.pub")}
+    edits = plan(replace(SEEN, present=SEEN.present | {seed, bus}, listed=listed), WISH)
+    removed = [edit.path for edit in edits if isinstance(edit, Remove)]
+    assert removed == [bus, seed, "/etc/ssh/ssh_host_rsa_key", "/etc/ssh/ssh_host_rsa_key.pub"]
+    assert File("/etc/machine-id", b"", 0o444) in edits
+
+
+def test_netplan() -> None:
+    listed = {"/etc/netplan": ("01-netcfg.yaml", "10-atlantis.yaml", "README")}
+    edits = plan(replace(SEEN, listed=listed), WISH)
+    assert [edit.path for edit in edits if isinstance(edit, Remove)] == ["/etc/netplan/01-netcfg.yaml"]
+    lan = yaml.safe_load(files(edits)["/etc/netplan/10-atlantis.yaml"])["network"]["ethernets"]["lan"]
+    assert lan["match"] == {"name": "eth0"}
+    assert lan["addresses"] == ["10.64.1.10/24"]
+    assert lan["routes"] == [{"to": "0.0.0.0/0", "via": "10.64.1.1"}]
+    dhcp = files(plan(SEEN, replace(WISH, static=None, interface="")))["/etc/netplan/10-atlantis.yaml"]
+    assert yaml.safe_load(dhcp)["network"]["ethernets"]["lan"] == {"match": {"name": "e*"}, "dhcp4": True}
+
+
+def only(*present: str) -> Seen:
+    return replace(SEEN, present=frozenset(present))
+
+
+@pytest.mark.parametrize(
+    ("present", "path", "static", "dhcp"),
+    [
+        ("/sbin/ifup", "/etc/network/interfaces", "    address 10.64.1.10/24\n    gateway 10.64.1.1", "eth0 inet dhcp"),
+        (
+            "/usr/sbin/NetworkManager",
+            "/etc/NetworkManager/system-connections/atlantis.nmconnection",
+            "address1=10.64.1.10/24,10.64.1.1",
+            "method=auto",
+        ),
+        (
+            "/lib/systemd/systemd-networkd",
+            "/etc/systemd/network/05-atlantis.network",
+            "Address=10.64.1.10/24\nGateway=10.64.1.1",
+            "DHCP=ipv4",
+        ),
+    ],
+)
+def test_other_ways_to_an_address(present: str, path: str, static: str, dhcp: str) -> None:
+    assert static in files(plan(only(present), WISH))[path]
+    text = files(plan(only(present), replace(WISH, static=None)))[path]
+    assert dhcp in text
+    assert "10.64.1" not in text
+
+
+def test_networkd_is_started() -> None:
+    wanted = "/etc/systemd/system/multi-user.target.wants/systemd-networkd.service"
+    edits = plan(only("/lib/systemd/systemd-networkd"), WISH)
+    assert Link(wanted, "/lib/systemd/system/systemd-networkd.service") in edits
+
+
+def test_who_answers_dns() -> None:
+    resolv = "/etc/resolv.conf"
+    assert "nameserver 10.64.1.1\n" in files(plan(only("/lib/systemd/systemd-networkd"), WISH))[resolv]
+    both = only("/lib/systemd/systemd-networkd", "/lib/systemd/systemd-resolved")
+    assert resolv not in files(plan(both, WISH))
+
+
+def test_time() -> None:
+    edits = plan(replace(SEEN, present=SEEN.present | {"/etc/chrony/sources.d"}), WISH)
+    found = files(edits)
+    assert Link("/etc/localtime", "/usr/share/zoneinfo/Europe/Lisbon") in edits
+    assert found["/etc/timezone"] == "Europe/Lisbon\n"
+    assert "NTP=192.0.2.123 192.0.2.124\n" in found["/etc/systemd/timesyncd.conf.d/atlantis.conf"]
+    assert found["/etc/chrony/sources.d/atlantis.sources"].count("iburst") == 2
+    assert notes(SEEN, WISH) == ()
+    assert notes(only(PLAN), WISH) == (
+        "the image has no time zone data: its clock shows UTC until tzdata is installed (Europe/Lisbon)",
+    )
+
+
+def test_the_first_start() -> None:
+    edits = plan(SEEN, WISH)
+    assert "ssh-keygen -A\n" in files(edits)["/usr/local/sbin/atlantis-first-boot"]
+    unit = "/etc/systemd/system/atlantis-first-boot.service"
+    assert Link("/etc/systemd/system/multi-user.target.wants/atlantis-first-boot.service", unit) in edits
+
+
+@pytest.mark.parametrize(
+    ("seen", "wish", "said"),
+    [
+        (SEEN, replace(WISH, user="nobody"), "the image has no account `nobody`"),
+        (SEEN, replace(WISH, user="d"), "account `d` of the image cannot log in"),
+        (only(), WISH, "nothing in the image would set its address"),
+        (only("/usr/sbin/ifup"), replace(WISH, interface=""), "ifupdown, which needs the interface's name"),
+        (replace(SEEN, files={**FILES} | {"/etc/passwd": ""}), WISH, "the image has no account `root`"),
+        (
+            replace(SEEN, files={name: text for name, text in FILES.items() if "sshd" not in name}),
+            WISH,
+            "nobody could log in",
+        ),
+        (
+            replace(SEEN, files={name: text for name, text in FILES.items() if "shadow" not in name}),
+            WISH,
+            "its passwords cannot be removed",
+        ),
+    ],
+)
+def test_an_image_that_cannot_serve_is_refused(seen: Seen, wish: Wish, said: str) -> None:
+    with pytest.raises(ImageRefused, match=said):
+        plan(seen, wish)
