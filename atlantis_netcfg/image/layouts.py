@@ -70,43 +70,45 @@ class Places:
 def find(image: Path, layout: Layout) -> Places:
     """Look into an image's partition table. Raises ImageRefused where the image is not of that layout."""
     with image.open("rb") as file:
-        starts = _partitions(file.read(_SECTOR * 34), image)
+        starts = _partitions(file.read(_SECTOR * 34))
         ext4 = [number for number, at in starts.items() if _has(file.seek(at) and file.read(2048), _EXT4_MAGIC)]
         fat = [number for number, at in starts.items() if _is_fat(file.seek(at) and file.read(_SECTOR))]
-    root = layout.root if layout.root is not None else _only(ext4, image)
+    root = layout.root if layout.root is not None else _only(ext4)
     if root not in ext4:
-        raise _other(image, layout, f"its partition {root} holds no ext4")
+        raise _other(layout, f"its partition {root} holds no ext4")
     if layout.root_at is not None and starts[root] != layout.root_at:
-        raise _other(image, layout, f"its partition {root} begins at byte {starts[root]}, not at {layout.root_at}")
+        raise _other(layout, f"its partition {root} begins at byte {starts[root]}, not at {layout.root_at}")
     if layout.boot is not None and layout.boot not in fat:
-        raise _other(image, layout, f"its partition {layout.boot} holds no FAT")
+        raise _other(layout, f"its partition {layout.boot} holds no FAT")
     boot = layout.boot if layout.boot is not None else next(iter(fat), None)
     return Places(starts[root], None if boot is None else FatAt(starts[boot]))
 
 
-def _other(image: Path, layout: Layout, why: str) -> ImageRefused:
+def _other(layout: Layout, why: str) -> ImageRefused:
     return ImageRefused(
-        f"{image} is no image of layout `{layout.name}`: {why}",
+        f"the image is not of layout `{layout.name}`: {why}",
         hint=f"take the image of that board, or declare another `layout`: {', '.join(LAYOUTS)}",
     )
 
 
-def _only(ext4: list[int], image: Path) -> int:
+def _only(ext4: list[int]) -> int:
     if len(ext4) != 1:
         found = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
-        raise ImageRefused(f"{image}: one partition must hold ext4, and {found}", hint="declare the board's `layout`")
+        raise ImageRefused(
+            f"one partition of the image must hold ext4, and {found}", hint="declare the board's `layout`"
+        )
     return ext4[0]
 
 
-def _partitions(start: bytes, image: Path) -> dict[int, int]:
+def _partitions(start: bytes) -> dict[int, int]:
     """First bytes of the partitions by number, of an MBR (primary ones) or a GPT (UEFI 2.10, 5.3)."""
     if not _has(start, _BOOT_MAGIC):
-        raise ImageRefused(f"{image} holds no partition table", hint="is it an image of a whole card?")
+        raise ImageRefused("the image holds no partition table", hint="is it an image of a whole card?")
     rows = [_ENTRY.unpack_from(start, _TABLE + _ENTRY.size * row) for row in range(4)]
     if not any(row[2] == _GPT_PROTECTIVE for row in rows):
         return {number: row[4] * _SECTOR for number, row in enumerate(rows, 1) if row[2] and row[4]}
     if start[_SECTOR : _SECTOR + 8] != b"EFI PART":
-        raise ImageRefused(f"{image}: its GPT is damaged", hint="fetch it again")
+        raise ImageRefused("the GPT of the image is damaged", hint="fetch it again")
     where, count, size = struct.unpack_from("<QII", start, _SECTOR + 72)
     found = {}
     for row in range(min(count, 128)):

@@ -51,7 +51,7 @@ class Progress:
 
 
 class Meter:
-    """Tells the progress of one step, at most once in so many seconds, and always its end."""
+    """Tells the progress of one step, at most once in so many seconds, and once its end."""
 
     def __init__(
         self,
@@ -66,10 +66,14 @@ class Meter:
         self._every_s = every_s
         self._clock = clock
         self._began = self._told = clock()
+        self._ended = False
 
     def __call__(self, done: int, total: int) -> None:
         """So many of so many bytes are done."""
         at = self._clock()
-        if done >= total or at - self._told >= self._every_s:
+        if self._ended:
+            return
+        self._ended = done >= total
+        if self._ended or at - self._told >= self._every_s:
             self._told = at
             self._tell(Progress(self._step, done, total, at - self._began))

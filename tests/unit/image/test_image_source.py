@@ -5,14 +5,13 @@ from __future__ import annotations
 import gzip
 import hashlib
 import lzma
-from typing import TYPE_CHECKING
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.image import Expanded, ImageRefused, Kind, Meter, Progress, Step, checksum, expand, segments
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RAW = b"\x01" * 70000 + bytes(300000) + b"\x02" * 5000 + bytes(200) + b"\x03" * 312
 BLOCK = 4096
@@ -126,11 +125,33 @@ def test_a_block_map_that_does_not_fit_is_refused(text: str, said: str, tmp_path
         unpack(tmp_path, PACKED["xz"])
 
 
+MEASURED = """
+import re, sys
+from pathlib import Path
+from atlantis_netcfg.image import expand
+expand(Path(sys.argv[1]), Path(sys.argv[2]), None, lambda done, total: None)
+print(int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) // 1024)
+"""
+
+
+@pytest.mark.parametrize("preset", [6, 9])
+def test_memory_stays_below_100_mb(preset: int, tmp_path: Path) -> None:
+    """Whatever the image was packed with: `xz -9` alone takes 65 MB to unpack (xz(1))."""
+    packed = tmp_path / "large.img.xz"
+    with lzma.open(packed, "wb", preset=preset) as out:
+        for number in range(150):
+            out.write(bytes([number]) * 2**20)
+    command = [sys.executable, "-c", MEASURED, str(packed), str(tmp_path / "copy")]
+    said = subprocess.run(command, cwd=Path(__file__).parents[3], check=True, capture_output=True, text=True).stdout
+    assert int(said) < 100
+    assert (tmp_path / "copy").stat().st_size == 150 * 2**20
+
+
 def test_progress_is_told_now_and_then_and_at_its_end() -> None:
     told: list[Progress] = []
-    moments = iter([0.0, 1.0, 2.0, 3.0, 4.0])
+    moments = iter([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
     meter = Meter(Step.WRITING, told.append, every_s=2.0, clock=lambda: next(moments))
-    for done in (10, 20, 30, 40):
+    for done in (10, 20, 30, 40, 40):
         meter(done * 10**6, 40 * 10**6)
     assert [each.words for each in told] == [
         "writing 50 % of 40 MB, 10.0 MB/s, 2 s left",
