@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.errors import DeviceFailed, UsageError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.image import (
     Card,
@@ -46,6 +46,10 @@ _STAGES = {
     Step.WRITING: Stage.APPLYING,
     Step.COMPARING: Stage.VERIFYING,
 }
+
+
+class Stopped(DeviceFailed):
+    """Somebody stopped the work before a card was touched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,23 +119,32 @@ class Made:
 
 @contextmanager
 def made(order: Order, notify: Subscriber) -> Iterator[Made]:
-    """Unpack the vendor's image and make it the host's. Raises ImageRefused; no card is touched."""
+    """Unpack the vendor's image and make it the host's. Raises ImageRefused, Stopped; no card is touched."""
     place = Path(os.environ.get("TMPDIR") or _PLACE)
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
         raise UsageError(f"no work can be done in {place}", hint="TMPDIR: a directory without blanks in its name")
     name = order.host.name
     folder = Path(tempfile.mkdtemp(prefix="atlantis-image-", dir=place))
     try:
-        meter = Meter(Step.UNPACKING, lambda progress: notify(_event(name, progress)))
-        expanded = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
-        source = f"{order.image.name}, SHA-256 {expanded.sha256}"
-        notes = customise(expanded.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
-        notify(Event(name, Stage.PLANNED, "customised, and every change read back"))
-        if not expanded.told_by:
-            notes = (f"nobody has confirmed the checksum of {order.image.name}: {expanded.sha256}", *notes)
-        yield Made(order, expanded, notes, notify)
+        try:
+            ready = _make(order, folder, notify)
+        except KeyboardInterrupt as error:
+            raise Stopped(f"stopped while the image of {name} was made: no card was touched") from error
+        yield ready
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _make(order: Order, folder: Path, notify: Subscriber) -> Made:
+    name = order.host.name
+    meter = Meter(Step.UNPACKING, lambda progress: notify(_event(name, progress)))
+    expanded = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
+    source = f"{order.image.name}, SHA-256 {expanded.sha256}"
+    notes = customise(expanded.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
+    notify(Event(name, Stage.PLANNED, "customised, and every change read back"))
+    if not expanded.told_by:
+        notes = (f"nobody has confirmed the checksum of {order.image.name}: {expanded.sha256}", *notes)
+    return Made(order, expanded, notes, notify)
 
 
 def _event(name: str, progress: Progress) -> Event:

@@ -174,6 +174,18 @@ def test_a_card_that_was_changed_while_the_image_was_made(desk: Desk, monkeypatc
     assert desk.receipts == []
 
 
+def test_stopped_before_a_card_was_touched(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_given: object) -> tuple[str, ...]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("atlantis_netcfg.operations.imaging._make.customise", stopped)
+    code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
+    assert code == 4
+    assert "no card was touched" in err
+    assert desk.untouched
+    assert list(desk.state.parent.glob("atlantis-image-*")) == []
+
+
 def test_other_hosts_have_no_card(desk: Desk) -> None:
     desk.words[2] = "host=coastal-router"
     code, _, err = desk.type("--image-only", "x")
