@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import lzma
 import os
@@ -172,6 +173,32 @@ def test_a_card_that_was_changed_while_the_image_was_made(desk: Desk, monkeypatc
     assert "has changed since it was shown, and nothing was written" in err
     assert desk.untouched
     assert desk.receipts == []
+
+
+class Keyboard(io.StringIO):
+    """Somebody sits at the laptop."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "said"),
+    [
+        (f"{SERIAL}\n", 0, "written and read back in"),
+        ("yes\n", 3, "`yes` is not the serial of sdb, and nothing was written"),
+        ("", 3, "`` is not the serial of sdb, and nothing was written"),
+    ],
+    ids=["serial", "yes", "end of input"],
+)
+def test_a_person_types_the_serial(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, typed: str, code: int, said: str
+) -> None:
+    monkeypatch.setattr("sys.stdin", Keyboard(typed))
+    found, out, err = desk.type(f"to={desk.card.device}")
+    assert (found, said in out + err) == (code, True)
+    assert f"All that is on it is lost. Type its serial ({SERIAL}) to go on: " in out
+    assert desk.untouched is (code != 0)
 
 
 def test_stopped_before_a_card_was_touched(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
