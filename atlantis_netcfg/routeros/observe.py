@@ -47,13 +47,13 @@ class _Preflight:
 
     resource: Reply
     safe_mode: Reply
-    device_mode: Reply
     active: Reply
     history: Reply
+    device_mode: Reply = Reply()
 
 
 # Last, so that who holds safe mode is the latest that is known.
-_PREFLIGHT = (_RESOURCE, _SAFE_MODE, _DEVICE_MODE, _ACTIVE, _HISTORY)
+_PREFLIGHT = (_RESOURCE, _SAFE_MODE, _ACTIVE, _HISTORY, _DEVICE_MODE)
 _AGAIN = 2
 """So many of them are asked of a device that is known already: what it runs, and who holds safe mode."""
 
@@ -68,7 +68,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
 ) -> Observed:
     """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
 
-    What our user may do is known if users and groups are among them.
+    What our user may do, and what device-mode forbids, is told if users and groups are among them.
 
     The byte counters of the ports `counted` are read first and last, as far as the round trips of the reading have room
     for it: they never cost one of their own. `known`: what an earlier reading of this run has told of the device
@@ -76,7 +76,9 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY)))
-    commands = [*map(printing, menus), *(_PREFLIGHT if known is None else _PREFLIGHT[:_AGAIN])]
+    asked = _GROUP in menus
+    about = _PREFLIGHT[:_AGAIN] if known is not None else _PREFLIGHT if asked else _PREFLIGHT[:-1]
+    commands = [*map(printing, menus), *about]
     modem = [MONITOR] if LTE in needed else []
     commands = [*modem, *commands]
     first, last = looks(counted, len(commands))
@@ -98,7 +100,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         )
     found = {path: there for path, there in rows.items() if there is not None}
     counts = (read_counts(reply, seen.resource) for reply in counters)
-    facts = _facts(seen, endpoint, version, found, asked=_GROUP in answers)
+    facts = _facts(seen, endpoint, version, found, asked=asked)
     if known is not None:
         facts = replace(
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
@@ -107,12 +109,12 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
 
 
 async def completed(session: Channel, endpoint: Endpoint, observed: Observed) -> Observed:
-    """Return the observation with what is read LATER; what of it is there already is not asked again."""
+    """Return the observation with what is read LATER, and device-mode; menus that are there are not asked again."""
     menus = [path for path in LATER if path not in observed.rows]
-    replies = await session.flight([printing(path) for path in menus])
+    *replies, device_mode = await session.flight([*map(printing, menus), _DEVICE_MODE])
     fresh = {path: _rows(reply, needed=False) for path, reply in zip(menus, replies, strict=True)}
     rows = {**observed.rows, **{path: there for path, there in fresh.items() if there is not None}}
-    facts = replace(observed.facts, policies=_policies(endpoint.user, rows))
+    facts = replace(observed.facts, policies=_policies(endpoint.user, rows), device_mode=_first(device_mode))
     return replace(observed, facts=facts, rows=rows)
 
 

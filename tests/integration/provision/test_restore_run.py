@@ -152,7 +152,7 @@ def test_names_that_are_nearly_right_are_told(at: Quay) -> None:
     assert "did you mean `to=latest`?" in at.provision("restore", f"device={ROUTER}", "to=lastest", code=7).stderr
     never = at.provision("restore", "device=scc-router", "to=latest", code=7).stderr
     assert "no run has confirmed a state of scc-router" in never
-    assert "no role handles" in at.provision("restore", "device=coastal-cpe", "to=latest", code=7).stderr
+    assert "no role handles" in at.provision("restore", "device=coastal-gateway", "to=latest", code=7).stderr
 
 
 def test_a_rehearsal_puts_the_real_state_on_an_emulated_box(at: Quay) -> None:

@@ -71,7 +71,8 @@ def test_who_we_are_is_asked_later_and_once() -> None:
     first, later = asyncio.run(act())
     assert first.facts.policies is None
     assert later.facts.policies == frozenset({"read", "write", "api"})
-    assert sent == ["/user/print", "/user/group/print"]
+    assert sent == ["/user/print", "/user/group/print", "/system/device-mode/print"]
+    assert (first.facts.device_mode, later.facts.device_mode["mode"]) == ({}, "home")
     assert later.rows.keys() == {*first.rows, *LATER}
 
 
@@ -95,9 +96,9 @@ def test_nothing_is_asked_twice_and_only_what_matters() -> None:
     assert len(paths) == len(set(paths))
     assert paths[-4:] == [
         "/safe-mode/print",
-        "/system/device-mode/print",
         "/user/active/print",
         "/system/history/print",
+        "/system/device-mode/print",
     ]
     pool = next(command for command in sent if command.path == "/ip/pool/print")
     assert dict(pool.arguments)[".proplist"].startswith(".id,name,")
