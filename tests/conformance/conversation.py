@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 import pytest
-from intent import CALLS, MENUS, PINGS, REFUSALS, TAMPERED, TEXTS, is_put_right, shortfalls
+from intent import CALLS, MENUS, PINGS, REFUSALS, RULES, TAMPERED, TEXTS, is_put_right, shortfalls
 from stand import PRESENT, Stand, stand, text
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Conversation:
 
     def test_asks_for_some_rows_and_fields(self, at: Stand) -> None:
         told = at.ask(self.client, do="queries")
-        assert (told["and"], told["len"]) == (PINGS, 30)
+        assert (told["and"], told["len"]) == (PINGS, RULES)
 
     def test_writes_and_reads_every_text(self, at: Stand) -> None:
         before = at.export()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from conversation import Conversation
-from intent import CALLS, PINGS
+from intent import CALLS, PINGS, RULES
 
 if TYPE_CHECKING:
     from stand import Stand
@@ -17,12 +17,12 @@ class TestLibrouteros(Conversation):
     def test_queries_are_answered_as_it_builds_them(self, at: Stand) -> None:
         assert at.ask(self.client, do="queries") == {
             "and": PINGS,
-            "or": ["log", "return", "return", "return", "log", "log"],
+            "or": [*["return"] * 3, "log", *["return"] * 5, "log", "log", "log"],
             "in": ["atlantis: satellite, the terminal itself", "atlantis: satellite, allow-list"],
             "none": [],
             "fields": ["action", "chain"],
             "raw": ["bridge-lan"],
-            "len": 30,
+            "len": RULES,
         }
 
     def test_it_takes_refusals_for_traps_with_their_category(self, at: Stand) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from conversation import Conversation
-from intent import CALLS, PINGS
+from intent import CALLS, PINGS, RULES
 
 if TYPE_CHECKING:
     from stand import Stand
@@ -15,7 +15,7 @@ class TestRouterosApi(Conversation):
     client = "routeros_api_client.py"
 
     def test_queries_are_answered_as_it_builds_them(self, at: Stand) -> None:
-        expected = {"and": PINGS, "none": [], "query": ["bridge-lan"], "binary": "coastal-router", "len": 30}
+        expected = {"and": PINGS, "none": [], "query": ["bridge-lan"], "binary": "coastal-router", "len": RULES}
         assert at.ask(self.client, do="queries") == expected
 
     def test_it_tells_refusals_from_broken_connections(self, at: Stand) -> None:

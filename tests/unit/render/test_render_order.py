@@ -8,6 +8,8 @@ import pytest
 from render_declared import SITES
 from test_render_text import parsed
 
+from atlantis_netcfg.routeros.planner._sequence import Rule, insertion
+
 if TYPE_CHECKING:
     from atlantis_netcfg.rsc import Statement
 
@@ -90,3 +92,13 @@ def test_chains_are_entered_and_end_in_a_drop(site: str) -> None:
         assert [row.get("action") for row in last] == ["log", "drop"]
         assert last[0].get("limit") == "10/1m,5:packet"
         assert all(name in ("action", "chain", "comment") for name, _ in last[1].values)
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_rules_stand_in_the_order_in_which_they_are_added(site: str) -> None:
+    """A chain stands whole where it is jumped to, so that the router holds its rules in the order of the text."""
+    rows = [row for row in parsed(site).statements if row.menu == "/ip/firewall/filter"]
+    jumps = [row.get("jump-target") if row.get("action") == "jump" else None for row in rows]
+    rules = [Rule(row.get("chain") or "", target, stays=False) for row, target in zip(rows, jumps, strict=True)]
+    assert rules
+    assert insertion(rules) == list(range(len(rules)))

@@ -115,7 +115,31 @@ add address=192.0.2.124 comment="atlantis: ntp2.example.org, also by satellite" 
 # at the control centre, partners of the VPN also come in by the LAN, from the VPN server.
 add action=accept chain=input comment="atlantis: management" dst-port=22,8729 protocol=tcp src-address-list=management
 add action=accept chain=input comment="atlantis: ping from management" protocol=icmp src-address-list=management
+# Satellite: only declared targets, each on its own port, ahead of everything that accepts, so that connections which began
+# on a cheaper link do not go on here. The chains return what is allowed; the rules below them then decide as for any link.
+# A chain stands whole between the jump to it and what follows that jump: in this order rules are added without a gap.
+# The terminal's own pages cost no airtime: the technician and the router may reach them.
+add action=accept chain=output comment="atlantis: satellite, the terminal itself" dst-address=10.10.2.0/29 out-interface=ether3
+add action=jump chain=output comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether3
+add action=accept chain=forward comment="atlantis: technician to the terminal of satellite" dst-address=10.10.2.0/29 in-interface-list=MGMT out-interface=ether3
+add action=jump chain=forward comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether3
+add action=return chain=to-satellite comment="atlantis: VPN server" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=1194 protocol=udp
+add action=return chain=to-satellite comment="atlantis: ntp1.example.org" dst-address=192.0.2.123 dst-address-list=sat-allow dst-port=123 protocol=udp
+add action=return chain=to-satellite comment="atlantis: ntp2.example.org" dst-address=192.0.2.124 dst-address-list=sat-allow dst-port=123 protocol=udp
+add action=log chain=to-satellite comment="atlantis: what is kept off, a sample" limit=10/1m,5:packet log-prefix="drop satellite"
+add action=drop chain=to-satellite comment="atlantis: satellite, everything else"
+# What has come in is paid for already; only answers of the same targets go on, which also counts them one by one. An ICMP
+# error belongs to a connection of ours wherever it comes from, and without it a path that takes smaller packets is a hole.
 add action=jump chain=input comment="atlantis: satellite, what comes in" in-interface=ether3 jump-target=from-satellite
+add action=jump chain=forward comment="atlantis: satellite, what comes in" in-interface=ether3 jump-target=from-satellite
+add action=return chain=from-satellite comment="atlantis: answers of VPN server" connection-state=established protocol=udp src-address=203.0.113.2 src-address-list=sat-allow src-port=1194
+add action=return chain=from-satellite comment="atlantis: answers of ntp1.example.org" connection-state=established protocol=udp src-address=192.0.2.123 src-address-list=sat-allow src-port=123
+add action=return chain=from-satellite comment="atlantis: answers of ntp2.example.org" connection-state=established protocol=udp src-address=192.0.2.124 src-address-list=sat-allow src-port=123
+add action=return chain=from-satellite comment="atlantis: satellite, the terminal itself" connection-state=established src-address=10.10.2.0/29
+add action=return chain=from-satellite comment="atlantis: errors on the way" connection-state=related protocol=icmp
+add action=log chain=from-satellite comment="atlantis: what is turned away, a sample" limit=10/1m,5:packet log-prefix="drop from satellite"
+add action=drop chain=from-satellite comment="atlantis: satellite, everything else that comes in"
+# Input again: what may speak to the router itself by any link.
 add action=accept chain=input comment="atlantis: answers" connection-state=established,related,untracked
 add action=drop chain=input comment="atlantis: invalid" connection-state=invalid
 add action=accept chain=input comment="atlantis: DHCP of hosts without address" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
@@ -125,28 +149,6 @@ add action=accept chain=input comment="atlantis: ping from the LAN" in-interface
 add action=accept chain=input comment="atlantis: ping over wifi-ptp, to test it" in-interface=ether1 protocol=icmp src-address=10.10.0.0/29
 add action=log chain=input comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop input"
 add action=drop chain=input comment="atlantis: everything else"
-# Satellite: only declared targets, each on its own port, ahead of everything that accepts, so that connections which began
-# on a cheaper link do not go on here. The chains return what is allowed; the rules below them then decide as for any link.
-# The terminal's own pages cost no airtime: the technician and the router may reach them.
-add action=accept chain=output comment="atlantis: satellite, the terminal itself" dst-address=10.10.2.0/29 out-interface=ether3
-add action=jump chain=output comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether3
-add action=accept chain=forward comment="atlantis: technician to the terminal of satellite" dst-address=10.10.2.0/29 in-interface-list=MGMT out-interface=ether3
-add action=jump chain=forward comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether3
-add action=jump chain=forward comment="atlantis: satellite, what comes in" in-interface=ether3 jump-target=from-satellite
-add action=return chain=to-satellite comment="atlantis: VPN server" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=1194 protocol=udp
-add action=return chain=to-satellite comment="atlantis: ntp1.example.org" dst-address=192.0.2.123 dst-address-list=sat-allow dst-port=123 protocol=udp
-add action=return chain=to-satellite comment="atlantis: ntp2.example.org" dst-address=192.0.2.124 dst-address-list=sat-allow dst-port=123 protocol=udp
-add action=log chain=to-satellite comment="atlantis: what is kept off, a sample" limit=10/1m,5:packet log-prefix="drop satellite"
-add action=drop chain=to-satellite comment="atlantis: satellite, everything else"
-# What has come in is paid for already; only answers of the same targets go on, which also counts them one by one. An ICMP
-# error belongs to a connection of ours wherever it comes from, and without it a path that takes smaller packets is a hole.
-add action=return chain=from-satellite comment="atlantis: answers of VPN server" connection-state=established protocol=udp src-address=203.0.113.2 src-address-list=sat-allow src-port=1194
-add action=return chain=from-satellite comment="atlantis: answers of ntp1.example.org" connection-state=established protocol=udp src-address=192.0.2.123 src-address-list=sat-allow src-port=123
-add action=return chain=from-satellite comment="atlantis: answers of ntp2.example.org" connection-state=established protocol=udp src-address=192.0.2.124 src-address-list=sat-allow src-port=123
-add action=return chain=from-satellite comment="atlantis: satellite, the terminal itself" connection-state=established src-address=10.10.2.0/29
-add action=return chain=from-satellite comment="atlantis: errors on the way" connection-state=related protocol=icmp
-add action=log chain=from-satellite comment="atlantis: what is turned away, a sample" limit=10/1m,5:packet log-prefix="drop from satellite"
-add action=drop chain=from-satellite comment="atlantis: satellite, everything else that comes in"
 # Forward: what may pass through.
 add action=drop chain=forward comment="atlantis: invalid" connection-state=invalid
 # After a change of link, flows of before may go out with the addresses of the LAN: nobody could answer them. New connections
