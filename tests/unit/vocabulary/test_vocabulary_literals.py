@@ -19,6 +19,8 @@ NO_COMMANDS = {
     "/interface/wi": "a prefix by which the menus of radios are told",
     "/dev/[\\w./-]+": "the pattern of a serial port's path in a Linux host",
     "/interface/X/print": "the menu of either family of radios, which `test_a_radio_s_menu_can_be_printed` looks up",
+    "/dev/disk/by-id/usb-…": "the path of a card in a technician's computer",
+    "/var/tmp": "a folder of that computer",  # noqa: S108 - nothing is made in it here
     "/quit": "a word of the console's own, which the trees show at the root only as a script's word",
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
