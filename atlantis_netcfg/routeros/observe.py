@@ -6,7 +6,7 @@ All commands go out in batches of `api.WINDOW`, each batch in one round trip. A 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
@@ -49,7 +49,7 @@ class _Preflight:
     safe_mode: Reply
     active: Reply
     history: Reply
-    device_mode: Reply = Reply()
+    device_mode: Reply = field(default_factory=Reply)
 
 
 # Last, so that who holds safe mode is the latest that is known.
