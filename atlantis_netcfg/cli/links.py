@@ -81,22 +81,13 @@ def _look(opened: Session) -> Looked:
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.examples import refuse_examples
     from atlantis_netcfg.operations.links import look
 
-    _no_examples(opened)
+    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     request = opened.paid(opened.request(Mode.DRIFT))
     with progress(quiet=opened.as_json, out=sys.stderr) as notify:
         return asyncio.run(look(opened.declaration, opened.site, opened.hosts, request, notify))
-
-
-def _no_examples(opened: Session) -> None:
-    from atlantis_netcfg.errors import UsageError
-
-    if opened.declaration.pilot.example_values and not opened.rehearsed:
-        raise UsageError(
-            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
-        )
 
 
 def _report(opened: Session, looked: Looked) -> LinksReport:

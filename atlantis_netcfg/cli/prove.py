@@ -76,11 +76,12 @@ def _prove(opened: Session) -> tuple[Proof, Bill]:
     from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.examples import refuse_examples
     from atlantis_netcfg.operations.proving import satellite_of, try_out
 
     found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
     opened.hosts = (found.router,)
-    _no_examples(opened)
+    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     declared = _declared(opened, found.terminal)
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=opened.as_json, out=sys.stderr))
@@ -101,16 +102,6 @@ def _prove(opened: Session) -> tuple[Proof, Bill]:
     link = link_of(opened.declaration, opened.site, proof.bearer)
     bill = preview(proof.bytes_counted, time.monotonic() - begun, link).bill
     return replace(proof, findings=(*proof.findings, *declared)), bill
-
-
-def _no_examples(opened: Session) -> None:
-    from atlantis_netcfg.errors import UsageError
-
-    if opened.declaration.pilot.example_values and not opened.rehearsed:
-        raise UsageError(
-            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
-        )
 
 
 def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
 from atlantis_netcfg.journal import ContactStep, JournalFailed, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.ways import HostKey, SerialWay, SshWay, Ways
 from atlantis_netcfg.rsc import parse
@@ -81,12 +82,7 @@ class Adoption:
     wish: Wish = field(init=False)
 
     def __post_init__(self) -> None:
-        if self.declaration.pilot.example_values and not self.rehearsed:
-            raise UsageError(
-                "the inventory still holds example values, which lead to nobody's devices: "
-                "only a rehearsal may use them",
-                hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
-            )
+        refuse_examples(self.declaration, rehearsed=self.rehearsed)
         self.wish = wish_of(self.declaration, self.host)
 
     def plan(self) -> AdoptionResult:

@@ -9,10 +9,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.errors import ExitCode, NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.costs import Costs, gate
+from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.members import Member, members_of
@@ -75,11 +76,7 @@ def _perform(
     declaration: Declaration, names: Sequence[str], request: Request, channel: Channel
 ) -> dict[str, Mapping[str, Any]]:
     """Give each device's result as data; the engine's own objects, with rows and plans, are let go one by one."""
-    if declaration.pilot.example_values and not request.rehearsed:
-        raise UsageError(
-            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
-        )
+    refuse_examples(declaration, rehearsed=request.rehearsed)
     members = members_of(declaration, [one for one in names if handled(declaration.hosts[one])], request)
     hosts = [host for member in members for host in member.hosts]
     gate(declaration, hosts, request)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.errors import ExitCode, NetcfgError
 from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.costs import gate
+from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.lte._came import Patience
 from atlantis_netcfg.operations.lte._converge import Converge
 from atlantis_netcfg.operations.lte._result import FINE, LteResult
@@ -71,11 +72,8 @@ def _ours(request: Request) -> bool:
 def _perform(
     declaration: Declaration, units: Sequence[Host], request: Request, channel: Channel
 ) -> dict[str, LteResult]:
-    if units and declaration.pilot.example_values and not request.rehearsed:
-        raise UsageError(
-            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
-        )
+    if units:
+        refuse_examples(declaration, rehearsed=request.rehearsed)
     gate(declaration, units, request)
     results: dict[str, LteResult] = {}
     for site in sorted({host.site for host in units}):
