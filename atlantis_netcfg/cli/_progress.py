@@ -21,8 +21,9 @@ _ROOM = 16
 
 
 @contextmanager
-def progress(*, quiet: bool, out: TextIO = sys.stderr) -> Iterator[Subscriber]:
-    """Give the subscriber that fits `out`; `quiet` shows nothing."""
+def progress(*, quiet: bool, out: TextIO | None = None) -> Iterator[Subscriber]:
+    """Give the subscriber that fits `out`, which is stderr as it is at that moment; `quiet` shows nothing."""
+    out = out or sys.stderr
     if quiet:
         yield ignore
     elif out.isatty():

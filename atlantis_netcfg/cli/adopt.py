@@ -48,14 +48,13 @@ COMMAND = Command(
 
 def run(arguments: Arguments) -> ExitCode:
     """Look, show the steps, ask, adopt."""
-    import sys
     from contextlib import ExitStack
 
     from atlantis_netcfg.cli._progress import progress
 
     declaration, host = _declared(arguments)
     with ExitStack() as stack:
-        notify = stack.enter_context(progress(quiet=arguments.flag("json"), out=sys.stderr))
+        notify = stack.enter_context(progress(quiet=arguments.flag("json")))
         adoption = _adoption(arguments, declaration, host, notify, stack.enter_context)
         if arguments.flag("plan"):
             return _close(arguments, adoption.plan())

@@ -46,7 +46,6 @@ COMMAND = Command(
 
 def run(arguments: Arguments) -> ExitCode:
     """Check everything that can be known at once, ask, make the image, write it and read it back."""
-    import sys
     from pathlib import Path
 
     from atlantis_netcfg import paths
@@ -63,7 +62,7 @@ def run(arguments: Arguments) -> ExitCode:
     file = _file(arguments)
     card = None if file is not None else _card(arguments, declaration)
     as_json = arguments.flag("json")
-    with progress(quiet=as_json, out=sys.stderr) as notify, made(order, notify) as ready:
+    with progress(quiet=as_json) as notify, made(order, notify) as ready:
         return _close(order, ready, _keep(ready, file, card), as_json=as_json)
 
 

@@ -77,7 +77,6 @@ def _configure(opened: Session) -> None:
 def _look(opened: Session) -> Looked:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
-    import sys
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations import Mode
@@ -86,7 +85,7 @@ def _look(opened: Session) -> Looked:
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     request = opened.paid(opened.request(Mode.DRIFT))
-    with progress(quiet=opened.as_json, out=sys.stderr) as notify:
+    with progress(quiet=opened.as_json) as notify:
         return asyncio.run(look(opened.declaration, opened.site, opened.hosts, request, notify))
 
 

@@ -68,7 +68,6 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _prove(opened: Session) -> tuple[Proof, Bill]:
-    import sys
     import time
     from contextlib import ExitStack
     from dataclasses import replace
@@ -84,7 +83,7 @@ def _prove(opened: Session) -> tuple[Proof, Bill]:
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     declared = _declared(opened, found.terminal)
     with ExitStack() as stack:
-        notify = stack.enter_context(progress(quiet=opened.as_json, out=sys.stderr))
+        notify = stack.enter_context(progress(quiet=opened.as_json))
         if opened.rehearsal is not None:
             _configure(opened)
         proving = found.proving(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
@@ -12,7 +13,9 @@ import pytest
 from pilot_commands import Table, done
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
+from atlantis_netcfg.events import Event, Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -113,3 +116,13 @@ def test_a_console_without_the_character_gets_another_one() -> None:
     source = "import sys; from atlantis_netcfg.cli import _speak_any_text as s; s(); print('…')"
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     assert subprocess.run([sys.executable, "-c", source], capture_output=True, env=environment, check=True).stdout
+
+
+def test_progress_goes_to_stderr_as_it_is_at_that_moment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    instead = io.StringIO()
+    monkeypatch.setattr("sys.stderr", instead)
+    with progress(quiet=False) as notify:
+        notify(Event("quay", Stage.DONE, "as declared"))
+    assert instead.getvalue() == "  quay               done  as declared\n"
