@@ -9,16 +9,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.asking import asked_for
 from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.members import Member, members_of
 from atlantis_netcfg.operations.pairs import far_bearer, pair_of
-from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import fleet
@@ -28,6 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.operations.channel import Channel
+    from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
     from atlantis_netcfg.site import Declaration, Host
@@ -49,19 +50,8 @@ def perform(
 
     Of `hosts`, those that the engine does not handle are passed over, and have no entry.
     """
-    asked = Request.model_validate(request or {})
-    if plan_only:
-        asked = asked.model_copy(update={"mode": Mode.PLAN})
-    channel = Channel(asked.events_fd)
-    try:
+    with asked_for(request, plan_only=plan_only) as (asked, channel):
         results = _perform(load(inventory, decrypt=decrypt), hosts, asked, channel)
-    except NetcfgError as error:
-        channel.error(error)
-        raise
-    except Exception as fault:
-        problem = crashed(fault, asked.command, lambda: asked.state)
-        channel.error(problem)
-        raise problem from fault
     return _for_ansible(results, hosts)
 
 

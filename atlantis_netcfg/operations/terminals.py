@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import paths
 from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
-from atlantis_netcfg.operations.channel import Channel
-from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.asking import asked_for
+from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Router, SatelliteTerminal
 from atlantis_netcfg.verdicts import Verdict, worst
@@ -33,7 +32,6 @@ __all__ = ["EVIDENCE_FOLDER", "TerminalResult", "is_terminal", "look", "perform"
 
 EVIDENCE_FOLDER = "evidence"
 """Below the inventory: where backups that terminals have exported are looked for; ansible.cfg keeps Ansible out."""
-_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,15 +112,14 @@ def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, *, plan_only: bool
 ) -> dict[str, Any]:
     """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
-    asked = Request.model_validate(request) if request else Request(state=paths.state_dir())
-    declaration = load(inventory)
-    store = Store(asked.state, rehearsed=asked.rehearsed)
-    today = datetime.now(UTC).astimezone().date()
-    results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
-    if asked.mode is Mode.APPLY and not plan_only:
-        _record(store, results.values())
-    told = {name: result.as_dict() for name, result in results.items()}
-    Channel(asked.events_fd).outcome(told, {})
+    with asked_for(request, plan_only=plan_only) as (asked, channel):
+        declaration = load(inventory)
+        store = Store(asked.state, rehearsed=asked.rehearsed)
+        today = datetime.now(UTC).astimezone().date()
+        results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
+        if asked.mode is Mode.APPLY:
+            _record(store, results.values())
+        channel.outcome({name: result.as_dict() for name, result in results.items()}, {})
     # Ansible prints warnings, and of a task that went well nothing else.
     warnings = [f"{name}: {_words(finding)}" for name, result in results.items() for finding in result.findings]
     return {"per_host": {name: _of_host(result) for name, result in results.items()}, "warnings": warnings}
@@ -173,16 +170,13 @@ def _backup(root: Path, evidence: Evidence | None, named: Path | None) -> Backup
 
 
 def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
-            while data := file.read(_CHUNK):
-                digest.update(data)
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         reason = error.strerror or str(error)
         hint = "name the backup that the terminal has exported"
         raise UsageError(f"the backup {path} cannot be read: {reason}", hint=hint) from error
-    return digest.hexdigest()
 
 
 def _recorded(store: Store) -> dict[str, str]:

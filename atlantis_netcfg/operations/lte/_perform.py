@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
-from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.asking import asked_for
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.lte._came import Patience
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.operations.channel import Channel
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
@@ -46,21 +47,10 @@ def perform(
     Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
     only saves or compares, is none of ours: then nothing is asked.
     """
-    asked = Request.model_validate(request or {})
-    if plan_only:
-        asked = asked.model_copy(update={"mode": Mode.PLAN})
-    channel = Channel(asked.events_fd)
-    try:
+    with asked_for(request, plan_only=plan_only) as (asked, channel):
         declaration = load(inventory, decrypt=decrypt)
         units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
         results = _perform(declaration, units, asked, channel) if _ours(asked) else {}
-    except NetcfgError as error:
-        channel.error(error)
-        raise
-    except Exception as fault:
-        problem = crashed(fault, asked.command, lambda: asked.state)
-        channel.error(problem)
-        raise problem from fault
     return {"per_host": {name: _of_host(result) for name, result in results.items()}}
 
 

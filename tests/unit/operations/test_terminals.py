@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import os
 import shutil
 from datetime import date
 from pathlib import Path
@@ -114,3 +116,16 @@ def test_a_damaged_record_is_told(inventory: Path, tmp_path: Path) -> None:
     record.write_text("[]")
     with pytest.raises(StateDamaged, match="the record of the terminals cannot be read"):
         codes(inventory, tmp_path)
+
+
+def test_whoever_listens_is_told_why_the_record_cannot_be_read(inventory: Path, tmp_path: Path) -> None:
+    declare(inventory)
+    run(inventory, tmp_path)
+    (Store(tmp_path).root / "terminals.json").write_text("[]")
+    reader, writer = os.pipe()
+    request = Request(state=tmp_path, events_fd=writer).model_dump(mode="json")
+    with pytest.raises(StateDamaged):
+        perform(inventory, ["coastal-sat"], request, plan_only=False)
+    os.close(writer)
+    with os.fdopen(reader, encoding="utf-8") as told:
+        assert "the record of the terminals" in json.loads(told.readline())["error"]["message"]

@@ -21,4 +21,4 @@ class ActionModule(Door):
         """Judge the terminals of the play; in check mode, record nothing."""
         from atlantis_netcfg.operations.terminals import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        return perform(asked.inventory, asked.hosts, asked.request or None, plan_only=asked.plan_only)
+        return perform(asked.inventory, asked.hosts, asked.request, plan_only=asked.plan_only)

@@ -1,0 +1,34 @@
+"""How a play is asked and answered: its request, the line back to whoever typed, and errors in their own words."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.crash import crashed
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.request import Mode, Request
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+__all__ = ["asked_for"]
+
+
+@contextmanager
+def asked_for(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, Channel]]:
+    """Give the request and its channel; what is raised within is told there, a fault of ours after it is in a log."""
+    asked = Request.model_validate(request or {})
+    if plan_only:
+        asked = asked.model_copy(update={"mode": Mode.PLAN})
+    channel = Channel(asked.events_fd)
+    try:
+        yield asked, channel
+    except NetcfgError as error:
+        channel.error(error)
+        raise
+    except Exception as fault:
+        problem = crashed(fault, asked.command, lambda: asked.state)
+        channel.error(problem)
+        raise problem from fault
