@@ -7,12 +7,23 @@ import re
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field, StrictInt
 
 from atlantis_netcfg.site.model._base import Model, Text, wrong
 from atlantis_netcfg.site.model._box import LanBox
 
-__all__ = ["AddressBy", "Gateway", "Image", "ImageLayout", "SshKey"]
+__all__ = [
+    "AddressBy",
+    "Gateway",
+    "GatewayNetwork",
+    "GatewaySsh",
+    "GpsSource",
+    "GpsTime",
+    "Image",
+    "ImageLayout",
+    "NetworkTool",
+    "SshKey",
+]
 
 _KINDS = (
     "ssh-ed25519",
@@ -63,6 +74,17 @@ def _account(value: object) -> str:
     return text
 
 
+def _receiver(value: object) -> str:
+    text = value.strip() if isinstance(value, str) else ""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
+        raise wrong(f"`{value}` is no name of a receiver", "a name below /dev, like ttyACM0")
+    return text
+
+
+Interface = Annotated[str, BeforeValidator(_interface)]
+Account = Annotated[str, BeforeValidator(_account)]
+
+
 class ImageLayout(StrEnum):
     """How the vendor's image is laid out."""
 
@@ -84,14 +106,55 @@ class Image(Model):
     """`plain`: x86, Raspberry-type boards; one ext4 partition."""
     address_by: AddressBy = AddressBy.STATIC
     """`static`: the device's `address`; `dhcp`: a reservation of the site's LAN gives it."""
-    interface: Annotated[str, BeforeValidator(_interface)] | None = None
+    interface: Interface | None = None
     """Of the LAN; null: the one that the board has."""
-    user: Annotated[str, BeforeValidator(_account)] = "root"
+    user: Account = "root"
     """The account that technicians log in to; it must be in the image."""
     ssh_keys: tuple[SshKey, ...]
     """The technicians' public keys: at least one, for every password is removed."""
     source: Text | None = None
     """Where the image was fetched, for people; nothing is fetched by the toolkit."""
+
+
+class GatewaySsh(Model):
+    """How the toolkit logs in: by key, as a technician does."""
+
+    user: Account | None = None
+    """None: the account of the image, else root; any other becomes root by `sudo`."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] = 22
+
+
+class NetworkTool(StrEnum):
+    """What configures the network interfaces of the computer."""
+
+    NETPLAN = "netplan"
+    IFUPDOWN = "ifupdown"
+    NETWORKD = "networkd"
+
+
+class GatewayNetwork(Model):
+    """The interface of the LAN, changed under a timer that takes the change back."""
+
+    by: NetworkTool
+    interface: Interface
+    """`ip link` on the board shows it, like eth0."""
+    rollback_s: Annotated[StrictInt, Field(ge=5, le=900)] = 180
+    """A change that no new session has confirmed for so long is undone, in seconds; a satellite is silent for 70 s."""
+
+
+class GpsSource(StrEnum):
+    """How gpsd or a driver hands the time to chrony."""
+
+    SHM = "shm"
+    SOCKET = "socket"
+
+
+class GpsTime(Model):
+    """A GPS receiver that gives the gateway its time."""
+
+    source: GpsSource
+    device: Annotated[str, BeforeValidator(_receiver)] = "ttyACM0"
+    """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
 class Gateway(LanBox):
@@ -100,3 +163,15 @@ class Gateway(LanBox):
     kind: Literal["gateway"]
     image: Image | None = None
     """None: no card is made for it here."""
+    ssh: GatewaySsh = GatewaySsh()
+    network: GatewayNetwork | None = None
+    """None: the network stays as the image has it."""
+    gps: GpsTime | None = None
+    """None: time comes over the network."""
+    watchdog_s: Annotated[StrictInt, Field(ge=5, le=900)] | None = None
+    """The board starts anew when its system has hung for so long, in seconds; None: its watchdog is not used."""
+
+    @property
+    def account(self) -> str:
+        """The account by which the toolkit logs in."""
+        return self.ssh.user or (self.image.user if self.image is not None else "root")

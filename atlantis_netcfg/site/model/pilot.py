@@ -9,6 +9,7 @@ from pydantic import Field, StrictBool, StrictInt
 
 from atlantis_netcfg.site.model._base import Address, DnsName, HostName, Model, Name, Network, Text
 from atlantis_netcfg.site.model.dds import Dds
+from atlantis_netcfg.site.model.gateways import Gateways
 
 __all__ = [
     "Column",
@@ -118,3 +119,4 @@ class Pilot(Model):
     vpn: Vpn
     dds: Dds | None = None
     """None: no profiles are made."""
+    gateways: Gateways = Gateways()

@@ -25,9 +25,8 @@ _EXAMPLE_NAMES = ("example", "example.com", "example.net", "example.org", "test"
 
 def in_clear(draft: Draft) -> Iterator[Finding]:
     """A real secret never stands readable in a file that goes into git."""
-    for host, device in draft.devices.items():
-        part = Part("device", host)
-        for path, secret in _secrets(device):
+    for part, model in _holders(draft):
+        for path, secret in _secrets(model):
             vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
             if not vaulted and not secret.is_example:
                 name = str(path[-1])
@@ -37,11 +36,19 @@ def in_clear(draft: Draft) -> Iterator[Finding]:
 
 def printable(draft: Draft) -> Iterator[Finding]:
     """A secret can be typed on a console."""
-    for host, device in draft.devices.items():
-        for path, secret in _secrets(device):
+    for part, model in _holders(draft):
+        for path, secret in _secrets(model):
             if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
                 message = f"`{path[-1]}` is empty, or has a line break or another control character"
-                yield draft.wrong(Part("device", host), path, message, "make another one")
+                yield draft.wrong(part, path, message, "make another one")
+
+
+def _holders(draft: Draft) -> Iterator[tuple[Part, BaseModel]]:
+    """Every part that may hold a secret."""
+    if draft.pilot is not None:
+        yield Part("pilot"), draft.pilot
+    for host, device in draft.devices.items():
+        yield Part("device", host), device
 
 
 def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Secret]]:
