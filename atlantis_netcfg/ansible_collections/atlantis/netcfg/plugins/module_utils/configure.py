@@ -1,0 +1,188 @@
+"""Bring files, links, steps and units of a computer to what is declared, in one go.
+
+In this order: the way in is checked; everything is read; every file that differs is written beside its place and
+validated; only then the first one takes its place. Steps and units compare stamps, so that a run which was killed
+anywhere is completed by the next. With `check` the same way is gone without a change.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING
+
+from . import way_in
+from .lock import alone
+from .placing import Placing
+from .programs import run, succeed
+from .refused import Refused
+from .stamps import Stamps
+from .units import Systemd
+
+if TYPE_CHECKING:
+    from typing import Callable, Iterable, Mapping
+
+    from .programs import Done
+    from .tree import Tree
+    from .units import State
+    from .wishes import Step, Unit, Wishes
+
+__all__ = ["Configure"]
+
+_UNIT_FOLDERS = ("/etc/systemd/system/", "/usr/lib/systemd/system/", "/lib/systemd/system/")
+_MANAGER = "systemd has read its unit files"
+_ABSENT = "absent"
+
+
+class Configure:
+    """One call. `changes` and `diff` are its result; in check mode what they would be."""
+
+    def __init__(
+        self, tree: Tree, wishes: Wishes, *, check: bool = False, run: Callable[[list[str]], Done] = run
+    ) -> None:
+        self.tree = tree
+        self.wishes = wishes
+        self.check = check
+        self.run = run
+        self.stamps = Stamps(tree)
+        self.systemd = Systemd(run)
+        self.changes: list[str] = []
+        self.diff: list[dict[str, str]] = []
+        self._to_come: dict[str, str] = {}
+        """What the paths of this call will hold, where they are not written yet."""
+
+    def converge(self, environment: Mapping[str, str]) -> None:
+        """Do it. Raises `Refused`; `changes` then tells what was done before."""
+        way_in.hold(self.wishes.way_in, self.tree, environment)
+        if self.check:
+            self._all()
+        else:
+            with alone(self.tree):
+                self._all()
+
+    def _all(self) -> None:
+        self._place()
+        self._read_unit_files()
+        for step in self.wishes.steps:
+            self._take(step)
+        self._bring_units()
+
+    def _place(self) -> None:
+        placing = Placing(self.tree, self.wishes, self.run)
+        if self.check:
+            placing.validate_aside()
+            self._to_come = {
+                **{file.path: _digest(file.content) for file in self.wishes.files},
+                **{link.path: _digest(link.target.encode()) for link in self.wishes.links},
+                **dict.fromkeys(self.wishes.absent, _ABSENT),
+            }
+        else:
+            placing.place()
+        self.changes += placing.changes()
+        self.diff += placing.differences()
+
+    def _read_unit_files(self) -> None:
+        wishes = self.wishes
+        paths = [*(file.path for file in wishes.files), *(link.path for link in wishes.links), *wishes.absent]
+        wanted = self._digests(path for path in paths if path.startswith(_UNIT_FOLDERS))
+        if wanted and not self.stamps.holds(_MANAGER, wanted):
+            self._reload_manager()
+            if not self.check:
+                self.stamps.note(_MANAGER, wanted)
+
+    def _reload_manager(self) -> None:
+        if not self.check:
+            self.systemd.reload_manager()
+        self.changes.append(_MANAGER)
+
+    def _take(self, step: Step) -> None:
+        wanted = {**self._digests(step.after), "run": _digest(json.dumps(step.run).encode())}
+        if self.stamps.holds(step.name, wanted):
+            return
+        if not self.check:
+            self.stamps.begin(step.name, wanted)
+            succeed(self.run(list(step.run)), f"step `{step.name}` failed", "it is tried again by the next run")
+            self.stamps.note(step.name, wanted)
+        self.changes.append(f"step {step.name}")
+
+    def _bring_units(self) -> None:
+        started: list[tuple[Unit, dict[str, str]]] = []
+        for unit in self.wishes.units:
+            state = self._state(unit)
+            if state is None:
+                continue
+            if unit.enabled is not None and not state.enabled_as(wanted=unit.enabled):
+                if not self.check:
+                    self.systemd.enable(unit.name, wanted=unit.enabled)
+                self.changes.append(f"unit {unit.name} {'enabled' if unit.enabled else 'disabled'}")
+            wanted = self._digests(unit.after)
+            if self._order(unit, state, wanted):
+                started.append((unit, wanted))
+        if started and not self.check:
+            self.systemd.settle()
+            for unit, wanted in started:
+                self.systemd.must_run(unit.name, waited=unit.wait)
+                self.stamps.note(_stamp(unit), wanted)
+
+    def _state(self, unit: Unit) -> State | None:
+        """Look at a unit; None if there is nothing to be done, because there is no such unit and none is wanted."""
+        state = self.systemd.look(unit.name)
+        if state.stale:
+            self._reload_manager()
+            state = state if self.check else self.systemd.look(unit.name)
+        if state.is_there and state.load != "masked":
+            return state
+        if not unit.enabled and not unit.active:
+            return None
+        if state.load == "masked":
+            raise Refused(
+                f"unit {unit.name} is masked: somebody has forbidden that it starts",
+                f"if it shall start: `systemctl unmask {unit.name}`",
+            )
+        if self.check:
+            return state
+        raise Refused(f"there is no unit {unit.name} on this computer", "the package that brings it is not installed")
+
+    def _order(self, unit: Unit, state: State, wanted: dict[str, str]) -> bool:
+        """Start, stop, restart or reload as needed; True if it has to be seen running afterwards."""
+        runs = state.active in ("active", "reloading", "activating")
+        stamp = _stamp(unit)
+        fresh = self.stamps.holds(stamp, wanted)
+        if unit.active is False or (unit.active is None and not runs):
+            if runs and not self.check:
+                self.systemd.order("stop", unit.name)
+            if not fresh and not self.check:
+                self.stamps.note(stamp, wanted)
+            if runs:
+                self.changes.append(f"unit {unit.name} stopped")
+            return False
+        if runs and fresh:
+            return False
+        verb, told = ("start", "started")
+        if runs:
+            verb, told = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
+        if not self.check:
+            self.stamps.begin(stamp, wanted)
+            self.systemd.order(verb, unit.name, wait=unit.wait)
+        self.changes.append(f"unit {unit.name} {told}")
+        return True
+
+    def _digests(self, paths: Iterable[str]) -> dict[str, str]:
+        return {path: self._digest_at(path) for path in paths}
+
+    def _digest_at(self, path: str) -> str:
+        if path in self._to_come:
+            return self._to_come[path]
+        found = self.tree.find(path)
+        if found is not None and found.kind == "link" and path in {link.path for link in self.wishes.links}:
+            return _digest(found.target.encode())
+        content = self.tree.read(path)
+        return _ABSENT if content is None else _digest(content)
+
+
+def _stamp(unit: Unit) -> str:
+    return f"unit {unit.name}"
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,194 @@
+"""Bring directories, files and links to their places: all accepted and safe on the disk before the first one is put."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .programs import is_there, last_lines
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Callable
+
+    from .programs import Done
+    from .tree import Found, Tree
+    from .wishes import File, Owned, Wishes
+
+__all__ = ["Placing"]
+
+
+class Placing:
+    """The first half of a call. It is made by reading, and refuses what cannot be replaced; `place` writes."""
+
+    def __init__(self, tree: Tree, wishes: Wishes, run: Callable[[list[str]], Done]) -> None:
+        self.tree = tree
+        self.wishes = wishes
+        self.run = run
+        self.found = {
+            **{wish.path: self._find(wish.path, ("directory",)) for wish in wishes.directories},
+            **{wish.path: self._find(wish.path, ("file", "link")) for wish in wishes.files},
+            **{wish.path: self._find(wish.path, ("file", "link")) for wish in wishes.links},
+            **{path: self._find(path, ("file", "link")) for path in wishes.absent},
+        }
+        self.owned: tuple[Owned, ...] = (*wishes.directories, *wishes.files)
+        self.owners = {wish.path: (tree.uid(wish.owner), tree.gid(wish.group)) for wish in self.owned}
+        self.rewritten = [wish for wish in wishes.files if self._is_other(wish)]
+        self._made: list[str] = []
+
+    def changes(self) -> list[str]:
+        """What `place` does, one line each."""
+        lines: list[str] = []
+        for directory in self.wishes.directories:
+            found = self.found[directory.path]
+            lines += [f"directory {directory.path}"] if found is None else self._mended("directory", directory, found)
+        for file in self.wishes.files:
+            found = self.found[file.path]
+            if file in self.rewritten or found is None:
+                lines.append(f"file {file.path}")
+            else:
+                lines += self._mended("file", file, found)
+        lines += [
+            f"link {link.path} -> {link.target}"
+            for link in self.wishes.links
+            if not self._links(link.path, link.target)
+        ]
+        return lines + [f"absent {path}" for path in self.wishes.absent if self.found[path] is not None]
+
+    def differences(self) -> list[dict[str, str]]:
+        """The texts that change, as Ansible prints them; what is secret or no text is left out."""
+        shown = []
+        for file in self.rewritten:
+            found = self.found[file.path]
+            before = _text(b"" if found is None else found.content)
+            after = _text(file.content)
+            if not file.secret and before is not None and after is not None:
+                shown.append(_difference(file.path, before, after))
+        for path in self.wishes.absent:
+            found = self.found[path]
+            before = None if found is None else _text(found.content)
+            if before:
+                shown.append(_difference(path, before, ""))
+        return shown
+
+    def validate_aside(self) -> None:
+        """Ask the validators without touching any place; one that is not installed yet is not asked."""
+        with tempfile.TemporaryDirectory(prefix="atlantis-") as folder:
+            for file in self.rewritten:
+                if file.validate and is_there(file.validate[0]):
+                    aside = Path(folder) / Path(file.path).name
+                    aside.write_bytes(file.content)
+                    self._ask(file, str(aside))
+
+    def place(self) -> None:
+        """Write, validate, put. Before the first file is put, any failure takes everything back."""
+        try:
+            self._make_directories()
+            for file in self.wishes.files:
+                self.tree.unstage(file.path)
+            staged = [
+                (file, self.tree.stage(file.path, file.content, file.mode, *self.owners[file.path]))
+                for file in self.rewritten
+            ]
+            for file, beside in staged:
+                if file.validate:
+                    self._ask(file, beside)
+        except BaseException:
+            self._take_back()
+            raise
+        self._put()
+
+    def _put(self) -> None:
+        for file in self.rewritten:
+            self.tree.put(file.path)
+        for wish in self.owned:
+            found = self.found[wish.path]
+            if found is not None and wish not in self.rewritten and self._mended("", wish, found):
+                self.tree.mend(wish.path, wish.mode, *self.owners[wish.path])
+        for link in self.wishes.links:
+            if not self._links(link.path, link.target):
+                self.tree.link(link.path, link.target)
+        for path in self.wishes.absent:
+            if self.found[path] is not None:
+                self.tree.remove(path)
+        for path in {str(Path(path).parent): path for path in self.found}.values():
+            if Path(self.tree.at(path)).parent.is_dir():
+                self.tree.sync(path)
+
+    def _make_directories(self) -> None:
+        for directory in self.wishes.directories:
+            if self.found[directory.path] is None:
+                self._make_above(directory.path)
+                self.tree.make_directory(directory.path, directory.mode, *self.owners[directory.path])
+                self._made.append(directory.path)
+        for path in (*(file.path for file in self.wishes.files), *(link.path for link in self.wishes.links)):
+            self._make_above(path)
+
+    def _make_above(self, path: str) -> None:
+        for above in self.tree.missing_above(path):
+            self.tree.make_directory(above, 0o755, os.geteuid(), os.getegid())
+            self._made.append(above)
+
+    def _take_back(self) -> None:
+        for file in self.rewritten:
+            self.tree.unstage(file.path)
+        for directory in reversed(self._made):
+            self.tree.remove_directory(directory)
+
+    def _ask(self, file: File, beside: str) -> None:
+        if not is_there(file.validate[0]):
+            raise Refused(
+                f"`{file.validate[0]}`, which has to accept {file.path}, is not installed. Nothing was changed",
+                "install the package that holds it",
+            )
+        done = self.run([word.replace("%s", beside) for word in file.validate])
+        if done.code != 0:
+            said = "" if file.secret else ":\n" + last_lines(done.said.replace(beside, file.path))
+            raise Refused(
+                f"{file.validate[0]} does not accept the new {file.path}, so that nothing was changed{said}", ""
+            )
+
+    def _find(self, path: str, kinds: tuple[str, ...]) -> Found | None:
+        found = self.tree.find(path)
+        if found is None or found.kind in kinds:
+            return found
+        if "directory" in kinds and found.kind == "link" and Path(self.tree.at(path)).is_dir():
+            raise Refused(f"{path} is a link to a directory, and has to be one itself", f"look at it: `ls -l {path}`")
+        what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(found.kind, "a device or a socket")
+        raise Refused(
+            f"{path} is {what}, and has to be {_as(kinds)}. Nothing was changed",
+            f"look at it, and move it away: `ls -ld {path}`",
+        )
+
+    def _is_other(self, file: File) -> bool:
+        found = self.found[file.path]
+        return found is None or found.kind != "file" or found.content != file.content
+
+    def _links(self, path: str, target: str) -> bool:
+        found = self.found[path]
+        return found is not None and found.kind == "link" and found.target == target
+
+    def _mended(self, kind: str, wish: Owned, found: Found) -> list[str]:
+        lines = []
+        if found.mode != wish.mode:
+            lines.append(f"{kind} {wish.path} mode {found.mode:04o} -> {wish.mode:04o}")
+        if (found.uid, found.gid) != self.owners[wish.path]:
+            lines.append(f"{kind} {wish.path} owner -> {wish.owner}:{wish.group}")
+        return lines
+
+
+def _as(kinds: tuple[str, ...]) -> str:
+    return "a directory" if "directory" in kinds else "a file"
+
+
+def _text(content: bytes) -> str | None:
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        return None
+
+
+def _difference(path: str, before: str, after: str) -> dict[str, str]:
+    return {"before_header": path, "after_header": path, "before": before, "after": after}

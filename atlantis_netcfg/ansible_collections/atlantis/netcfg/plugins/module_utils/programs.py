@@ -1,0 +1,64 @@
+"""Programs that are run on the computer, and what they said last where they failed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+
+from .refused import Refused
+
+__all__ = ["Done", "is_there", "last_lines", "run", "succeed"]
+
+_LINES = 8
+_TIMEOUT_S = 600
+_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a program ended, and all that it said, in order."""
+
+    code: int
+    said: str
+
+
+def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> Done:
+    """Run a program without a terminal, in English; 127: it is not there, 124: it took longer than `timeout_s`."""
+    environment = dict(os.environ, LC_ALL="C.UTF-8", LANGUAGE="", PATH=_PATH, DEBIAN_FRONTEND="noninteractive")
+    try:
+        done = subprocess.run(  # noqa: S603 - what the declaration has made
+            argv,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            timeout=timeout_s,
+            check=False,
+        )
+    except FileNotFoundError:
+        return Done(127, f"{argv[0]}: not found")
+    except subprocess.TimeoutExpired as late:
+        return Done(124, (late.stdout or b"").decode(errors="replace") + f"\nno end after {timeout_s:.0f} s")
+    except OSError as error:
+        return Done(126, f"{argv[0]}: {error.strerror}")
+    return Done(done.returncode, done.stdout.decode(errors="replace"))
+
+
+def is_there(program: str) -> bool:
+    """Whether a program can be started."""
+    return shutil.which(program, path=_PATH) is not None
+
+
+def last_lines(said: str) -> str:
+    """What a person has to read of it."""
+    lines = [line.rstrip() for line in said.splitlines() if line.strip()]
+    return "\n".join(lines[-_LINES:])
+
+
+def succeed(done: Done, what: str, hint: str = "") -> None:
+    """Raise with the last lines unless the program succeeded."""
+    if done.code != 0:
+        said = last_lines(done.said)
+        raise Refused(f"{what} (exit {done.code})" + (f":\n{said}" if said else " without a word"), hint)

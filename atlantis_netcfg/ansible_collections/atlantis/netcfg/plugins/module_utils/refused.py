@@ -1,0 +1,50 @@
+"""The failure that a technician reads: what is wrong, and what to type next."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+
+__all__ = ["Refused", "in_words"]
+
+_SPACE = (errno.ENOSPC, errno.EDQUOT)
+
+
+class Refused(Exception):
+    """The computer was not brought to what is declared; `hint` is what to do about it."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+def in_words(error: OSError, path: str) -> Refused:
+    """What an error of the operating system at `path` means for a person."""
+    if error.errno in _SPACE:
+        return Refused(
+            f"the file system of {path} is full{_left(path)}",
+            "`df -h; df -i` tells where; `apt-get clean` and `journalctl --vacuum-size=50M` make room",
+        )
+    if error.errno == errno.EROFS:
+        return Refused(
+            f"the file system of {path} can only be read",
+            "`dmesg | tail -n 30` tells whether the card is failing; a reboot may bring it back for a while",
+        )
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return Refused(
+            f"{path} may not be changed: {error.strerror}",
+            "the toolkit needs root: let the account use sudo; `lsattr` tells whether somebody froze the file",
+        )
+    if error.errno == errno.EIO:
+        return Refused(
+            f"{path}: the card answers with read or write errors", "replace the card; `dmesg` has the details"
+        )
+    return Refused(f"{path}: {error.strerror or error}", "")
+
+
+def _left(path: str) -> str:
+    try:
+        return f": {shutil.disk_usage(path).free // 1024} kB are free"
+    except OSError:
+        return ""

@@ -1,0 +1,209 @@
+"""The files of the computer: read, compared, and replaced so that a power cut leaves the old one or the new one."""
+
+# ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH118, PTH120, PTH123, PTH211
+# One system call a line, in an order that a power cut cannot break.
+
+from __future__ import annotations
+
+import contextlib
+import grp
+import os
+import pwd
+import stat
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .refused import Refused, in_words
+
+if TYPE_CHECKING:
+    from typing import Iterator
+
+__all__ = ["Found", "Tree"]
+
+_PERMISSIONS = 0o7777
+
+
+@dataclass(frozen=True)
+class Found:
+    """What stands at a path; `target` is set for a symbolic link, `content` for a file."""
+
+    kind: str
+    """file, link, directory or other."""
+    mode: int
+    uid: int
+    gid: int
+    content: bytes = b""
+    target: str = ""
+
+
+class Tree:
+    """The file system below `root`: `/` on a gateway, a folder in a test."""
+
+    def __init__(self, root: str = "/") -> None:
+        self.root = root
+
+    def at(self, path: str) -> str:
+        """Where `path` of the computer is for this process."""
+        return path if self.root == "/" else self.root + path
+
+    def find(self, path: str) -> Found | None:
+        """Read what is there, without following a symbolic link; None if nothing is."""
+        real = self.at(path)
+        try:
+            told = os.lstat(real)
+            mode = stat.S_IMODE(told.st_mode)
+            if stat.S_ISLNK(told.st_mode):
+                return Found("link", mode, told.st_uid, told.st_gid, target=os.readlink(real))
+            if stat.S_ISDIR(told.st_mode):
+                return Found("directory", mode, told.st_uid, told.st_gid)
+            if not stat.S_ISREG(told.st_mode):
+                return Found("other", mode, told.st_uid, told.st_gid)
+            with open(real, "rb") as file:
+                return Found("file", mode, told.st_uid, told.st_gid, content=file.read())
+        except FileNotFoundError:
+            return None
+        except NotADirectoryError:
+            raise Refused(
+                f"{path} cannot be made: something above it is a file, and has to be a directory",
+                f"look at `namei -l {path}`",
+            ) from None
+        except OSError as error:
+            raise in_words(error, path) from error
+
+    def read(self, path: str) -> bytes | None:
+        """The content of a file, also behind a symbolic link; None if there is none."""
+        try:
+            with open(self.at(path), "rb") as file:
+                return file.read()
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError as error:
+            raise in_words(error, path) from error
+
+    def uid(self, owner: str) -> int:
+        """The number of an account."""
+        try:
+            return int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
+        except KeyError:
+            raise Refused(f"there is no account `{owner}` on this computer", f"make it: `adduser {owner}`") from None
+
+    def gid(self, group: str) -> int:
+        """The number of a group."""
+        try:
+            return int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
+        except KeyError:
+            raise Refused(f"there is no group `{group}` on this computer", f"make it: `addgroup {group}`") from None
+
+    def missing_above(self, path: str) -> list[str]:
+        """The directories above `path` that are not there yet, the highest first."""
+        missing: list[str] = []
+        above = os.path.dirname(path)
+        while above != "/" and not os.path.isdir(self.at(above)):
+            if os.path.lexists(self.at(above)):
+                raise Refused(f"{above} is in the way: it has to be a directory", f"look at it: `ls -l {above}`")
+            missing.insert(0, above)
+            above = os.path.dirname(above)
+        return missing
+
+    def make_directory(self, path: str, mode: int = 0o755, uid: int = 0, gid: int = 0) -> None:
+        """Make one directory whose parent is there."""
+        real = self.at(path)
+        with self._words(path):
+            os.mkdir(real, mode & 0o700)
+            self._own(real, uid, gid)
+            os.chmod(real, mode)
+            self._sync(os.path.dirname(real))
+
+    def stage(self, path: str, content: bytes, mode: int, uid: int, gid: int) -> str:
+        """Write `content` beside `path`, safe on the disk; gives the name of what was written."""
+        beside = self._beside(path)
+        with self._words(path):
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(beside)
+            handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+            try:
+                left = memoryview(content)
+                while left:
+                    left = left[os.write(handle, left) :]
+                if (uid, gid) != (os.geteuid(), os.getegid()):
+                    os.fchown(handle, uid, gid)
+                os.fchmod(handle, mode)
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+        return beside
+
+    def put(self, path: str) -> None:
+        """Let what was staged take its place."""
+        with self._words(path):
+            os.replace(self._beside(path), self.at(path))
+
+    def unstage(self, path: str) -> None:
+        """Remove what was staged, also by a run that was killed."""
+        with self._words(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            os.unlink(self._beside(path))
+
+    def write(self, path: str, content: bytes, mode: int = 0o644) -> None:
+        """Stage and put at once, with the directories above; for the toolkit's own notes."""
+        for directory in self.missing_above(path):
+            self.make_directory(directory, 0o755, os.geteuid(), os.getegid())
+        self.stage(path, content, mode, os.geteuid(), os.getegid())
+        self.put(path)
+        self.sync(path)
+
+    def link(self, path: str, target: str) -> None:
+        """Make `path` a symbolic link to `target`, whatever file or link is there."""
+        beside = self._beside(path)
+        with self._words(path):
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(beside)
+            os.symlink(target, beside)
+            os.replace(beside, self.at(path))
+
+    def mend(self, path: str, mode: int, uid: int, gid: int) -> None:
+        """Set mode and owner; the owner first, because chown(2) takes the set-user-ID bits away."""
+        with self._words(path):
+            self._own(self.at(path), uid, gid)
+            os.chmod(self.at(path), mode)
+
+    def remove(self, path: str) -> None:
+        """Remove a file or a symbolic link."""
+        with self._words(path), contextlib.suppress(FileNotFoundError):
+            os.unlink(self.at(path))
+
+    def remove_directory(self, path: str) -> None:
+        """Remove a directory that this run has made, unless somebody put something into it."""
+        with contextlib.suppress(OSError):
+            os.rmdir(self.at(path))
+
+    def sync(self, path: str) -> None:
+        """Bring the directory that holds `path` safely to the disk."""
+        with self._words(path):
+            self._sync(os.path.dirname(self.at(path)))
+
+    def _beside(self, path: str) -> str:
+        """A name that no program which reads whole directories takes, and that the next run finds again."""
+        folder, name = os.path.split(self.at(path))
+        return os.path.join(folder, f".{name}.atlantis-new")
+
+    @staticmethod
+    def _own(real: str, uid: int, gid: int) -> None:
+        told = os.lstat(real)
+        if (told.st_uid, told.st_gid) != (uid, gid):
+            os.chown(real, uid, gid, follow_symlinks=False)
+
+    @staticmethod
+    def _sync(folder: str) -> None:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+    @staticmethod
+    @contextlib.contextmanager
+    def _words(path: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise in_words(error, path) from error

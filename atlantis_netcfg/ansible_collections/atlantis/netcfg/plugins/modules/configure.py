@@ -1,0 +1,198 @@
+"""Module `atlantis.netcfg.configure`: files, steps and units of a computer in one round trip."""
+
+# ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: configure
+short_description: Bring files, steps and units of a computer to what is declared, in one round trip
+description:
+  - Writes files atomically, all of them validated before the first one takes its place.
+  - Runs steps, and restarts units, when what is in the files that they depend on is not what they last succeeded with.
+    That is noted in C(/var/lib/atlantis/applied): a run that was killed at any moment is completed by the next.
+  - In check mode it tells exactly what it would do; programs that are not installed yet validate nothing then.
+options:
+  directories:
+    description: Directories with a mode or an owner of their own. Those above a file are made without being listed.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      path: {description: From the root., type: str, required: true}
+      mode: {description: Four octal digits in quotes., type: str, default: "0755"}
+      owner: {description: Name or number of an account., type: str, default: root}
+      group: {description: Name or number of a group., type: str, default: root}
+  files:
+    description: Files, whole. A symbolic link in the place of one is replaced; a directory is refused.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      path: {description: From the root., type: str, required: true}
+      content: {description: The text., type: str}
+      secret_content: {description: The text, where it holds a secret; it is shown nowhere., type: str}
+      mode: {description: Four octal digits in quotes., type: str, default: "0644"}
+      owner: {description: Name or number of an account., type: str, default: root}
+      group: {description: Name or number of a group., type: str, default: root}
+      validate:
+        description: A program and its arguments, C(%s) for the file's name; nothing is changed unless it succeeds.
+        type: list
+        elements: str
+        default: []
+  links:
+    description: Symbolic links.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      path: {description: From the root., type: str, required: true}
+      target: {description: What it holds., type: str, required: true}
+  absent:
+    description: Files and links that are removed.
+    type: list
+    elements: str
+    default: []
+  steps:
+    description: Programs to be run, in this order, after the files.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      name: {description: What it does; its note is kept under this name., type: str, required: true}
+      run: {description: The program and its arguments., type: list, elements: str, required: true}
+      after:
+        description: It is run when these files, or C(run), are not what it last succeeded with; without any, once.
+        type: list
+        elements: str
+        default: []
+  units:
+    description: Units of systemd, in this order, after the steps.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      name: {description: As systemctl takes it., type: str, required: true}
+      enabled: {description: Whether it starts with the computer; left alone if omitted., type: bool}
+      active: {description: Whether it runs; if omitted, it is restarted only where it runs., type: bool}
+      after:
+        description: It is restarted when these files are not what it last started with.
+        type: list
+        elements: str
+        default: []
+      reload: {description: Reload it instead of restarting it, where it can., type: bool, default: false}
+      wait:
+        description: Wait until it is up, and read that back; without, a unit that waits for something itself may go on.
+        type: bool
+        default: true
+  way_in:
+    description: What must hold of the SSH session that asks; if it does not, nothing is changed.
+    type: dict
+    suboptions:
+      admit: {description: Networks from which SSH is admitted afterwards., type: list, elements: str, default: []}
+      port: {description: Port on which SSH is admitted afterwards., type: int}
+      key_of: {description: Account that has to have a key to log in with., type: str}
+      hint: {description: What to do where it does not hold., type: str, default: ""}
+author: ATLANTIS pilot team
+"""
+
+EXAMPLES = r"""
+- name: Let chrony serve the LAN
+  atlantis.netcfg.configure:
+    files:
+      - path: /etc/chrony/chrony.conf
+        content: "{{ chrony_conf }}"
+        validate: [chronyd, -p, -f, "%s"]
+    units:
+      - name: chrony
+        enabled: true
+        active: true
+        after: [/etc/chrony/chrony.conf]
+"""
+
+RETURN = r"""
+changes:
+  description: One line for each change, in the order in which they were made.
+  type: list
+  elements: str
+  returned: always
+  sample: [file /etc/chrony/chrony.conf, unit chrony restarted]
+hint:
+  description: What to do about a failure.
+  type: str
+  returned: on failure
+"""
+
+import os
+from typing import Any
+
+from ansible.module_utils.basic import AnsibleModule
+
+from ..module_utils.configure import Configure
+from ..module_utils.refused import Refused
+from ..module_utils.tree import Tree
+from ..module_utils.wishes import Wishes
+
+
+def _strings() -> dict[str, Any]:
+    return {"type": "list", "elements": "str", "default": []}
+
+
+def _rows(**options: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "list", "elements": "dict", "default": [], "options": options}
+
+
+_TEXT = {"type": "str", "required": True}
+_OWN: dict[str, Any] = {"owner": {"type": "str", "default": "root"}, "group": {"type": "str", "default": "root"}}
+ARGUMENTS: dict[str, Any] = {
+    "directories": _rows(path=_TEXT, mode={"type": "str", "default": "0755"}, **_OWN),
+    "files": {
+        **_rows(
+            path=_TEXT,
+            content={"type": "str"},
+            secret_content={"type": "str", "no_log": True},
+            mode={"type": "str", "default": "0644"},
+            validate=_strings(),
+            **_OWN,
+        ),
+        "mutually_exclusive": [("content", "secret_content")],
+        "required_one_of": [("content", "secret_content")],
+    },
+    "links": _rows(path=_TEXT, target=_TEXT),
+    "absent": _strings(),
+    "steps": _rows(name=_TEXT, run={"type": "list", "elements": "str", "required": True}, after=_strings()),
+    "units": _rows(
+        name=_TEXT,
+        enabled={"type": "bool"},
+        active={"type": "bool"},
+        after=_strings(),
+        reload={"type": "bool", "default": False},
+        wait={"type": "bool", "default": True},
+    ),
+    "way_in": {
+        "type": "dict",
+        "options": {
+            "admit": _strings(),
+            "port": {"type": "int"},
+            "key_of": {"type": "str", "no_log": False},
+            "hint": {"type": "str", "default": ""},
+        },
+    },
+}
+
+
+def main() -> None:
+    """Run the module."""
+    module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
+    done: list[str] = []
+    try:
+        configure = Configure(Tree(), Wishes.of(module.params), check=module.check_mode)
+        done = configure.changes
+        configure.converge(os.environ)
+    except Refused as refused:
+        module.fail_json(msg=refused.message, hint=refused.hint, changes=done, changed=bool(done))
+    module.exit_json(changed=bool(done), changes=done, diff=configure.diff)
+
+
+if __name__ == "__main__":
+    main()
