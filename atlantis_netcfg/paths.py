@@ -1,4 +1,4 @@
-"""Where things are: the checkout, and what must outlive a run (journals, backups, pinned certificates, logs)."""
+"""Where things are: the checkout, the cache, and what must outlive a run (journals, backups, certificates, logs)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from atlantis_netcfg.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["checkout", "private_directory", "state_dir"]
+__all__ = ["cache_dir", "checkout", "private_directory", "state_dir"]
 
 _HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
+_CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory provision …"
 
 
 def checkout() -> Path:
@@ -29,6 +30,21 @@ def state_dir(environ: Mapping[str, str] | None = None) -> Path:
     Specification has it), else under `~/.local/state`.
     """
     return private_directory(_chosen(os.environ if environ is None else environ))
+
+
+def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
+    """The directory of what can be made again, made if it is missing; UsageError when there is no place for it.
+
+    `atlantis` under `$XDG_CACHE_HOME` (absolute paths only), else under `~/.cache`.
+    """
+    known = os.environ if environ is None else environ
+    cache_home = Path(known.get("XDG_CACHE_HOME", ""))
+    home = cache_home if cache_home.is_absolute() else _home(known, "the cache", _CACHE_HINT) / ".cache"
+    try:
+        (home / "atlantis").mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"no place to keep the cache: {home}: {error.strerror}", hint=_CACHE_HINT) from error
+    return home / "atlantis"
 
 
 def private_directory(path: Path) -> Path:
@@ -50,14 +66,14 @@ def _chosen(environ: Mapping[str, str]) -> Path:
     state_home = environ.get("XDG_STATE_HOME", "")
     if Path(state_home).is_absolute():
         return Path(state_home) / "atlantis"
-    return _home(environ) / ".local" / "state" / "atlantis"
+    return _home(environ, "the journal", _HINT) / ".local" / "state" / "atlantis"
 
 
-def _home(environ: Mapping[str, str]) -> Path:
+def _home(environ: Mapping[str, str], what: str, hint: str) -> Path:
     home = environ.get("HOME") or _home_on_record()
     if not home or not Path(home).is_dir():
         missing = f"the home directory {home} does not exist" if home else "there is no home directory"
-        raise UsageError(f"no place to keep the journal: {missing}", hint=_HINT)
+        raise UsageError(f"no place to keep {what}: {missing}", hint=hint)
     return Path(home)
 
 

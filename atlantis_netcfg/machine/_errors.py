@@ -1,0 +1,11 @@
+"""What goes wrong with machines, in words for the person at the computer that should run them."""
+
+from __future__ import annotations
+
+from atlantis_netcfg.errors import NetcfgError
+
+__all__ = ["MachineFailed"]
+
+
+class MachineFailed(NetcfgError):
+    """A machine could not be built, started, or asked; nothing beyond this computer was touched."""

@@ -1,0 +1,139 @@
+"""Takes a yard down when its owner ends, in whatever way that happens; a program of the standard library alone.
+
+    python _keeper.py YARD        waits for the end of its standard input, which the owner holds open
+
+Everything of a yard bears its name: network namespaces, control groups, mounts. Taking down what is already gone is no
+error, so that the owner's keeper and the sweep of a later yard may meet.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+__all__ = ["PREFIX", "YARDS", "control_groups", "empty", "mounted", "remove_group", "sweep", "take_down", "unmount"]
+
+YARDS = Path("/run/atlantis/yards")
+"""One folder for each yard: the file `owner`, locked as long as the owner lives, and what its machines mount."""
+PREFIX = "atl"
+"""Names of yards begin with it: `atl<pid of the owner>-<number>`."""
+_NAMESPACES = Path("/run/netns")
+_PROPAGATE = Path("/run/systemd/nspawn/propagate")
+_PATIENCE_S = 20.0
+_PAUSE_S = 0.01
+
+
+def sweep() -> None:
+    """Take down the yards whose owners are dead."""
+    for folder in sorted(YARDS.glob(f"{PREFIX}*")):
+        with suppress(FileNotFoundError, BlockingIOError), (folder / "owner").open("rb") as owner:
+            fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            take_down(folder.name)
+
+
+def take_down(yard: str) -> None:
+    """End every process of a yard, then remove its mounts, namespaces and control groups."""
+    for name in _namespaces(yard):
+        empty(partial(_inhabitants, name))
+    for group in _groups(yard):
+        remove_group(group)
+    unmount(YARDS / yard)
+    for name in _namespaces(yard):
+        _quietly("ip", "netns", "delete", name)
+    for left in _PROPAGATE.glob(f"{yard}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    shutil.rmtree(YARDS / yard, ignore_errors=True)
+
+
+def _namespaces(yard: str) -> list[str]:
+    """Names of the network namespaces of a yard; those of its machines first."""
+    found = [yard, *(path.name for path in _NAMESPACES.glob(f"{yard}-*"))]
+    return sorted((name for name in found if (_NAMESPACES / name).exists()), key=len, reverse=True)
+
+
+def _inhabitants(name: str) -> list[int]:
+    told = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False)  # noqa: S603, S607
+    return [int(word) for word in told.stdout.split() if int(word) != os.getpid()]
+
+
+def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S) -> None:
+    """Kill until nobody is left, or patience is."""
+    end = time.monotonic() + patience_s
+    while (found := inhabitants()) and time.monotonic() < end:
+        for process in found:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        time.sleep(_PAUSE_S)
+
+
+def control_groups() -> list[Path]:
+    """Where the hierarchies of control groups are mounted that systemd keeps its books in."""
+    found = []
+    for line in Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines():
+        place, _, kind = line.partition(" - ")
+        words = kind.split()
+        if words[0] == "cgroup2" or (words[0] == "cgroup" and "name=systemd" in words[2].split(",")):
+            found.append(Path(place.split()[4]))
+    return found
+
+
+def _groups(yard: str) -> Iterator[Path]:
+    for hierarchy in control_groups():
+        yield from hierarchy.glob(f"{yard}-*")
+
+
+def remove_group(group: Path) -> None:
+    """Kill what is left in a control group and in those below it, and remove them."""
+    empty(partial(_members, group))
+    for below in sorted(group.rglob("*/"), key=lambda path: len(path.parts), reverse=True):
+        with suppress(OSError):
+            below.rmdir()
+    with suppress(OSError):
+        group.rmdir()
+
+
+def _members(group: Path) -> list[int]:
+    found = []
+    for file in group.rglob("cgroup.procs"):
+        with suppress(OSError):
+            found += [int(word) for word in file.read_text(encoding="ascii").split()]
+    return found
+
+
+def mounted() -> list[str]:
+    """Where something is mounted, in the order in which it was."""
+    return [line.split()[4] for line in Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines()]
+
+
+def unmount(folder: Path) -> None:
+    """Unmount what is mounted below a folder, the last one first."""
+    for place in reversed(mounted()):
+        if Path(place).is_relative_to(folder):
+            _quietly("umount", "--lazy", place)
+
+
+def _quietly(*words: str) -> None:
+    subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - a program of the system
+
+
+def _keep(yard: str) -> None:
+    sys.stdin.buffer.read()
+    take_down(yard)
+
+
+if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    _keep(sys.argv[1])

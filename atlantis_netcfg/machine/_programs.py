@@ -1,0 +1,31 @@
+"""Runs the programs of the system that machines are made of."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.machine._errors import MachineFailed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["asked", "program"]
+
+
+def asked(
+    words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a program and give what came of it, whatever that is."""
+    stdin = None if text is not None else subprocess.DEVNULL
+    return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
+        words, input=text, stdin=stdin, capture_output=True, text=True, errors="replace", check=False, timeout=timeout_s
+    )
+
+
+def program(*words: str) -> str:
+    """Run a program that has to succeed; give its output."""
+    done = asked(words)
+    if done.returncode:
+        raise MachineFailed(f"{' '.join(words)}: {done.stderr.strip() or f'ended with {done.returncode}'}")
+    return done.stdout

@@ -1,0 +1,193 @@
+"""The way from this computer to a machine's sshd: a port of the loopback, and a bearer with delay and outages."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["Relay", "Traffic", "Way"]
+
+_PIECE = 1400
+"""Bytes that travel together: a TCP segment within a tunnel's MTU."""
+_PIECES = 256
+"""How many a direction of a connection takes before its sender has to wait."""
+_CONNECT_S = 10.0
+_RESET = b"\1\0\0\0\0\0\0\0"
+"""struct linger {1, 0}: close() sends a reset."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """What the bearer does to every byte from now on; the default does nothing."""
+
+    delay_s: float = 0.0
+    """One way: half of the round trip. Making a connection costs a round trip."""
+    rate_up_bps: float | None = None
+    """From this computer to the machine; None: unlimited."""
+    rate_down_bps: float | None = None
+    """From the machine to this computer."""
+    up: bool = True
+    """False: nothing arrives on either side, not even the end of a connection; what is under way is kept."""
+
+
+@dataclass
+class Traffic:
+    """What has been handed to the bearer since the machine was started; headers are not counted."""
+
+    connections: int = 0
+    up_bytes: int = 0
+    down_bytes: int = 0
+
+
+_Line = asyncio.Queue[tuple[float, bytes | None]]
+"""When it arrives and what: no bytes are the end of what the sender says, None is a reset."""
+
+
+class _Direction(Enum):
+    UP = "up"
+    DOWN = "down"
+
+
+class Relay:
+    """Listens on 127.0.0.1, and leads every connection to an address inside a namespace, in a thread of its own."""
+
+    def __init__(self, make: Callable[[], socket.socket], target: tuple[str, int]) -> None:
+        self._bearer = _Bearer()
+        self._make = make
+        self._target = target
+        self._door = socket.create_server(("127.0.0.1", 0))
+        self._door.setblocking(False)
+        self.port: int = self._door.getsockname()[1]
+        self._loop = asyncio.new_event_loop()
+        self._end = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name=f"relay-{target[0]}", daemon=True)
+        self._thread.start()
+
+    @property
+    def traffic(self) -> Traffic:
+        """What has passed up to now."""
+        return self._bearer.traffic
+
+    def set(self, way: Way) -> None:
+        """Change the bearer; bytes that are already under way arrive when they would have."""
+        asyncio.run_coroutine_threadsafe(self._bearer.set(way), self._loop).result()
+
+    def close(self) -> None:
+        """Stop listening and drop every connection."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._end.set)
+            self._thread.join()
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner, self._door:
+            runner.run(self._serve())
+
+    async def _serve(self) -> None:
+        listening = self._loop.create_task(self._listen())
+        await self._end.wait()
+        listening.cancel()
+        # The runner cancels the connections and waits for them.
+
+    async def _listen(self) -> None:
+        connections = set()
+        while True:
+            client, _ = await self._loop.sock_accept(self._door)
+            task = self._loop.create_task(self._connection(client))
+            connections.add(task)
+            task.add_done_callback(connections.discard)
+
+    async def _connection(self, client: socket.socket) -> None:
+        """Carry both directions until both have ended; when one fails, both ends are reset."""
+        with client:
+            await self._bearer.connected()
+            with await self._loop.run_in_executor(None, self._make) as machine:
+                try:
+                    machine.setblocking(False)
+                    await asyncio.wait_for(self._loop.sock_connect(machine, self._target), _CONNECT_S)
+                    await _join(self._bearer, client, machine)
+                except (OSError, ExceptionGroup):
+                    for end in (client, machine):
+                        end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+
+
+class _Bearer:
+    """The state that all connections share: when each direction is free again, and whether anything arrives."""
+
+    def __init__(self) -> None:
+        self._way = Way()
+        self._air = asyncio.Event()
+        self._air.set()
+        self._free_at = dict.fromkeys(_Direction, 0.0)
+        self.traffic = Traffic()
+
+    async def set(self, way: Way) -> None:
+        self._way = way
+        if way.up:
+            self._air.set()
+        else:
+            self._air.clear()
+
+    async def connected(self) -> None:
+        """Wait for what a TCP connection costs before its first byte."""
+        self.traffic.connections += 1
+        await asyncio.sleep(2 * self._way.delay_s)
+        await self._air.wait()
+
+    def arrival(self, direction: _Direction, size: int) -> float:
+        """When bytes that are handed over now have arrived; a direction's rate is shared by all connections."""
+        up = direction is _Direction.UP
+        self.traffic.up_bytes += size if up else 0
+        self.traffic.down_bytes += 0 if up else size
+        rate = self._way.rate_up_bps if up else self._way.rate_down_bps
+        start = max(asyncio.get_running_loop().time(), self._free_at[direction])
+        self._free_at[direction] = start if rate is None else start + size * 8 / rate
+        return self._free_at[direction] + self._way.delay_s
+
+    async def until(self, arrival: float) -> None:
+        await asyncio.sleep(arrival - asyncio.get_running_loop().time())
+        await self._air.wait()
+
+
+async def _join(bearer: _Bearer, client: socket.socket, machine: socket.socket) -> None:
+    async with asyncio.TaskGroup() as tasks:
+        for direction, source, sink in ((_Direction.UP, client, machine), (_Direction.DOWN, machine, client)):
+            source.setblocking(False)
+            source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            line: _Line = asyncio.Queue(_PIECES)
+            tasks.create_task(_take(bearer, direction, source, line))
+            tasks.create_task(_deliver(bearer, sink, line))
+
+
+async def _take(bearer: _Bearer, direction: _Direction, source: socket.socket, line: _Line) -> None:
+    """Hand over at this end whatever comes, the end of the connection too."""
+    loop = asyncio.get_running_loop()
+    data: bytes | None = b"more"
+    while data:
+        try:
+            data = await loop.sock_recv(source, _PIECE)
+        except ConnectionError:
+            data = None
+        await line.put((bearer.arrival(direction, len(data or b"")), data))
+
+
+async def _deliver(bearer: _Bearer, sink: socket.socket, line: _Line) -> None:
+    """Give out at the other end, first in, first out, each piece when it is due."""
+    loop = asyncio.get_running_loop()
+    last = 0.0
+    while True:
+        arrival, data = await line.get()
+        last = max(last, arrival)
+        await bearer.until(last)
+        if data is None:
+            raise ConnectionResetError
+        if not data:
+            sink.shutdown(socket.SHUT_WR)
+            return
+        await loop.sock_sendall(sink, data)

@@ -1,0 +1,110 @@
+"""Gateway computers for the tests of this folder: machines from one tree that holds what any of them needs.
+
+from gateway_stand import gateway_tree, ground, machine   # fixtures; the tests are marked `namespace`
+
+def test_it(machine: Start, tmp_path: Path) -> None:
+    gateway = machine("coastal-gateway")
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from atlantis_netcfg.machine import TreeSpec, tree, why_not, yard
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from atlantis_netcfg.machine import Machine, Yard
+
+SPEC = TreeSpec(
+    packages=(
+        *("cmake", "colcon", "g++", "git", "libyaml-cpp-dev", "make"),  # the interop library is built
+        *("curl", "gnupg", "locales"),  # sources of packages, and their language
+        "nftables",
+    )
+)
+NETWORK, ROUTER = "10.64.1.", "10.64.1.1"
+_FIRST = 10
+
+
+def gateway_tree() -> Path:
+    """The tree of all these tests, in the user's cache: built once, in about 90 s."""
+    return tree(SPEC)
+
+
+@dataclass(frozen=True)
+class Key:
+    """A technician's key: the file that ssh takes, and the line of authorized_keys."""
+
+    file: Path
+    public: str
+
+
+class Start(Protocol):
+    """Starts a machine; addresses are 10.64.1.10, .11, … unless one is given with its prefix."""
+
+    def __call__(self, name: str = ..., /, *, address: str | None = ..., **how: Any) -> Machine: ...  # noqa: ANN401
+
+
+@pytest.fixture(scope="session")
+def technician(tmp_path_factory: pytest.TempPathFactory) -> Key:
+    """One key for all machines of a run."""
+    made = Ed25519PrivateKey.generate()
+    private = made.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.OpenSSH, serialization.NoEncryption()
+    )
+    public = made.public_key().public_bytes(serialization.Encoding.OpenSSH, serialization.PublicFormat.OpenSSH)
+    file = tmp_path_factory.mktemp("technician") / "id_ed25519"
+    file.touch(mode=0o600)
+    file.write_bytes(private)
+    return Key(file, public.decode())
+
+
+@pytest.fixture
+def ground(tmp_path: Path) -> Iterator[Yard]:
+    """A yard that stands as long as the test; its end is the router's address."""
+    if (reason := why_not()) is not None:
+        pytest.skip(reason)
+    with yard(tmp_path / "yard") as made:
+        made.own(f"{ROUTER}/24")
+        yield made
+
+
+@pytest.fixture
+def machine(ground: Yard, technician: Key) -> Start:
+    """Starts machines in the test's yard; `how` is what `Yard.start` takes."""
+    numbers = itertools.count(_FIRST)
+
+    def start(name: str = "coastal-gateway", /, *, address: str | None = None, **how: Any) -> Machine:  # noqa: ANN401
+        chosen = f"{NETWORK}{next(numbers)}/24" if address is None else address
+        wanted = {"keys": (technician.public,), "gateway": ROUTER} | how
+        return ground.start(name, gateway_tree(), address=chosen, **wanted)
+
+    return start
+
+
+def known_hosts(folder: Path, *machines: Machine) -> Path:
+    """A file with the keys of these machines, as ssh knows them by the ports here."""
+    lines = [f"[127.0.0.1]:{one.port} {one.host_key}\n" for one in machines]
+    (folder / "known_hosts").write_text("".join(lines))
+    return folder / "known_hosts"
+
+
+def ssh(one: Machine, key: Key, folder: Path) -> list[str]:
+    """The words before a command that runs on a machine, by SSH through its port."""
+    options = {
+        "IdentitiesOnly": "yes",
+        "StrictHostKeyChecking": "yes",
+        "UserKnownHostsFile": str(known_hosts(folder, one)),
+        "BatchMode": "yes",
+    }
+    said = [word for name, value in options.items() for word in ("-o", f"{name}={value}")]
+    return ["ssh", "-F", "none", "-i", str(key.file), "-p", str(one.port), *said, "root@127.0.0.1"]
