@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from . import way_in
@@ -17,6 +18,7 @@ from .placing import Placing
 from .programs import run, succeed
 from .refused import Refused
 from .stamps import Stamps
+from .strays import clear, strays
 from .units import Systemd
 
 if TYPE_CHECKING:
@@ -68,6 +70,8 @@ class Configure:
         self._bring_units()
 
     def _place(self) -> None:
+        left = strays(self.tree, self.wishes)
+        self.wishes = replace(self.wishes, absent=(*self.wishes.absent, *left))
         placing = Placing(self.tree, self.wishes, self.run)
         if self.check:
             placing.validate_aside()
@@ -78,6 +82,7 @@ class Configure:
             }
         else:
             placing.place()
+            clear(self.tree, self.wishes, left)
         self.changes += placing.changes()
         self.diff += placing.differences()
 

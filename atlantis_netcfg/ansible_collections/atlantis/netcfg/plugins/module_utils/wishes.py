@@ -89,6 +89,8 @@ class Wishes:
     files: tuple[File, ...] = ()
     links: tuple[Link, ...] = ()
     absent: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    """Folders in which nothing may stand but what is declared here."""
     steps: tuple[Step, ...] = ()
     units: tuple[Unit, ...] = ()
     way_in: WayIn = field(default_factory=WayIn)
@@ -104,6 +106,7 @@ class Wishes:
             files=tuple(_file(row) for row in told.get("files") or ()),
             links=tuple(Link(row["path"], row["target"]) for row in told.get("links") or ()),
             absent=tuple(told.get("absent") or ()),
+            only=tuple(told.get("only") or ()),
             steps=tuple(
                 Step(row["name"], tuple(row["run"]), tuple(row.get("after") or ())) for row in told.get("steps") or ()
             ),
@@ -167,7 +170,7 @@ def _mode(row: Mapping[str, Any], default: str) -> int:
 def _check_paths(wishes: Wishes) -> None:
     kinds = (wishes.directories, wishes.files, wishes.links)
     paths = [item.path for kind in kinds for item in kind] + list(wishes.absent)
-    for path in paths:
+    for path in (*paths, *wishes.only):
         if not path.startswith("/") or posixpath.normpath(path) != path or path == "/":
             raise Refused(f"`{path}` is no path from the root", "write it in full, like /etc/hosts")
     _check_once("path", paths)

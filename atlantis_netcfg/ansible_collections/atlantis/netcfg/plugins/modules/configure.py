@@ -53,6 +53,11 @@ options:
     type: list
     elements: str
     default: []
+  only:
+    description: Folders that are ours alone. Files and links in them, at any depth, that are not declared are removed.
+    type: list
+    elements: str
+    default: []
   steps:
     description: Programs to be run, in this order, after the files.
     type: list
@@ -160,6 +165,7 @@ ARGUMENTS: dict[str, Any] = {
     },
     "links": _rows(path=_TEXT, target=_TEXT),
     "absent": _strings(),
+    "only": _strings(),
     "steps": _rows(name=_TEXT, run={"type": "list", "elements": "str", "required": True}, after=_strings()),
     "units": _rows(
         name=_TEXT,

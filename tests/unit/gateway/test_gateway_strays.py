@@ -1,0 +1,64 @@
+"""Folders that are ours alone hold what is declared, and nothing that an earlier declaration has left."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.configure import Configure
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.wishes import Wishes
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FOLDER = "/etc/ours"
+KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": "0", "group": "0"}
+
+
+def configured(root: Path, *, check: bool = False, **told: Any) -> list[str]:  # noqa: ANN401 - of the module
+    wishes = Wishes.of({"only": [FOLDER], **told})
+    configure = Configure(Tree(str(root)), wishes, check=check, run=lambda _argv: Done(0, ""))
+    configure.converge({})
+    return configure.changes
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A folder with what is declared, what is not, and neighbours that are nobody's business."""
+    for name in ("4g/a.xml", "4g/old.xml", "satellite/deep/old.xml", ".hidden"):
+        path = tmp_path / FOLDER[1:] / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("a")
+    (tmp_path / "etc" / "oursnot").mkdir()
+    (tmp_path / "etc" / "oursnot" / "theirs").write_text("x")
+    (tmp_path / FOLDER[1:] / "link").symlink_to("../oursnot")
+    return tmp_path
+
+
+def test_what_is_not_declared_goes_and_its_empty_folders_too(root: Path) -> None:
+    gone = [f"absent {FOLDER}/{name}" for name in (".hidden", "link", "4g/old.xml", "satellite/deep/old.xml")]
+    assert sorted(configured(root, files=[KEPT], check=True)) == sorted(gone)
+    assert (root / FOLDER[1:] / ".hidden").exists()
+    assert sorted(configured(root, files=[KEPT])) == sorted(gone)
+    assert sorted(path.name for path in (root / FOLDER[1:]).rglob("*")) == ["4g", "a.xml"]
+    assert (root / "etc" / "oursnot" / "theirs").exists()
+    assert configured(root, files=[KEPT]) == []
+
+
+def test_without_any_declared_file_the_folder_is_emptied_and_stays(root: Path) -> None:
+    assert len(configured(root)) == 5
+    assert list((root / FOLDER[1:]).iterdir()) == []
+    assert configured(root) == []
+
+
+def test_a_folder_that_is_not_there_has_nothing_to_clear(tmp_path: Path) -> None:
+    assert configured(tmp_path) == []
+
+
+def test_a_folder_is_named_from_the_root(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="`etc/ours` is no path from the root"):
+        configured(tmp_path, only=["etc/ours"])
