@@ -18,6 +18,8 @@ MARKERS = (
     "slow: takes more than a few seconds; CI runs it as well",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
+MACHINES = ("machine", "gateway", "bundle")
+"""Folders whose tests start real systemd hosts; a rehearsal in any other test goes without them."""
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
 
 
@@ -85,6 +87,13 @@ def state_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def own_state(state_of_tests: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that a test runs keeps state in the home of whoever runs the tests."""
     monkeypatch.setenv("ATLANTIS_STATE", str(state_of_tests))
+
+
+@pytest.fixture(autouse=True)
+def no_machines(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rehearse without systemd hosts, unless the test is about them."""
+    if request.path.parent.name not in MACHINES:
+        monkeypatch.setenv("ATLANTIS_NO_MACHINES", "tests")
 
 
 @pytest.fixture(autouse=True)

@@ -62,7 +62,7 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _report(opened: Session, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
-    from atlantis_netcfg.operations.handled import handled
+    from atlantis_netcfg.operations.kinds import handled
     from atlantis_netcfg.report.drift import DriftReport
 
     return DriftReport(

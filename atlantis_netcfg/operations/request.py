@@ -61,14 +61,18 @@ class Target(_Data):
 
     host: str
     port: int
-    pin: str
-    """SHA-256 of its certificate, hex."""
+    pin: str = ""
+    """SHA-256 of its certificate, hex; a gateway has none."""
     ssh: int | None = None
     """Port of its console."""
     host_key: str | None = None
     """Its SSH host key, as OpenSSH prints it."""
     serial: str | None = None
     """Path of its serial port, where it has nothing else."""
+    known_hosts: str | None = None
+    """A gateway: file with its SSH host key."""
+    identity: str | None = None
+    """A gateway: file with the private key that opens it."""
 
 
 class Request(_Data):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.errors import ExitCode
@@ -25,10 +25,21 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.journal import Confirmed, Recorder
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.apply import DeviceResult
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["RunName", "Turn"]
+
+
+class Ended(Protocol):
+    """What a turn has to know of a device's result."""
+
+    @property
+    def name(self) -> str:
+        """The host's."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """As of a run that ended so on its only device."""
 
 
 @dataclass(slots=True)
@@ -81,7 +92,7 @@ class Turn:
             self.confirmed = Store(request.state).last_confirmed(self._site, self._hosts)
         self._opened = True
 
-    def ended(self, result: DeviceResult) -> None:
+    def ended(self, result: Ended) -> None:
         """Take the result of one of its devices; after the last one, write the last record and free the site.
 
         A disk that is full by now is told in the devices' own results, which must not be lost over it.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.site import load
 
 ROOT = Path(__file__).parents[3]

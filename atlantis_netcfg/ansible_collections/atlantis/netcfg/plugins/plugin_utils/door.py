@@ -16,7 +16,7 @@ from atlantis_netcfg.errors import NetcfgError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["Asked", "Door"]
+__all__ = ["Asked", "Door", "inventory_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,8 @@ class Asked:
     request: dict[str, Any]
     plan_only: bool
     """Check mode."""
+    part: str = ""
+    """Which part of its hosts the task asks for, if it asks for one."""
 
     @staticmethod
     def decrypt(text: str) -> str:
@@ -37,7 +39,7 @@ class Asked:
 
 
 class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """An action that runs once for the whole play and takes one argument, `request`."""
+    """An action that runs once for the whole play and takes one argument, `request`, unless it says otherwise."""
 
     BYPASS_HOST_LOOP = True
     TRANSFERS_FILES = False
@@ -58,10 +60,11 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
         asked = Asked(
-            _inventory(variables),
+            inventory_of(variables),
             tuple(variables["ansible_play_hosts"]),
             {**(self._task.args.get("request") or {}), **consent(variables)},
             bool(self._task.check_mode),
+            str(self._task.args.get("part") or ""),
         )
         try:
             result.update(self.perform(asked))
@@ -71,7 +74,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         return result
 
 
-def _inventory(variables: dict[str, Any]) -> Path:
+def inventory_of(variables: Mapping[str, Any]) -> Path:
     """The folder of the declaration: the inventory that was given, or the one beside the playbooks.
 
     AWX hands the hosts to a job in a file of its own; what they are to be stands in the project.

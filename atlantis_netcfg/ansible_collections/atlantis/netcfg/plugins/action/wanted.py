@@ -1,0 +1,27 @@
+"""Action `atlantis.netcfg.wanted`: what the gateways of a play should hold, for the role that asks.
+
+It runs once for the whole play and contacts nothing; `per_host` of its result holds one entry a gateway, final data
+without templates and without secrets.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import Asked, Door
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class ActionModule(Door):
+    """Door from a role to `atlantis_netcfg.operations.gateways`; argument `part` names the role."""
+
+    _VALID_ARGS = frozenset({"request", "part"})
+
+    @staticmethod
+    def perform(asked: Asked) -> Mapping[str, Any]:
+        """Look it up in the declaration; refuse what this run may not do."""
+        from atlantis_netcfg.operations.gateways import perform  # noqa: PLC0415 - Ansible imports every action plugin
+
+        return perform(asked.inventory, asked.hosts, asked.request, asked.part, plan_only=asked.plan_only)

@@ -1,0 +1,82 @@
+"""Callback `atlantis.netcfg.gateways`: lock, journal and results of a play over gateway computers.
+
+Ordinary roles tell Ansible how each task ended; this hands it to `atlantis_netcfg.operations.gateways`, which holds the
+site's lock as long as the play lasts. Enabled in ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ansible import context
+from ansible.plugins.callback import CallbackBase
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import inventory_of
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.operations.gateways import Watch
+
+DOCUMENTATION = """
+name: gateways
+type: notification
+short_description: Lock, journal and results of gateway computers
+description:
+  - Holds the lock of each site while the roles of its gateways run, and writes its journal.
+  - Hands the result of every gateway to C(provision), if that is who asked.
+requirements:
+  - enabled in C(callbacks_enabled) of ansible.cfg
+"""
+GROUP = "gateways"
+
+
+class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
+    """Ears only: what is to be done with it stands in `operations.gateways`."""
+
+    CALLBACK_VERSION = 2.0
+    CALLBACK_TYPE = "notification"
+    CALLBACK_NAME = "atlantis.netcfg.gateways"
+    CALLBACK_NEEDS_ENABLED = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._watch: Watch | None = None
+
+    def v2_playbook_on_play_start(self, play: Any) -> None:  # noqa: ANN401
+        """A play begins: one over the group of the gateways is watched from here to the end of the playbook."""
+        manager = play.get_variable_manager()
+        hosts = manager._inventory.get_hosts(play.hosts)  # noqa: SLF001 - a callback is not told in another way
+        if self._watch is not None or GROUP not in play.hosts or not hosts:
+            return
+        from atlantis_netcfg.operations.gateways import Watch  # noqa: PLC0415 - Ansible imports every plugin
+        from atlantis_netcfg.operations.request import Request, consent  # noqa: PLC0415 - as above
+
+        variables = manager.get_vars(play=play, host=hosts[0])
+        request = Request.model_validate({**(variables.get("atlantis_request") or {}), **consent(variables)})
+        self._watch = Watch(inventory_of(variables), request, plan_only=bool(context.CLIARGS.get("check")))
+        self._watch.begin([host.name for host in hosts])
+
+    def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401
+        """One line of progress."""
+        if self._watch is not None:
+            self._watch.started(host.name, task.get_name())
+
+    def v2_runner_on_ok(self, result: Any) -> None:  # noqa: ANN401
+        """What it changed."""
+        if self._watch is not None:
+            self._watch.ok(result.host.name, result.task.get_name(), result.result)
+
+    def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
+        """Why."""
+        if self._watch is not None and not ignore_errors:
+            self._watch.failed(result.host.name, result.task.get_name(), result.result)
+
+    def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
+        """Why."""
+        if self._watch is not None:
+            self._watch.unreachable(result.host.name, result.task.get_name(), result.result)
+
+    def v2_playbook_on_stats(self, stats: Any) -> None:  # noqa: ANN401
+        """The playbook has ended; a failure that a role has rescued is none."""
+        if self._watch is not None:
+            self._watch.end({*stats.failures, *stats.dark})
+            self._watch = None

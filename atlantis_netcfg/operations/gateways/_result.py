@@ -1,0 +1,115 @@
+"""How a run ended on one gateway: the shape of a device's result, so that every report can hold it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from difflib import unified_diff
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.routeros.apply import Status
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.errors import ExitCode
+
+__all__ = ["GatewayResult"]
+
+_PROTECTION = "files whole or not at all; the network under a timer that takes its change back; the firewall likewise"
+
+
+@dataclass(slots=True)
+class GatewayResult:
+    """What its tasks have told so far."""
+
+    name: str
+    plan_only: bool = False
+    changes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    shown: list[str] = field(default_factory=list)
+    """Differences of texts, as `diff -u` has them."""
+    failure: str | None = None
+    hint: str | None = None
+    status: Status = Status.UNCHANGED
+    seconds: float = 0.0
+
+    def ok(self, task: str, told: Mapping[str, Any]) -> None:
+        """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
+        self.notes += [str(note) for note in told.get("notes") or ()]
+        if not told.get("changed"):
+            return
+        self.changes += [str(change) for change in told.get("changes") or (task,)]
+        self.shown += _differences(told.get("diff"))
+        if self.status is Status.UNCHANGED:
+            self.status = Status.PLANNED if self.plan_only else Status.CHANGED
+
+    def failed(self, task: str, told: Mapping[str, Any], status: Status) -> None:
+        """Take why a task failed."""
+        words = str(told.get("msg") or "no reason was given").strip()
+        self.failure = f"{task}: {words}"
+        self.hint = str(told["hint"]) if told.get("hint") else None
+        self.changes += [str(change) for change in told.get("changes") or ()]
+        self.status = status
+
+    def rescued(self) -> None:
+        """Forget a failure that the role itself has dealt with."""
+        if self.failure is None:
+            return
+        self.failure, self.hint = None, None
+        done = Status.PLANNED if self.plan_only else Status.CHANGED
+        self.status = done if self.changes else Status.UNCHANGED
+
+    @property
+    def exit(self) -> ExitCode:
+        """The exit code of a run that ended so on its only device."""
+        return self.status.exit
+
+    @property
+    def message(self) -> str:
+        """What stands in the report beside its name."""
+        count = f"{len(self.changes)} change{'' if len(self.changes) == 1 else 's'}"
+        if self.failure is not None:
+            return f"{self.failure} (after {count})" if self.changes else self.failure
+        if self.status is Status.UNCHANGED:
+            return "as declared, nothing to change"
+        return f"{count} to make" if self.plan_only else f"{count} made"
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data, with every key of a device's result."""
+        lines = [*(f"  {change}" for change in self.changes), *self.shown]
+        return {
+            "status": self.status.value,
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": self.hint,
+            "planned": len(self.changes),
+            "confirmed": 0 if self.plan_only or self.failure is not None else len(self.changes),
+            "diff": "\n".join(lines),
+            "drift": [],
+            "comparison": None,
+            "notes": list(dict.fromkeys(self.notes)),
+            "estimate": None,
+            "plan_hash": hashlib.sha256("\n".join(lines).encode()).hexdigest(),
+            "protection": None,
+            "protection_words": _PROTECTION,
+            "round_trips": 0,
+            "bytes": {"sent": 0, "received": 0},
+            "seconds": round(self.seconds, 3),
+            "version": None,
+            "board": None,
+            "changes": list(self.changes),
+        }
+
+
+def _differences(told: object) -> Iterator[str]:
+    """What Ansible's `diff` says, one text after another."""
+    for one in told if isinstance(told, list) else [told]:
+        if not isinstance(one, dict):
+            continue
+        if "prepared" in one:
+            yield str(one["prepared"]).rstrip()
+        elif "before" in one or "after" in one:
+            before, after = (str(one.get(side) or "").splitlines() for side in ("before", "after"))
+            names = (str(one.get("before_header") or "before"), str(one.get("after_header") or "after"))
+            yield "\n".join(unified_diff(before, after, *names, lineterm="", n=1))

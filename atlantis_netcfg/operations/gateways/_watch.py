@@ -1,0 +1,128 @@
+"""Beside the roles, in Ansible's main process: lock, journal, progress, and one result a gateway.
+
+Ansible runs each task in a process that ends with it, so that nothing which lasts a whole run can live in a task. A
+callback plugin hands every event to the `Watch`; what the watch has to refuse is raised by the next task that asks.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.journal import JournalFailed, Outcome
+from atlantis_netcfg.operations.channel import Channel
+from atlantis_netcfg.operations.gateways._access import is_gateway
+from atlantis_netcfg.operations.gateways._result import GatewayResult
+from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.turns import RunName, Turn
+from atlantis_netcfg.routeros.apply import Status
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+    from pathlib import Path
+
+__all__ = ["Watch", "refuse"]
+
+_refusals: list[NetcfgError] = []
+"""Why this process may not go on: its tasks are children of it, and see what it held when they began."""
+
+
+def refuse() -> None:
+    """Raise what the watch of this run has found, in the process of a task."""
+    if _refusals:
+        raise _refusals[0]
+
+
+@dataclass(slots=True)
+class Watch:
+    """One play over gateways."""
+
+    inventory: Path
+    request: Request
+    plan_only: bool
+    _turns: dict[str, Turn] = field(default_factory=dict)
+    _sites: dict[str, str] = field(default_factory=dict)
+    """Host to site."""
+    _results: dict[str, GatewayResult] = field(default_factory=dict)
+    _started: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def _channel(self) -> Channel:
+        return Channel(self.request.events_fd)
+
+    def begin(self, hosts: Sequence[str]) -> None:
+        """Lock the sites of these hosts and open their journals; a plan needs neither. What fails a task raises."""
+        request = self.request.model_copy(update={"mode": Mode.PLAN}) if self.plan_only else self.request
+        try:
+            declaration = load(self.inventory)
+            gateways = [declaration.hosts[name] for name in hosts if is_gateway(declaration.hosts[name])]
+            called = RunName()
+            for site in sorted({host.site for host in gateways}):
+                self._turns[site] = Turn(declaration, site, gateways, request, called)
+                self._turns[site].begin()
+        except NetcfgError as error:
+            _refusals.append(error)
+            self.close()
+            return
+        self._sites = {host.name: host.site for host in gateways}
+        self._results = {name: GatewayResult(name, plan_only=self.plan_only) for name in self._sites}
+
+    def started(self, host: str, task: str) -> None:
+        """A task begins on a host."""
+        if host in self._results:
+            self._started.setdefault(host, time.monotonic())
+            stage = Stage.OBSERVED if self.plan_only else Stage.APPLYING
+            self._channel.event(Event(host, stage, task))
+
+    def ok(self, host: str, task: str, told: Mapping[str, Any]) -> None:
+        """A task ended well."""
+        if host in self._results:
+            self._results[host].ok(task, told)
+
+    def failed(self, host: str, task: str, told: Mapping[str, Any]) -> None:
+        """A task failed, and with it the host."""
+        if host in self._results:
+            status = Status.LEFT_AS_FOUND if not told.get("rolled_back") else Status.ROLLED_BACK
+            self._results[host].failed(task, told, status)
+
+    def unreachable(self, host: str, task: str, told: Mapping[str, Any]) -> None:
+        """The host does not answer: before its first change it is as it was, later nobody knows."""
+        if host in self._results:
+            result = self._results[host]
+            known = self.plan_only or not result.changes
+            result.failed(task, told, Status.LEFT_AS_FOUND if known else Status.UNKNOWN)
+            result.hint = result.hint or "look at its power and its cable, then type the same again"
+
+    def end(self, failed: Collection[str]) -> None:
+        """Tell and journal how each host ended, and free the sites; a failure of a host not in `failed` was rescued."""
+        for name, result in self._results.items():
+            if name not in self._started:
+                continue  # refused before its first task: that was told already
+            if name not in failed:
+                result.rescued()
+            result.seconds = time.monotonic() - self._started[name]
+            turn = self._turns[self._sites[name]]
+            self._journal(turn, result)
+            self._channel.outcome(
+                {name: result.as_dict()}, {f"{self._sites[name]} gateways": turn.run} if turn.run else {}
+            )
+            turn.ended(result)
+        self.close()
+
+    def close(self) -> None:
+        """Free the sites; may be repeated."""
+        for turn in self._turns.values():
+            turn.close()
+
+    @staticmethod
+    def _journal(turn: Turn, result: GatewayResult) -> None:
+        try:
+            turn.journal.write(
+                Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
+            )
+        except JournalFailed as error:
+            result.notes.append(str(error))

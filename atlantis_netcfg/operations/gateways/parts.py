@@ -1,0 +1,19 @@
+"""What each role of a gateway asks for, by the role's name. A new role is a function and its line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from atlantis_netcfg.operations.gateways._access import gateway_access
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["ACCESS", "PARTS", "Part"]
+
+Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]
+"""Pure: what one host should hold, as JSON-able data without secrets."""
+ACCESS = "gateway_access"
+PARTS: Mapping[str, Part] = {
+    ACCESS: gateway_access,
+}

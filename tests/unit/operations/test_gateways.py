@@ -1,0 +1,203 @@
+"""Gateways in a run: what a role is told, and what becomes of the results of its tasks."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.journal import SiteBusy, Store
+from atlantis_netcfg.operations.gateways import Watch, _watch, perform
+from atlantis_netcfg.operations.request import Request, Target
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SHIPPED = Path(__file__).parents[3] / "inventory"
+HOST = "coastal-gateway"
+FILE = {"changed": True, "changes": ["file /etc/a", "unit a restarted"], "notes": ["slow card"]}
+
+
+class Listener:
+    """Whoever typed: keeps what comes over the line."""
+
+    def __init__(self) -> None:
+        self.reader, self.writer = os.pipe()
+
+    def told(self) -> list[dict[str, Any]]:
+        os.close(self.writer)
+        with os.fdopen(self.reader, encoding="utf-8") as lines:
+            return [json.loads(line) for line in lines]
+
+
+@pytest.fixture(autouse=True)
+def nothing_refused() -> Iterator[None]:
+    yield
+    _watch._refusals.clear()
+
+
+@pytest.fixture
+def listener() -> Listener:
+    return Listener()
+
+
+@pytest.fixture
+def watch(tmp_path: Path, listener: Listener) -> Watch:
+    return Watch(SHIPPED, Request(state=tmp_path, rehearsed=True, events_fd=listener.writer), plan_only=False)
+
+
+def outcome(listener: Listener) -> dict[str, Any]:
+    """The one result that was told."""
+    (told,) = [one for one in listener.told() if "devices" in one]
+    result: dict[str, Any] = told["devices"][HOST]
+    return {**result, "run": told["runs"]}
+
+
+def ask(tmp_path: Path, part: str, inventory: Path = SHIPPED, **asked: Any) -> Any:  # noqa: ANN401
+    request = Request(state=tmp_path, **asked).model_dump(mode="json")
+    return perform(inventory, [HOST, "coastal-router"], request, part, plan_only=False)["per_host"]
+
+
+def test_a_rehearsed_gateway_is_reached_where_it_really_is(tmp_path: Path) -> None:
+    target = Target(host="127.0.0.1", port=2222, known_hosts="/k", identity="/i")
+    told = ask(tmp_path, "gateway_access", rehearsed=True, targets={HOST: target})
+    assert set(told) == {HOST}
+    reached = told[HOST]
+    assert (reached["host"], reached["port"], reached["user"], reached["key"]) == ("127.0.0.1", 2222, "root", "/i")
+    assert "StrictHostKeyChecking=yes" in reached["ssh_args"]
+
+
+def test_a_real_gateway_is_pinned_under_its_own_name(tmp_path: Path) -> None:
+    inventory = tmp_path / "inventory"
+    shutil.copytree(SHIPPED, inventory)
+    host = inventory / "host_vars" / f"{HOST}.yml"
+    told = perform(inventory, [HOST], {"state": str(tmp_path), "rehearsed": True}, "gateway_access", plan_only=False)
+    assert told["per_host"][HOST]["host"] == "10.64.1.10"
+    assert not told["per_host"][HOST]["become"]
+    host.write_text(host.read_text("utf-8") + "  ssh: {user: atlantis, port: 2200}\n", "utf-8")
+    told = perform(inventory, [HOST], {"state": str(tmp_path), "rehearsed": True}, "gateway_access", plan_only=False)
+    reached = told["per_host"][HOST]
+    assert (reached["user"], reached["port"], reached["become"]) == ("atlantis", 2200, True)
+    assert f"HostKeyAlias={HOST}" in reached["ssh_args"]
+
+
+def test_example_values_lead_to_no_gateway(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="example values"):
+        ask(tmp_path, "gateway_access")
+
+
+def test_a_part_that_is_none_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no part of a gateway"):
+        ask(tmp_path, "gateway_misspelt", rehearsed=True)
+
+
+def test_changes_are_counted_and_journalled(watch: Watch, listener: Listener, tmp_path: Path) -> None:
+    watch.begin([HOST, "coastal-router"])
+    watch.started(HOST, "Configure")
+    watch.ok(HOST, "Configure", FILE)
+    watch.ok(HOST, "Look", {"changed": False, "changes": []})
+    watch.ok(HOST, "Reload", {"changed": True})
+    watch.end(set())
+    result = outcome(listener)
+    assert (result["status"], result["exit"], result["planned"], result["confirmed"]) == ("changed", 0, 3, 3)
+    assert result["message"] == "3 changes made"
+    assert result["changes"] == ["file /etc/a", "unit a restarted", "Reload"]
+    assert result["notes"] == ["slow card"]
+    (run,) = Store(tmp_path, rehearsed=True).runs("coastal")
+    assert run.id in result["run"].values()
+    assert run.exit == 0
+    assert run.outcomes[HOST].status == "changed"
+
+
+def test_nothing_to_change(watch: Watch, listener: Listener) -> None:
+    watch.begin([HOST])
+    watch.started(HOST, "Configure")
+    watch.ok(HOST, "Configure", {"changed": False})
+    watch.end(set())
+    assert outcome(listener)["message"] == "as declared, nothing to change"
+
+
+def test_a_failure_names_task_reason_and_way_out(watch: Watch, listener: Listener, tmp_path: Path) -> None:
+    watch.begin([HOST])
+    watch.started(HOST, "Install")
+    watch.ok(HOST, "Configure", FILE)
+    watch.failed(HOST, "Install", {"msg": "the key has expired", "hint": "ship a new one"})
+    watch.end({HOST})
+    result = outcome(listener)
+    assert (result["exit"], result["status"]) == (int(ExitCode.FAILED), "left-as-found")
+    assert result["message"] == "Install: the key has expired (after 2 changes)"
+    assert result["hint"] == "ship a new one"
+    assert Store(tmp_path, rehearsed=True).runs("coastal")[0].exit == int(ExitCode.FAILED)
+
+
+def test_what_was_taken_back_is_told_as_such(watch: Watch, listener: Listener) -> None:
+    watch.begin([HOST])
+    watch.started(HOST, "Network")
+    watch.failed(HOST, "Network", {"msg": "nothing answered at the new address", "rolled_back": True})
+    watch.end({HOST})
+    assert outcome(listener)["status"] == "rolled-back"
+
+
+def test_a_rescued_failure_is_none(watch: Watch, listener: Listener) -> None:
+    watch.begin([HOST])
+    watch.started(HOST, "Try")
+    watch.failed(HOST, "Try", {"msg": "not yet"})
+    watch.ok(HOST, "Try otherwise", FILE)
+    watch.end(set())
+    result = outcome(listener)
+    assert (result["status"], result["hint"]) == ("changed", None)
+
+
+@pytest.mark.parametrize(("changed", "status"), [(False, "left-as-found"), (True, "unknown")])
+def test_who_fell_silent_is_known_only_before_the_first_change(
+    watch: Watch, listener: Listener, *, changed: bool, status: str
+) -> None:
+    watch.begin([HOST])
+    watch.started(HOST, "Configure")
+    if changed:
+        watch.ok(HOST, "Configure", FILE)
+    watch.unreachable(HOST, "Install", {"msg": "Connection timed out"})
+    watch.end({HOST})
+    result = outcome(listener)
+    assert result["status"] == status
+    assert result["hint"] == "look at its power and its cable, then type the same again"
+
+
+def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -> None:
+    watch = Watch(SHIPPED, Request(state=tmp_path, rehearsed=True, events_fd=listener.writer), plan_only=True)
+    store = Store(tmp_path, rehearsed=True)
+    with store.lock("coastal", "somebody else"):
+        watch.begin([HOST])
+        watch.started(HOST, "Configure")
+        difference = {"before": "a\n", "after": "b\n", "before_header": "/etc/a", "after_header": "/etc/a"}
+        watch.ok(HOST, "Configure", {**FILE, "diff": [difference]})
+        watch.end(set())
+    result = outcome(listener)
+    assert (result["status"], result["exit"]) == ("planned", int(ExitCode.CHANGES))
+    assert result["message"] == "2 changes to make"
+    assert result["diff"].splitlines() == [
+        *("  file /etc/a", "  unit a restarted", "--- /etc/a", "+++ /etc/a", "@@ -1 +1 @@", "-a", "+b"),
+    ]
+    assert store.runs("coastal") == ()
+
+
+def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(watch: Watch, tmp_path: Path) -> None:
+    with Store(tmp_path, rehearsed=True).lock("coastal", "provision site=coastal"):
+        watch.begin([HOST])
+    with pytest.raises(SiteBusy, match="provision site=coastal"):
+        ask(tmp_path, "gateway_access", rehearsed=True)
+
+
+def test_the_site_is_held_until_the_end(watch: Watch, tmp_path: Path) -> None:
+    watch.begin([HOST])
+    lock = Store(tmp_path, rehearsed=True).lock("coastal", "another")
+    with pytest.raises(SiteBusy):
+        lock.__enter__()
+    watch.end(set())
+    with lock:
+        assert True
