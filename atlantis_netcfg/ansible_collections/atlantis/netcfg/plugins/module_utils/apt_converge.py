@@ -1,0 +1,258 @@
+"""Brings the packages of a computer to what is declared, from whatever state an earlier run has left."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from .apt_costs import costs_of, in_words, refuse_if_full, to_install
+from .apt_sources import check_key
+from .apt_words import of_install, of_update, problems
+from .dpkg import fits, half_done, installed, wait_for_others
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Callable, Mapping, Sequence
+
+    from .apt_run import Apt
+    from .apt_sources import Key, Sources
+    from .dpkg import Package
+
+__all__ = ["Converge", "Outcome", "Wanted"]
+
+_INSTALL = (
+    "--no-install-recommends",
+    "--no-remove",
+    "-o",
+    "Dpkg::Options::=--force-confdef",
+    "-o",
+    "Dpkg::Options::=--force-confold",
+)
+_DAMAGED_LISTS = "could not be parsed or opened"
+_DAMAGED_ARCHIVE = "dpkg-deb: error"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is declared; `packages` maps a name to its version, None: any."""
+
+    packages: Mapping[str, str | None]
+    keys: Sequence[Key] = ()
+    codename: str | None = None
+    distribution: str | None = None
+    architectures: Sequence[str] = ()
+    """Empty: any."""
+    limit_bytes: int | None = None
+    """More is not downloaded."""
+    limit_words: str = ""
+    """Why: the link in use and what it costs."""
+
+
+@dataclass
+class Outcome:
+    """What was done, or in check mode would be."""
+
+    changes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+    """Of the declared packages, as dpkg tells them."""
+    also: dict[str, str] = field(default_factory=dict)
+    """What came with them."""
+    download_bytes: int = 0
+
+
+class Converge:
+    """One run; `clock` gives the computer's time in seconds since 1970."""
+
+    def __init__(self, apt: Apt, sources: Sources, wanted: Wanted, clock: Callable[[], float] = time.time) -> None:
+        self.apt = apt
+        self.sources = sources
+        self.wanted = wanted
+        self.clock = clock
+        self.outcome = Outcome()
+
+    def run(self, *, check: bool) -> Outcome:
+        """Look, and unless it is only a check, do what is missing. Raises Refused."""
+        self._preflight()
+        before = installed(self.apt)
+        left = half_done(self.apt, before)
+        missing = self._missing(before)
+        files = [*self.sources.changed, *self.sources.in_the_way]
+        self.outcome.changes += [f"package {package.name} was half installed, finished" for package in left]
+        self.outcome.changes += [f"file {path}" for path in files]
+        if check:
+            self._forecast(missing, ready=not files and not left)
+        elif left or files or missing or not self.sources.updated:
+            self._converge(left, before)
+        self._tell(before, check=check)
+        return self.outcome
+
+    def _preflight(self) -> None:
+        self._refuse_another_system()
+        notes = [check_key(key, self.clock()) for key in self.wanted.keys]
+        self.outcome.notes += [note for note in notes if note is not None]
+
+    def _refuse_another_system(self) -> None:
+        text = (self.apt.tree.read("/etc/os-release") or b"").decode(errors="replace")
+        pairs = (line.partition("=") for line in text.splitlines())
+        told = {name: value.strip().strip('"') for name, _, value in pairs}
+        is_now = (told.get("ID", "?"), told.get("VERSION_CODENAME", "?"))
+        wanted = (self.wanted.distribution or is_now[0], self.wanted.codename or is_now[1])
+        if is_now != wanted:
+            raise Refused(
+                f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(wanted)}",
+                "make a card with the right system (`provision image`), or declare the release that fits this one",
+            )
+        own = self.apt.run("dpkg", "--print-architecture").said.strip() if self.wanted.architectures else ""
+        if self.wanted.architectures and own not in self.wanted.architectures:
+            raise Refused(
+                f"the computer is {own}; what is declared exists for {', '.join(self.wanted.architectures)}",
+                "declare another release or source",
+            )
+
+    def _missing(self, packages: dict[str, Package]) -> dict[str, str | None]:
+        """The declared packages that are not there in their version. A held one is none of ours to change."""
+        missing = {}
+        for name, version in self.wanted.packages.items():
+            is_now = packages.get(name)
+            if is_now is not None and is_now.is_installed and fits(is_now.version, version):
+                continue
+            if is_now is not None and is_now.is_installed and is_now.is_held:
+                raise Refused(
+                    f"somebody holds {name} at {is_now.version}; declared is {version}",
+                    f"let it go on the computer: `apt-mark unhold {name}`; or declare the version that it has",
+                )
+            missing[name] = version
+        return missing
+
+    def _forecast(self, missing: Mapping[str, str | None], *, ready: bool) -> None:
+        known: dict[str, str] = {}
+        if missing and ready and self.sources.updated:
+            known = to_install(self.apt.get("-s", "--yes", *self._install(missing)).said)
+        for name, version in missing.items():
+            self.outcome.changes.append(f"package {name} {known.get(name) or version or ''}".rstrip())
+
+    def _converge(self, left: Sequence[Package], before: dict[str, Package]) -> None:
+        wait_for_others(self.apt.tree, self.apt.wait_s)
+        if left:
+            self.apt.run("dpkg", "--configure", "-a", "--force-confdef", "--force-confold")
+        self.apt.ready()
+        self.sources.write()
+        missing = self._missing(installed(self.apt) if left else before)
+        if missing or not self.sources.updated:
+            self._update()
+        if left or missing:
+            self._mend()
+        if missing:
+            self._refuse_unknown(missing)
+            self._act(self._install(missing), list(missing))
+
+    def _update(self) -> None:
+        """Bring apt's lists up to date; where our sources do not work, they are taken back."""
+        self._drop_lists(only_empty=True)
+        done = self.apt.get("update")
+        if _DAMAGED_LISTS in done.said:
+            self._drop_lists(only_empty=False)
+            done = self.apt.get("update")
+        urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
+        why = of_update(done.said, done.code, urls)
+        if why is not None:
+            self.sources.take_back()
+            raise why
+        self.outcome.notes += [line for line in problems(done.said) if line[0] in "EW"]
+        if self.apt.bundle is None:
+            self.sources.note()
+
+    def _drop_lists(self, *, only_empty: bool) -> None:
+        """Remove lists that a power cut has left empty or damaged: apt takes those that it has for good ones."""
+        folder = self.apt.tree.at(self.apt.lists)
+        for entry in os.scandir(folder) if os.path.isdir(folder) else ():
+            whole = entry.is_file() and entry.name != "lock"
+            if whole and (not only_empty or entry.stat().st_size == 0):
+                os.unlink(entry.path)
+
+    def _mend(self) -> None:
+        """Finish what dpkg alone could not: packages that need others, or that were cut off while being unpacked."""
+        for package in half_done(self.apt, installed(self.apt)):
+            if package.damaged and self.apt.get("-s", "--yes", "--reinstall", "install", package.name).code:
+                self.apt.run("dpkg", "--remove", "--force-remove-reinstreq", package.name)
+        if self.apt.get("check").code or half_done(self.apt, installed(self.apt)):
+            self._act(["-f", "install"], [])
+        left = half_done(self.apt, installed(self.apt))
+        if left:
+            done = self.apt.run("dpkg", "--configure", "-a", "--force-confdef", "--force-confold")
+            if done.code:
+                raise of_install(done.said, [package.name for package in left])
+
+    def _refuse_unknown(self, missing: Mapping[str, str | None]) -> None:
+        """Say which packages or versions no source has, and which versions there are."""
+        known: dict[str, list[str]] = {}
+        for line in self.apt.cache("madison", *missing).said.splitlines():
+            words = [word.strip() for word in line.split("|")]
+            if len(words) > 1:
+                known.setdefault(words[0], []).append(words[1])
+        without = [name for name in missing if name not in known]
+        if without:
+            raise Refused(
+                f"no source of the computer has {', '.join(without)}",
+                "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
+            )
+        for name, version in missing.items():
+            if not any(fits(one, version) for one in known[name]):
+                raise Refused(
+                    f"{name} {version} is not to be had; there is {', '.join(dict.fromkeys(known[name]))}",
+                    "declare one of these, or take the version out of the declaration; a bundle keeps old ones",
+                )
+
+    def _install(self, missing: Mapping[str, str | None]) -> list[str]:
+        exact = [f"{name}={version}" if version else name for name, version in missing.items()]
+        down = ["--allow-downgrades"] if any(missing.values()) or self.wanted.keys else []
+        return [*_INSTALL, *down, "install", *exact]
+
+    def _act(self, arguments: Sequence[str], names: Sequence[str]) -> None:
+        """Let apt do it, after it was told what it costs; a damaged download is fetched once more."""
+        forecast = self.apt.get("-s", "--yes", *arguments)
+        if forecast.code:
+            raise of_install(forecast.said, names)
+        self._afford(arguments, to_install(forecast.said))
+        done = self.apt.get("--yes", *arguments)
+        if done.code and _DAMAGED_ARCHIVE in done.said:
+            self.apt.get("clean")
+            done = self.apt.get("--yes", *arguments)
+        if done.code:
+            raise of_install(done.said, names)
+
+    def _afford(self, arguments: Sequence[str], packages: dict[str, str]) -> None:
+        costs = costs_of(self.apt, arguments, packages)
+        limit = self.wanted.limit_bytes
+        if limit is not None and costs.download > limit:
+            why = f" ({self.wanted.limit_words})" if self.wanted.limit_words else ""
+            raise Refused(
+                f"{len(packages)} packages of {in_words(costs.download)} would be downloaded, {in_words(limit)} are "
+                f"agreed{why}; nothing was downloaded but the lists of packages",
+                "type the same with --accept-cost; or bring them: `provision bundle site=…`, then `--offline`",
+            )
+        refuse_if_full(self.apt, costs)
+        self.outcome.download_bytes += costs.download
+
+    def _tell(self, before: dict[str, Package], *, check: bool) -> None:
+        """Read back what is there now, and refuse to call done what is not."""
+        after = before if check else installed(self.apt)
+        if not check:
+            still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]
+            if still:
+                raise Refused(
+                    f"apt says that all went well, but {', '.join(still)} is not as declared",
+                    "`dpkg --audit` and `apt-cache policy` on the computer show what is wrong",
+                )
+        for name, package in after.items():
+            if package.is_installed and (name not in before or before[name] != package):
+                change = f"package {name} {package.version}"
+                if name not in self.wanted.packages:
+                    self.outcome.also[name] = package.version
+                elif change not in self.outcome.changes:
+                    self.outcome.changes.append(change)
+        names = [name for name in self.wanted.packages if name in after and after[name].is_installed]
+        self.outcome.versions = {name: after[name].version for name in names}

@@ -1,0 +1,129 @@
+"""apt-get and dpkg, run so that nothing asks, and nothing waits for a service that was started; they speak English."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from .tree import Tree
+
+__all__ = ["Apt", "Output", "bundle_of"]
+
+_FOLDER = "/var/lib/atlantis/apt"
+_KEY = "atlantis.gpg"
+_GAP_S = 120
+"""A server that says nothing for so long is given up; a satellite is silent for 70 s."""
+_ENVIRONMENT = {
+    "LC_ALL": "C.UTF-8",
+    "LANGUAGE": "",
+    "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
+    "HOME": "/root",
+    "DEBIAN_FRONTEND": "noninteractive",
+    "UCF_FORCE_CONFFOLD": "1",
+    "APT_LISTCHANGES_FRONTEND": "none",
+    "NEEDRESTART_SUSPEND": "1",
+}
+
+
+@dataclass(frozen=True)
+class Output:
+    """How a program ended, and all that it said, in order."""
+
+    code: int
+    said: str
+
+
+def bundle_of(tree: Tree, folder: str) -> str:
+    """The one line of sources that a bundle is: a flat signed repository with its own key. Raises Refused."""
+    for name in ("InRelease", _KEY):
+        if tree.read(f"{folder}/{name}") is None:
+            raise Refused(
+                f"{folder} is no offline bundle, or only half of one: {name} is missing",
+                "copy the bundle to the computer again",
+            )
+    return f"deb [signed-by={folder}/{_KEY}] file:{quote(folder)} ./\n"
+
+
+class Apt:
+    """apt of this computer; with `bundle` it knows that repository only, and keeps its lists apart.
+
+    `wait_s`: how long it waits for another apt or dpkg to let go.
+    """
+
+    def __init__(self, tree: Tree, bundle: str | None = None, wait_s: int = 300) -> None:
+        self.tree = tree
+        self.bundle = bundle
+        self.wait_s = wait_s
+
+    @property
+    def lists(self) -> str:
+        """Where its lists of packages are."""
+        return "/var/lib/apt/lists" if self.bundle is None else f"{_FOLDER}/lists"
+
+    def ready(self) -> None:
+        """Make what a bundle needs beside apt's own files."""
+        if self.bundle is not None:
+            self.tree.write(f"{_FOLDER}/offline.list", bundle_of(self.tree, self.bundle).encode())
+            self.tree.write(f"{self.lists}/partial/.keep", b"")
+
+    def get(self, *arguments: str) -> Output:
+        """Run apt-get."""
+        return self.run("apt-get", *self._options(), *arguments)
+
+    def cache(self, *arguments: str) -> Output:
+        """Run apt-cache."""
+        return self.run("apt-cache", *self._options(), *arguments)
+
+    def run(self, *argv: str) -> Output:
+        """Run any program and wait for it, not for services that it has started and that keep its output open."""
+        command = list(argv) if self.tree.root == "/" else ["chroot", self.tree.root, *argv]
+        handle = os.memfd_create("said")
+        try:
+            done = subprocess.run(  # noqa: S603 - apt and dpkg, with names that were checked
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=handle,
+                stderr=handle,
+                env=_ENVIRONMENT,
+                cwd="/",
+                check=False,
+            )
+            code = done.returncode
+        except FileNotFoundError:
+            raise Refused(f"`{argv[0]}` is not on this computer", "it has to be a Debian or an Ubuntu") from None
+        finally:
+            os.lseek(handle, 0, os.SEEK_SET)
+            with os.fdopen(handle, "rb") as file:
+                said = file.read().decode(errors="replace")
+        return Output(code, said)
+
+    def _options(self) -> list[str]:
+        settings = {
+            "APT::Color": "0",
+            "Dpkg::Use-Pty": "0",
+            "DPkg::Lock::Timeout": str(self.wait_s),
+            "Acquire::Languages": "none",
+            "Acquire::Retries": "3",
+            "Acquire::http::Timeout": str(_GAP_S),
+            "Acquire::https::Timeout": str(_GAP_S),
+        }
+        if self.bundle is not None:
+            settings.update(
+                {
+                    "Dir::Etc::SourceList": f"{_FOLDER}/offline.list",
+                    "Dir::Etc::SourceParts": "/dev/null",
+                    "Dir::Etc::Preferences": "/dev/null",
+                    "Dir::Etc::PreferencesParts": "/dev/null",
+                    "Dir::State::Lists": self.lists,
+                    "Dir::Cache::pkgcache": "",
+                    "Dir::Cache::srcpkgcache": "",
+                    "APT::Sandbox::User": "root",
+                }
+            )
+        return ["-q", *(word for name, value in settings.items() for word in ("-o", f"{name}={value}"))]

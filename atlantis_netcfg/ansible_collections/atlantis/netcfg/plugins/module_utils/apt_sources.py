@@ -1,0 +1,150 @@
+"""Keys, sources and pins of apt: checked before they are written, and taken back where they do not work."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import re
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .openpgp import NotAKey, public_keys
+from .refused import Refused
+from .stamps import Stamps
+
+if TYPE_CHECKING:
+    from typing import Mapping, Sequence
+
+    from .openpgp import PublicKey
+    from .tree import Tree
+
+__all__ = ["Key", "Sources", "check_key"]
+
+_STAMP = "apt-update"
+_WARN_DAYS = 60
+_DAY_S = 86400
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key that signs a source, as it is to stand on the computer."""
+
+    path: str
+    content: bytes
+    fingerprint: str
+
+
+def key_of(parameter: Mapping[str, str]) -> Key:
+    """A key of the module's parameters."""
+    try:
+        content = base64.b64decode(parameter["content_base64"], validate=True)
+    except binascii.Error:
+        raise Refused(f"the key for {parameter['path']} did not arrive whole", "type the same again") from None
+    return Key(parameter["path"], content, re.sub(r"\s", "", parameter["fingerprint"]).upper())
+
+
+def check_key(key: Key, now: float) -> str | None:
+    """Refuse a key that is another one or that is not good at `now` (the computer's clock); gives a note, if any."""
+    try:
+        found = public_keys(key.content)
+    except NotAKey as why:
+        raise Refused(f"the file for {key.path} is no public key: {why}", "fetch it anew; compare its size") from None
+    if [one.fingerprint for one in found] != [key.fingerprint]:
+        raise Refused(
+            f"the key for {key.path} is {', '.join(one.fingerprint for one in found)}, declared is {key.fingerprint}",
+            "ask who keeps the archive which is the right one; do not take one that nobody vouches for",
+        )
+    return _in_time(found[0], now)
+
+
+def _in_time(key: PublicKey, now: float) -> str | None:
+    today = _day(now)
+    if now < key.renewed:
+        raise Refused(
+            f"the clock of the computer says {today}; the key {key.fingerprint} was made on {_day(key.renewed)}",
+            "set the clock: `date --set '2026-01-31 12:00'` until a time server is reached",
+        )
+    if key.expires is None or now < key.expires - _WARN_DAYS * _DAY_S:
+        return None
+    if now >= key.expires:
+        raise Refused(
+            f"the key {key.fingerprint} expired on {_day(key.expires)}; the computer's clock says {today}",
+            "put the renewed key into the declaration (`key_file`); if the clock is wrong, set it",
+        )
+    return f"the key {key.fingerprint} expires on {_day(key.expires)}: put the renewed one into the declaration"
+
+
+def _day(seconds: float) -> str:
+    return time.strftime("%Y-%m-%d", time.gmtime(seconds))
+
+
+class Sources:
+    """The files below /etc/apt and of keys that are ours: `files` maps a path to its content, keys come first."""
+
+    def __init__(self, tree: Tree, files: Mapping[str, bytes], absent: Sequence[str] = ()) -> None:
+        self.tree = tree
+        self.files = dict(files)
+        self.absent = tuple(absent)
+        self.stamps = Stamps(tree)
+        self.was: dict[str, bytes | None] = {}
+
+    @property
+    def changed(self) -> list[str]:
+        """The files that are not as they shall be."""
+        return [path for path, content in self.files.items() if self.tree.read(path) != content]
+
+    @property
+    def in_the_way(self) -> list[str]:
+        """The files that name the same sources in another way."""
+        return [path for path in self.absent if self.tree.read(path) is not None]
+
+    @property
+    def updated(self) -> bool:
+        """Whether apt's lists were updated with just these files."""
+        return self.stamps.holds(_STAMP, self._digests())
+
+    @property
+    def urls(self) -> list[str]:
+        """The addresses in the files."""
+        texts = [content.decode(errors="replace") for path, content in self.files.items() if not path.endswith(".gpg")]
+        found = [re.findall(r"^URIs:(.*)$|^deb(?: \[.*?\])? (\S+)", text, re.MULTILINE) for text in texts]
+        return [url for match in found for pair in match for words in pair for url in words.split()]
+
+    def before_and_after(self, path: str) -> tuple[str, str]:
+        """What is in a file and what shall be, for the diff; keys are not text."""
+        return (_text(self.was.get(path, self.tree.read(path))), _text(self.files.get(path)))
+
+    def write(self) -> None:
+        """Write what is not as it shall be, and remember what was there."""
+        for path in [*self.changed, *self.in_the_way]:
+            self.was[path] = self.tree.read(path)
+        for path in self.was:
+            if path in self.files:
+                self.tree.write(path, self.files[path])
+            else:
+                self.tree.remove(path)
+
+    def take_back(self) -> None:
+        """Leave apt as it was found: sources that do not work would hinder every later use of it."""
+        for path, content in reversed(list(self.was.items())):
+            if content is None:
+                self.tree.remove(path)
+            else:
+                self.tree.write(path, content)
+
+    def note(self) -> None:
+        """Note that the lists were updated with these files."""
+        if self.files and not self.updated:
+            self.stamps.note(_STAMP, self._digests())
+
+    def _digests(self) -> dict[str, str]:
+        return {path: hashlib.sha256(content).hexdigest() for path, content in self.files.items()}
+
+
+def _text(content: bytes | None) -> str:
+    try:
+        return (content or b"").decode()
+    except UnicodeDecodeError:
+        return f"binary, SHA-256 {hashlib.sha256(content or b'').hexdigest()}\n"

@@ -1,0 +1,219 @@
+"""What apt and dpkg say, in words for a technician. A new message is a row."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Iterable, Sequence
+
+__all__ = ["of_install", "of_update", "problems"]
+
+_LINES = 8
+_SOURCE = r"(?P<url>\S+) (?P<suite>\S+?)(?: (?:In)?Release)?"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A message of apt: what it matches, what it means, what to do. Both take the groups of the pattern."""
+
+    pattern: str
+    message: str
+    hint: str = ""
+
+
+_COMPUTER = (
+    _Row(
+        r"No space left on device|You don't have enough free space in (?P<place>\S+)",
+        "the disk of the computer is full",
+        "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where it is full",
+    ),
+    _Row(
+        r"Read-only file system",
+        "the disk of the computer can only be read",
+        "`dmesg | tail -n 30` tells whether the card is failing; a reboot may bring it back for a while",
+    ),
+    _Row(
+        r"Could not get lock (?P<lock>\S+?)\.? .*(?:held by process (?P<pid>\d+) \((?P<name>[^)]*)\))",
+        "another program is installing packages: process {pid} ({name}) holds {lock}",
+        "let it come to its end, and type the same again",
+    ),
+    _Row(
+        r"(?:gpgv, gpgv2 or gpgv1|apt-key|sqv).*(?:required for verification|not.*installed|No such file)",
+        "apt cannot check signatures: gpgv is not on the computer",
+        "install gpgv from the system's own medium",
+    ),
+    _Row(
+        r"Conflicting values set for option Signed-By regarding source (?P<url>\S+) (?P<suite>[^:]+): "
+        r"(?P<one>\S*) != (?P<other>\S*)",
+        "two files below /etc/apt name the source {url} {suite}, with different keys: apt refuses all",
+        "find the other one by `grep -rl {url} /etc/apt/sources.list /etc/apt/sources.list.d`, and remove it",
+    ),
+    _Row(
+        r"E: Malformed (?:entry|stanza|line) (?P<number>\d+) in (?:\S+ file |list file )?(?P<file>\S+)",
+        "{file} on the computer cannot be read by apt (entry {number})",
+        "correct or remove it: `apt-get update` shows what is wrong",
+    ),
+)
+"""What is wrong with the computer itself, whatever source is meant."""
+
+_SOURCES = (
+    _Row(
+        r"(?:GPG error: |signature verification.*: )" + _SOURCE + r": .*EXPKEYSIG (?P<key>[0-9A-F]+)",
+        "the key {key} that signs {url} {suite} has expired",
+        "put the renewed key into the declaration (`key_file`); if it is good for years yet, the clock is wrong",
+    ),
+    _Row(
+        r"(?:GPG error: |signature verification.*: )" + _SOURCE + r": .*NO_PUBKEY (?P<key>[0-9A-F]+)",
+        "{url} {suite} is signed by the key {key}, and that is not the key that is declared for it",
+        "ask who keeps the archive whether it has a new key; put that one into the declaration (`key_file`)",
+    ),
+    _Row(
+        r"(?:GPG error: |signature verification.*: )" + _SOURCE + r": .*(?P<what>REVKEYSIG|BADSIG|invalid)",
+        "the signature of {url} {suite} is not good ({what})",
+        "a proxy or a mirror changes what it hands on, or the archive is being changed now; try again, then ask",
+    ),
+    _Row(
+        r"Release file for (?P<url>\S+) is not valid yet \(invalid for another (?P<time>[^)]*)\)",
+        "the clock of the computer is {time} behind: {url} was made later than it says that it is now",
+        "set the clock: `date` shows it, `chronyc makestep` sets it where a time server is reached",
+    ),
+    _Row(
+        r"Release file for (?P<url>\S+) is expired \(invalid since (?P<time>[^)]*)\)",
+        "the list of {url} is too old (good until {time} ago), or the clock of the computer is ahead",
+        "compare `date` with a watch; an archive that nobody renews has to be taken as a snapshot",
+    ),
+    _Row(
+        r"Conflicting distribution: " + _SOURCE + r" \(expected (?P<wanted>\S+) but got (?P<got>[^)\s]+)\)",
+        "{url} gives {got} where {wanted} is asked for",
+        "take a source that is made for {wanted}",
+    ),
+    _Row(
+        r"repository '" + _SOURCE + r"' doesn't support architecture '(?P<architecture>[^']+)'",
+        "{url} {suite} has nothing for {architecture}, the architecture of this computer",
+        "take another source (`origin`, `mirror`), or another release",
+    ),
+    _Row(
+        r"repository '" + _SOURCE + r"' doesn't have the component '(?P<component>[^']+)'",
+        "{url} {suite} has no part `{component}`",
+        "take another source (`origin`, `mirror`)",
+    ),
+    _Row(
+        r"(?:Could not resolve|Temporary failure resolving|Unable to resolve) '?(?P<host>[^'\s]+)'?",
+        "the computer cannot find the name {host}: it has no internet, or no name server",
+        "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
+        "`provision bundle site=…`, then `--offline`",
+    ),
+    _Row(
+        r"repository '" + _SOURCE + r"' (?:does not have a Release file|no longer has a Release file)",
+        "there is no `{suite}` at {url}",
+        "the release was moved or has ended there: `origin: snapshot` is for ended releases; or declare a `mirror`",
+    ),
+    _Row(
+        r"(?:Could not connect to|Unable to connect to|Connection timed out|Connection failed|Connection refused|"
+        r"Network is unreachable|No route to host|Cannot initiate the connection to) ?(?P<host>[^\s:,]*)",
+        "the computer does not reach {host}",
+        "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
+        "`provision bundle site=…`, then `--offline`",
+    ),
+    _Row(
+        r"Failed to fetch (?P<url>\S+) .*(?P<code>\b[45]\d\d) ",
+        "{url} is not to be had: the server answers {code}",
+        "the archive may be changing now: try again; a mirror may be behind",
+    ),
+    _Row(
+        r"(?:Hash Sum mismatch|unexpected size)",
+        "what was downloaded is not what the archive has signed",
+        "the archive is changing now, or a proxy hands on old files: try again in some minutes",
+    ),
+)
+"""What is wrong with a source, or with the way to it."""
+
+_PACKAGES = (
+    _Row(
+        r"E: Packages need to be removed but remove is disabled",
+        "installing would remove other packages of the computer, and that is not done unasked",
+        "`apt-get -s install {names}` on the computer shows which; remove them by hand if that is meant",
+    ),
+    _Row(
+        r"E: Held packages were changed",
+        "packages that somebody holds at their version would have to change",
+        "`apt-mark showhold` on the computer shows them; `apt-mark unhold NAME` lets one go",
+    ),
+    _Row(
+        r"E: Packages were downgraded and -y was used without --allow-downgrades",
+        "installing would take other packages back to an older version",
+        "`apt-get -s install {names}` on the computer shows which",
+    ),
+    _Row(
+        r"(?P<who>\S+) : (?:Pre)?Depends: (?P<what>.*?)(?: but (?P<why>.*))?$",
+        "{who} needs {what}, and that cannot be had",
+        "the source does not belong to the system on the computer, or another source has a newer version of it: "
+        "`apt-cache policy` on the computer shows where each comes from",
+    ),
+)
+_SCRIPT = re.compile(r"error processing package (?P<name>\S+) \(--(?P<act>\w+)\):\n(?P<why>.*)")
+_SAYS = re.compile(r"^(?:[EWN]|Err:\d+):? ")
+
+
+def of_update(said: str, code: int, urls: Sequence[str]) -> Refused | None:
+    """What hindered an update of the lists of packages from `urls`; None: nothing did, for them."""
+    told = problems(said)
+    found = _first(_COMPUTER, told)
+    if found is not None:
+        return found
+    found = _first(_SOURCES, [line for line in told if any(url.rstrip("/") in line for url in urls)])
+    if found is not None or (code == 0 and urls):
+        return found
+    return (_first(_SOURCES, told) or _raw("the lists of packages could not be updated", said)) if code else None
+
+
+def of_install(said: str, names: Iterable[str]) -> Refused:
+    """What hindered apt or dpkg from installing."""
+    script = _SCRIPT.search(said)
+    told = said.splitlines()
+    full = _first(_COMPUTER, told)
+    if full is not None:
+        return full
+    if script is not None:
+        return Refused(
+            f"{script['name']} could not be set up: {script['why'].strip()}\n{_around(said, script.start())}",
+            "what it says above is the reason; after it is mended type the same again: it goes on from there",
+        )
+    found = _first(_PACKAGES, told, names=" ".join(names)) or _first(_SOURCES, problems(said))
+    return found or _raw("the packages could not be installed", said)
+
+
+def problems(said: str) -> list[str]:
+    """The errors, warnings and notes of apt, each in one line with what follows it indented."""
+    found: list[str] = []
+    for line in said.splitlines():
+        if _SAYS.match(line):
+            found.append(line)
+        elif line.startswith("  ") and found:
+            found[-1] += " " + line.strip()
+    return found
+
+
+def _first(rows: Iterable[_Row], lines: Sequence[str], **more: str) -> Refused | None:
+    for row in rows:
+        for line in lines:
+            match = re.search(row.pattern, line)
+            if match is not None:
+                groups = {**more, **{name: text or "" for name, text in match.groupdict().items()}}
+                return Refused(row.message.format(**groups), row.hint.format(**groups))
+    return None
+
+
+def _around(said: str, at: int) -> str:
+    lines = [line for line in said[:at].splitlines() if line.strip()]
+    return "\n".join(lines[-_LINES:])
+
+
+def _raw(what: str, said: str) -> Refused:
+    lines = [line.rstrip() for line in said.splitlines() if line.strip()]
+    return Refused(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the words above are those of apt")
