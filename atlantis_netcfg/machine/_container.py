@@ -58,6 +58,7 @@ class Container:
                 stdin=subprocess.DEVNULL,
                 stdout=console,
                 stderr=console,
+                cwd="/",
                 start_new_session=True,
                 env={
                     "PATH": os.environ.get("PATH", os.defpath),

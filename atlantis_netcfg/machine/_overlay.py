@@ -28,7 +28,7 @@ class Disk:
         upper, work = self._memory / "upper", self._memory / "work"
         upper.mkdir()
         work.mkdir()
-        layers = f"lowerdir={tree},upperdir={upper},workdir={work}"
+        layers = f"lowerdir={tree.resolve()},upperdir={upper},workdir={work}"
         program("mount", "-t", "overlay", "-o", layers, "atlantis", str(self.root))
 
     def fill(self, leave_kb: int) -> None:

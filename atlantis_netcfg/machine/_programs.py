@@ -14,12 +14,18 @@ __all__ = ["asked", "program"]
 
 
 def asked(
-    words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None
+    words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None, keep: Sequence[int] = ()
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program and give what came of it, whatever that is."""
-    stdin = None if text is not None else subprocess.DEVNULL
+    """Run a program and give what came of it, whatever that is; `keep`: file descriptors that it inherits."""
     return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
-        words, input=text, stdin=stdin, capture_output=True, text=True, errors="replace", check=False, timeout=timeout_s
+        words,
+        input="" if text is None else text,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=timeout_s,
+        pass_fds=keep,
     )
 
 

@@ -6,7 +6,7 @@ __all__ = ["NOT_REHEARSED"]
 
 NOT_REHEARSED = (
     "the clock: it is this computer's and cannot be set, and chrony does not start",
-    "the kernel: it is this computer's, with its modules and its processor, not the board's",
+    "the kernel: it is this computer's, with its modules and its processor, not the board's; none can be loaded",
     "kernel settings outside net.*: they cannot be written, nor those of net.* that a namespace does not have",
     "reboot: a machine that reboots ends; power can be cut and given again",
     "the watchdog, the eMMC and the card, U-Boot, serial ports, GPS: there are none",

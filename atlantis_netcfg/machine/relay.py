@@ -107,12 +107,12 @@ class Relay:
         """Carry both directions until both have ended; when one fails, both ends are reset."""
         with client:
             await self._bearer.connected()
-            with await self._loop.run_in_executor(None, self._make) as machine:
+            with self._make() as machine:
                 try:
                     machine.setblocking(False)
                     await asyncio.wait_for(self._loop.sock_connect(machine, self._target), _CONNECT_S)
                     await _join(self._bearer, client, machine)
-                except (OSError, ExceptionGroup):
+                except* OSError:
                     for end in (client, machine):
                         end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
 

@@ -66,22 +66,22 @@ def tree(spec: TreeSpec, cache: Path | None = None) -> Path:
     place = cache_dir() / "trees" if cache is None else cache
     place.mkdir(parents=True, exist_ok=True)
     made = place / spec.key()
-    with _alone(place / f"{spec.key()}.lock"):
+    with _alone(place / f"{spec.key()}.lock") as lock:
         if not made.is_dir():
-            _build(spec, place / f"{spec.key()}.half", made)
+            _build(spec, place / f"{spec.key()}.half", made, lock)
     return made
 
 
 @contextmanager
-def _alone(lock: Path) -> Iterator[None]:
+def _alone(lock: Path) -> Iterator[int]:
     with lock.open("w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        yield
+        yield held.fileno()
 
 
-def _build(spec: TreeSpec, half: Path, made: Path) -> None:
+def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
     _remove(half)
-    done = _mmdebstrap(spec, half)
+    done = _mmdebstrap(spec, half, lock)
     if done.returncode:
         said = done.stderr.strip().splitlines()[-_TOLD:]
         raise MachineFailed(
@@ -93,12 +93,13 @@ def _build(spec: TreeSpec, half: Path, made: Path) -> None:
     half.rename(made)
 
 
-def _mmdebstrap(spec: TreeSpec, half: Path) -> subprocess.CompletedProcess[str]:
+def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedProcess[str]:
+    """Run it with the lock in its hands: it may outlive us, and the next builder has to wait for its end."""
     hooks = [f"--customize-hook={hook}" for hook in _HOOKS]
     mirror = [] if spec.mirror is None else [spec.mirror]
     include = f"--include={','.join(spec.wanted)}"
     kind = ("--mode=root", "--format=directory", "--variant=minbase")
-    return asked(("mmdebstrap", *kind, include, *hooks, spec.release, str(half), *mirror))
+    return asked(("mmdebstrap", *kind, include, *hooks, spec.release, str(half), *mirror), keep=(lock,))
 
 
 def _remove(half: Path) -> None:

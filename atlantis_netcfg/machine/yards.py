@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["Yard", "yard"]
 
 _NUMBERS = itertools.count()
+_POLL_S = 0.05
+"""How often a server looks whether it shall end."""
 
 
 class Yard:
@@ -81,6 +83,8 @@ class Yard:
         `disk_mb`: room for what the machine writes, in this computer's memory; half of it if left out. `spare`: name
         of a second interface without an address. `configured`: see `Machine.power_on`.
         """
+        if name in self.machines:
+            raise MachineFailed(f"{name} stands in this yard already")
         spec = MachineSpec(name, tree, IPv4Interface(address), gateway, tuple(keys), disk_mb, interface, spare)
         self.own(f"{gateway}/{spec.address.network.prefixlen}")
         unique = f"{self.name}-m{len(self.machines)}"
@@ -106,7 +110,7 @@ class Yard:
         server = ThreadingHTTPServer((self.address, port), handler, bind_and_activate=False)
         server.socket.close()
         server.socket = self.listen(port)
-        thread = threading.Thread(target=server.serve_forever, name=f"http-{self.name}", daemon=True)
+        thread = threading.Thread(target=server.serve_forever, args=(_POLL_S,), name=f"http-{self.name}", daemon=True)
         thread.start()
         for end in (server.server_close, thread.join, server.shutdown):
             self._stack.callback(end)
@@ -121,7 +125,7 @@ class Yard:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a program of this computer in the yard's network; `check`: MachineFailed unless it ends with 0."""
-        done = asked(("ip", "netns", "exec", self.name, *words), text=input, timeout_s=timeout_s)
+        done = asked((*self.prefix(), *words), text=input, timeout_s=timeout_s)
         if check and done.returncode:
             raise MachineFailed(f"{' '.join(words)}: ended with {done.returncode}: {done.stderr.strip()}")
         return done
@@ -157,14 +161,17 @@ def yard(folder: Path) -> Iterator[Yard]:
 def _kept() -> Iterator[str]:
     """A name, and a keeper that takes down whatever bears it when this process lets go of it, dead or alive."""
     name = f"{_keeper.PREFIX}{os.getpid()}-{next(_NUMBERS)}"
-    place = _keeper.YARDS / name
-    place.mkdir()
-    with (place / "owner").open("wb") as owner:
+    newborn = _keeper.YARDS / f".{name}"  # nobody's to sweep until its owner holds the lock
+    newborn.mkdir(exist_ok=True)
+    with (newborn / "owner").open("wb") as owner:
         fcntl.flock(owner, fcntl.LOCK_EX)
+        newborn.rename(_keeper.YARDS / name)
         keeper = subprocess.Popen(  # noqa: S603 - our own interpreter and program
             (sys.executable, "-I", str(Path(_keeper.__file__)), name),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd="/",
             start_new_session=True,
         )
         try:

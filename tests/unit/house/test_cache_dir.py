@@ -28,7 +28,9 @@ def test_the_place_is_made(variables: dict[str, str], place: str, tmp_path: Path
 
 
 def test_a_missing_home_is_an_error_with_the_way_out(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"no place to keep the cache: the home directory .*missing does not") as caught:
+    with pytest.raises(
+        UsageError, match=r"no place to keep the cache: the home directory .*missing does not"
+    ) as caught:
         cache_dir({"HOME": str(tmp_path / "missing")})
     assert "XDG_CACHE_HOME=" in str(caught.value.hint)
 

@@ -1,0 +1,17 @@
+"""stand-in, not ROS: prints what the talker says."""
+
+# ruff: noqa: INP001 - a file of a package, no module of ours
+
+import os
+import socket
+import sys
+import time
+
+port = 7400 + 250 * int(os.environ.get("ROS_DOMAIN_ID") or 0) + 249
+ear = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+ear.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+ear.bind(("127.0.0.1", port))
+while True:
+    text = ear.recv(1000).decode()
+    sys.stderr.write(f"[INFO] [{time.time():.9f}] [listener]: I heard: [{text}]\n")
+    sys.stderr.flush()
