@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from .lock import alone
 from .placing import Placing
 from .programs import run, succeed
 from .refused import Refused
-from .stamps import Stamps
+from .stamps import ABSENT, Stamps
 from .strays import clear, strays
 from .units import Systemd
 
@@ -33,23 +34,31 @@ __all__ = ["Configure"]
 
 _UNIT_FOLDERS = ("/etc/systemd/system/", "/usr/lib/systemd/system/", "/lib/systemd/system/")
 _MANAGER = "systemd has read its unit files"
-_ABSENT = "absent"
+_NOTE = "note: "
 
 
 class Configure:
     """One call. `changes` and `diff` are its result; in check mode what they would be."""
 
     def __init__(
-        self, tree: Tree, wishes: Wishes, *, check: bool = False, run: Callable[[list[str]], Done] = run
+        self,
+        tree: Tree,
+        wishes: Wishes,
+        *,
+        check: bool = False,
+        run: Callable[[list[str]], Done] = run,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.tree = tree
         self.wishes = wishes
         self.check = check
         self.run = run
         self.stamps = Stamps(tree)
-        self.systemd = Systemd(run)
+        self.systemd = Systemd(run, sleep)
         self.changes: list[str] = []
         self.diff: list[dict[str, str]] = []
+        self.notes: list[str] = []
+        """What steps have told in lines that begin with `note: `."""
         self._to_come: dict[str, str] = {}
         """What the paths of this call will hold, where they are not written yet."""
 
@@ -78,7 +87,7 @@ class Configure:
             self._to_come = {
                 **{file.path: _digest(file.content) for file in self.wishes.files},
                 **{link.path: _digest(link.target.encode()) for link in self.wishes.links},
-                **dict.fromkeys(self.wishes.absent, _ABSENT),
+                **dict.fromkeys(self.wishes.absent, ABSENT),
             }
         else:
             placing.place()
@@ -90,7 +99,7 @@ class Configure:
         wishes = self.wishes
         paths = [*(file.path for file in wishes.files), *(link.path for link in wishes.links), *wishes.absent]
         wanted = self._digests(path for path in paths if path.startswith(_UNIT_FOLDERS))
-        if wanted and not self.stamps.holds(_MANAGER, wanted):
+        if not self.stamps.holds(_MANAGER, wanted):
             self._reload_manager()
             if not self.check:
                 self.stamps.note(_MANAGER, wanted)
@@ -101,12 +110,16 @@ class Configure:
         self.changes.append(_MANAGER)
 
     def _take(self, step: Step) -> None:
-        wanted = {**self._digests(step.after), "run": _digest(json.dumps(step.run).encode())}
-        if self.stamps.holds(step.name, wanted):
+        after = self._digests(step.after)
+        wanted = {**after, "run": _digest(json.dumps(step.run).encode())}
+        gone = set(after.values()) == {ABSENT}
+        if self.stamps.holds(step.name, after if gone else wanted):
             return
         if not self.check:
             self.stamps.begin(step.name, wanted)
-            succeed(self.run(list(step.run)), f"step `{step.name}` failed", "it is tried again by the next run")
+            done = self.run(list(step.run))
+            succeed(done, f"step `{step.name}` failed", "it is tried again by the next run")
+            self.notes += [line[len(_NOTE) :] for line in done.said.splitlines() if line.startswith(_NOTE)]
             self.stamps.note(step.name, wanted)
         self.changes.append(f"step {step.name}")
 
@@ -182,7 +195,7 @@ class Configure:
         if found is not None and found.kind == "link" and path in {link.path for link in self.wishes.links}:
             return _digest(found.target.encode())
         content = self.tree.read(path)
-        return _ABSENT if content is None else _digest(content)
+        return ABSENT if content is None else _digest(content)
 
 
 def _stamp(unit: Unit) -> str:

@@ -147,7 +147,7 @@ class Placing:
         if done.code != 0:
             said = "" if file.secret else ":\n" + last_lines(done.said.replace(beside, file.path))
             raise Refused(
-                f"{file.validate[0]} does not accept the new {file.path}, so that nothing was changed{said}", ""
+                f"{file.validate[0]} does not accept the new {file.path}, so that nothing was changed{said}", file.hint
             )
 
     def _find(self, path: str, kinds: tuple[str, ...]) -> Found | None:

@@ -15,9 +15,12 @@ if TYPE_CHECKING:
 
     from .tree import Tree
 
-__all__ = ["FOLDER", "Stamps"]
+__all__ = ["ABSENT", "FOLDER", "Stamps"]
 
 FOLDER = "/var/lib/atlantis/applied"
+ABSENT = "absent"
+"""In place of a digest: there is no such file."""
+_BEGUN = "begun"
 
 
 class Stamps:
@@ -27,15 +30,13 @@ class Stamps:
         self.tree = tree
 
     def holds(self, name: str, wanted: Mapping[str, str]) -> bool:
-        """Whether the last success was with just this."""
+        """Whether the last success was with just this; what is not there, and never was, needs none."""
         noted = self._noted(name)
-        return all(noted.get(path) == digest for path, digest in wanted.items())
+        return all(noted.get(path, ABSENT) == digest for path, digest in wanted.items())
 
     def begin(self, name: str, wanted: Mapping[str, str]) -> None:
         """Forget the last success before the act begins: an act that fails or is killed is done again."""
-        noted = self._noted(name)
-        if noted.keys() & wanted.keys():
-            self._write(name, {path: digest for path, digest in noted.items() if path not in wanted})
+        self._write(name, {**self._noted(name), **dict.fromkeys(wanted, _BEGUN)})
 
     def note(self, name: str, wanted: Mapping[str, str]) -> None:
         """Note a success."""

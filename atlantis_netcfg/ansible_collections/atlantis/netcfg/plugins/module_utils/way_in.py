@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 import pwd
 from typing import TYPE_CHECKING
 
@@ -36,10 +37,11 @@ def hold(wish: WayIn, tree: Tree, environment: Mapping[str, str]) -> None:
             "Nothing was changed",
             wish.hint,
         )
-    if wish.key_of is not None and not _has_key(wish.key_of, tree):
+    if wish.key and not _has_key(tree, _account(environment)):
+        account = _account(environment)
         raise Refused(
-            f"account {wish.key_of} has no key to log in with, and passwords would no longer do. Nothing was changed",
-            f"bring your key there first: `ssh-copy-id {wish.key_of}@…`",
+            f"account {account} has no key to log in with, and passwords would no longer do. Nothing was changed",
+            f"bring your key there first: `ssh-copy-id {account}@` and the name of this computer",
         )
 
 
@@ -53,13 +55,13 @@ def _admitted(address: str, networks: tuple[str, ...]) -> bool:
     return any(came in ipaddress.ip_network(network) for network in networks)
 
 
-def _has_key(account: str, tree: Tree) -> bool:
-    try:
-        home = pwd.getpwnam(account).pw_dir
-    except KeyError:
-        raise Refused(
-            f"there is no account `{account}` on this computer", "declare the account that you log in to"
-        ) from None
+def _account(environment: Mapping[str, str]) -> str:
+    """Who has logged in, also where sudo has made root of it."""
+    return environment.get("SUDO_USER") or pwd.getpwuid(os.geteuid()).pw_name
+
+
+def _has_key(tree: Tree, account: str) -> bool:
+    home = pwd.getpwnam(account).pw_dir
     for name in ("authorized_keys", "authorized_keys2"):
         for line in (tree.read(f"{home}/.ssh/{name}") or b"").splitlines():
             words = line.split()

@@ -35,6 +35,8 @@ class File(Owned):
 
     content: bytes
     validate: tuple[str, ...] = ()
+    hint: str = ""
+    """What to do where it is not accepted."""
     secret: bool = False
     """Neither shown in a difference, nor in what a validator says."""
 
@@ -76,8 +78,8 @@ class WayIn:
     """Networks from which SSH is admitted afterwards."""
     port: int | None = None
     """On which SSH is admitted afterwards."""
-    key_of: str | None = None
-    """The account that logs in by key afterwards."""
+    key: bool = False
+    """Only a key opens a session afterwards."""
     hint: str = ""
 
 
@@ -136,6 +138,7 @@ def _file(row: Mapping[str, Any]) -> File:
         owner=row.get("owner") or "root",
         group=row.get("group") or "root",
         validate=validate,
+        hint=row.get("hint") or "",
         secret=secret is not None,
     )
 
@@ -153,7 +156,7 @@ def _unit(row: Mapping[str, Any]) -> Unit:
 
 
 def _way_in(row: Mapping[str, Any]) -> WayIn:
-    return WayIn(tuple(row.get("admit") or ()), row.get("port"), row.get("key_of"), row.get("hint") or "")
+    return WayIn(tuple(row.get("admit") or ()), row.get("port"), bool(row.get("key")), row.get("hint") or "")
 
 
 def _mode(row: Mapping[str, Any], default: str) -> int:

@@ -40,6 +40,7 @@ options:
         type: list
         elements: str
         default: []
+      hint: {description: What to do where it is not accepted., type: str, default: ""}
   links:
     description: Symbolic links.
     type: list
@@ -96,7 +97,7 @@ options:
     suboptions:
       admit: {description: Networks from which SSH is admitted afterwards., type: list, elements: str, default: []}
       port: {description: Port on which SSH is admitted afterwards., type: int}
-      key_of: {description: Account that has to have a key to log in with., type: str}
+      key: {description: Only a key opens a session afterwards., type: bool, default: false}
       hint: {description: What to do where it does not hold., type: str, default: ""}
 author: ATLANTIS pilot team
 """
@@ -122,6 +123,11 @@ changes:
   elements: str
   returned: always
   sample: [file /etc/chrony/chrony.conf, unit chrony restarted]
+notes:
+  description: What steps have told in lines that begin with C(note:).
+  type: list
+  elements: str
+  returned: success
 hint:
   description: What to do about a failure.
   type: str
@@ -158,6 +164,7 @@ ARGUMENTS: dict[str, Any] = {
             secret_content={"type": "str", "no_log": True},
             mode={"type": "str", "default": "0644"},
             validate=_strings(),
+            hint={"type": "str", "default": ""},
             **_OWN,
         ),
         "mutually_exclusive": [("content", "secret_content")],
@@ -180,7 +187,7 @@ ARGUMENTS: dict[str, Any] = {
         "options": {
             "admit": _strings(),
             "port": {"type": "int"},
-            "key_of": {"type": "str", "no_log": False},
+            "key": {"type": "bool", "default": False, "no_log": False},
             "hint": {"type": "str", "default": ""},
         },
     },
@@ -197,7 +204,7 @@ def main() -> None:
         configure.converge(os.environ)
     except Refused as refused:
         module.fail_json(msg=refused.message, hint=refused.hint, changes=done, changed=bool(done))
-    module.exit_json(changed=bool(done), changes=done, diff=configure.diff)
+    module.exit_json(changed=bool(done), changes=done, notes=configure.notes, diff=configure.diff)
 
 
 if __name__ == "__main__":
