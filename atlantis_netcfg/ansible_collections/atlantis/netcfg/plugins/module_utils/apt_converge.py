@@ -14,7 +14,7 @@ from .dpkg import fits, half_done, installed, wait_for_others
 from .refused import Refused
 
 if TYPE_CHECKING:
-    from typing import Callable, Mapping, Sequence
+    from typing import Callable, Collection, Mapping, Sequence
 
     from .apt_run import Apt
     from .apt_sources import Key, Sources
@@ -144,7 +144,7 @@ class Converge:
         if missing or not self.sources.updated:
             self._update()
         if left or missing:
-            self._mend()
+            self._mend(missing)
         if missing:
             self._refuse_unknown(missing)
             self._act(self._install(missing), list(missing))
@@ -152,10 +152,10 @@ class Converge:
     def _update(self) -> None:
         """Bring apt's lists up to date; where our sources do not work, they are taken back."""
         self._drop_lists(only_empty=True)
-        done = self.apt.get("update")
+        done = self.apt.update()
         if _DAMAGED_LISTS in done.said:
             self._drop_lists(only_empty=False)
-            done = self.apt.get("update")
+            done = self.apt.update()
         urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
         why = of_update(done.said, done.code, urls)
         if why is not None:
@@ -173,18 +173,21 @@ class Converge:
             if whole and (not only_empty or entry.stat().st_size == 0):
                 os.unlink(entry.path)
 
-    def _mend(self) -> None:
-        """Finish what dpkg alone could not: packages that need others, or that were cut off while being unpacked."""
+    def _mend(self, missing: Collection[str]) -> None:
+        """Finish what dpkg alone could not: packages that need others, or that were cut off while being unpacked.
+
+        One of `missing` that cannot be set up may yet be replaced by the version that is declared.
+        """
         for package in half_done(self.apt, installed(self.apt)):
             if package.damaged and self.apt.get("-s", "--yes", "--reinstall", "install", package.name).code:
                 self.apt.run("dpkg", "--remove", "--force-remove-reinstreq", package.name)
-        if self.apt.get("check").code or half_done(self.apt, installed(self.apt)):
-            self._act(["-f", "install"], [])
         left = half_done(self.apt, installed(self.apt))
-        if left:
-            done = self.apt.run("dpkg", "--configure", "-a", "--force-confdef", "--force-confold")
-            if done.code:
-                raise of_install(done.said, [package.name for package in left])
+        if left or self.apt.get("check").code:
+            try:
+                self._act([*_INSTALL, "-f", "install"], [])
+            except Refused:
+                if not left or any(package.name not in missing for package in left):
+                    raise
 
     def _refuse_unknown(self, missing: Mapping[str, str | None]) -> None:
         """Say which packages or versions no source has, and which versions there are."""

@@ -72,6 +72,10 @@ class Apt:
             self.tree.write(f"{_FOLDER}/offline.list", bundle_of(self.tree, self.bundle).encode())
             self.tree.write(f"{self.lists}/partial/.keep", b"")
 
+    def update(self) -> Output:
+        """Bring the lists of packages up to date. Only when it is not quiet apt tells what a source does not have."""
+        return self.get("-o", "quiet=0", "update")
+
     def get(self, *arguments: str) -> Output:
         """Run apt-get."""
         return self.run("apt-get", *self._options(), *arguments)
@@ -100,7 +104,7 @@ class Apt:
         finally:
             os.lseek(handle, 0, os.SEEK_SET)
             with os.fdopen(handle, "rb") as file:
-                said = file.read().decode(errors="replace")
+                said = file.read().decode(errors="replace").replace("\r", "\n")
         return Output(code, said)
 
     def _options(self) -> list[str]:

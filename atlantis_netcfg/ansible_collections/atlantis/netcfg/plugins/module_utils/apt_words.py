@@ -210,7 +210,7 @@ def _first(rows: Iterable[_Row], lines: Sequence[str], **more: str) -> Refused |
 
 
 def _around(said: str, at: int) -> str:
-    lines = [line for line in said[:at].splitlines() if line.strip()]
+    lines = [line for line in said[:at].splitlines()[:-1] if line.strip()]
     return "\n".join(lines[-_LINES:])
 
 
