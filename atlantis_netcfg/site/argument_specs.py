@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
-from atlantis_netcfg.site.model import LteRouter, Pilot, Router, SatelliteTerminal, Site
+from atlantis_netcfg.site.model import Gateway, LteRouter, Pilot, Router, SatelliteTerminal, Site
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,6 +37,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
     "lte": (
         "Bring 4G units of other makes than MikroTik to what is declared of their SIM, or check it",
         {"pilot": Pilot, "site": Site, "device": LteRouter},
+    ),
+    "gateway_dds": (
+        "Lay down the DDS profiles of gateway computers, and the environment that names the one in use",
+        {"pilot": Pilot, "site": Site, "device": Gateway},
     ),
     "satellite_terminal": (
         "Compare what is declared of satellite terminals with the evidence",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from atlantis_netcfg.operations.gateways._access import gateway_access
+from atlantis_netcfg.operations.gateways.dds import gateway_dds
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site import Declaration, Host
 
@@ -14,6 +15,13 @@ __all__ = ["ACCESS", "PARTS", "Part"]
 Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]
 """Pure: what one host should hold, as JSON-able data without secrets."""
 ACCESS = "gateway_access"
+
+
+def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
+    return gateway_dds(declaration, host).as_dict()
+
+
 PARTS: Mapping[str, Part] = {
     ACCESS: gateway_access,
+    "gateway_dds": _dds,
 }

@@ -1,0 +1,102 @@
+"""One role of the gateways, run by Ansible on a machine, and its result as reports have it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gateway_stand import Key
+
+    from atlantis_netcfg.machine import Machine
+
+ROOT = Path(__file__).resolve().parents[3]
+NAME = "coastal-gateway"
+PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
+
+
+@dataclass
+class Stand:
+    """A gateway that runs, the technician's key, and a pilot whose declaration may be changed."""
+
+    gateway: Machine
+    key: Key
+    folder: Path
+    roles: Sequence[str]
+    variables: dict[str, Any] = field(default_factory=dict)
+    """Extra variables of Ansible."""
+
+    def __post_init__(self) -> None:
+        shutil.copytree(ROOT / "inventory", self.inventory)
+        self.known.write_text(f"{NAME} {self.gateway.host_key}\n")
+
+    @property
+    def inventory(self) -> Path:
+        return self.folder / "inventory"
+
+    @property
+    def known(self) -> Path:
+        """The file with the gateway's host key."""
+        return self.folder / "known"
+
+    def declare(self, change: Mapping[str, Any], file: str = "group_vars/all/pilot.yml", key: str = "pilot") -> None:
+        """Change keys below `pilot:` (or another one of another file); None takes one out."""
+        path = self.inventory / file
+        told = yaml.safe_load(path.read_text())
+        told[key] |= change
+        told[key] = {name: value for name, value in told[key].items() if value is not None}
+        path.write_text(yaml.safe_dump(told))
+
+    def run(self, *words: str) -> dict[str, Any]:
+        """Run the roles; `words` are for ansible-playbook."""
+        read, write = os.pipe()
+        with (
+            (self.folder / "said").open("w") as said,
+            subprocess.Popen(
+                self._command(write, words),
+                cwd=self.folder,
+                env=os.environ
+                | {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")},
+                text=True,
+                pass_fds=[write],
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+            ),
+        ):
+            os.close(write)
+            with os.fdopen(read) as lines:
+                told = [json.loads(line) for line in lines]
+        results = [line["devices"][NAME] for line in told if "devices" in line]
+        assert len(results) == 1, f"{(self.folder / 'said').read_text()}\n{told}"
+        result: dict[str, Any] = results[0]
+        return result
+
+    def _command(self, events: int, words: Sequence[str]) -> list[str]:
+        tasks = [
+            {"name": f"Role {role}", "ansible.builtin.import_role": {"name": role, "rolespec_validate": False}}
+            for role in self.roles
+        ]
+        play = [{"hosts": "gateways", "gather_facts": False, "tasks": tasks}]
+        variables = {
+            "ansible_host": "127.0.0.1",
+            "ansible_port": self.gateway.port,
+            "ansible_user": "root",
+            "ansible_ssh_private_key_file": str(self.key.file),
+            "ansible_ssh_common_args": f"-o HostKeyAlias={NAME} -o UserKnownHostsFile={self.known}",
+            "atlantis_request": {"state": str(self.folder / "state"), "rehearsed": True, "events_fd": events},
+            **self.variables,
+        }
+        (self.folder / "play.yml").write_text(json.dumps(play))
+        (self.folder / "variables.json").write_text(json.dumps(variables))
+        return [PLAYBOOK, "-i", "inventory", "play.yml", "-e", "@variables.json", "--limit", NAME, *words]

@@ -1,0 +1,76 @@
+"""Settings that would keep ROS 2 on its own computer are found where people and systems put them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.elsewhere import (
+    Setting,
+    contradicting,
+    note,
+)
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NAME = "ROS_LOCALHOST_ONLY"
+PASSWD = "root:x:0:0:root:/root:/bin/bash\nodroid:x:1000:1000::/home/odroid:/bin/sh\nnobody:x:1:1::/:/bin/false\n"
+OURS = "/etc/profile.d/atlantis-ros.sh"
+
+
+def found(root: Path, path: str, text: str) -> list[Setting]:
+    for name, content in {"/etc/passwd": PASSWD, path: text}.items():
+        place = root / name[1:]
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(content)
+    return contradicting(Tree(str(root)), {NAME: "0"}, frozenset({OURS}))
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        ("/etc/environment", f"{NAME}=1"),
+        ("/etc/environment", f'{NAME}="1"'),
+        ("/etc/profile.d/ros.sh", f"export {NAME}=1"),
+        ("/etc/profile.d/ros.sh", f"A=b; export B {NAME}='1'; C=d"),
+        ("/etc/bash.bashrc", f"  declare -x {NAME}=1 # for a lesson"),
+        ("/root/.bashrc", f"export {NAME}=1"),
+        ("/home/odroid/.profile", f"{NAME}=1"),
+        ("/home/odroid/.pam_environment", f"{NAME} DEFAULT=1"),
+        ("/etc/systemd/system.conf.d/ros.conf", f'DefaultEnvironment="A=b" "{NAME}=1"'),
+        ("/etc/systemd/system/talker.service", f"Environment={NAME}=1"),
+        ("/etc/systemd/system/talker.service.d/10.conf", f"Environment=A=b {NAME}=1"),
+    ],
+)
+def test_a_setting_is_found_wherever_it_stands(path: str, line: str, tmp_path: Path) -> None:
+    assert found(tmp_path, path, f"# about\n{line}\n") == [Setting(path, 2, NAME, "1")]
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        ("/etc/environment", f"{NAME}=0"),
+        ("/etc/environment", f"# {NAME}=1"),
+        ("/etc/environment", f"MY_{NAME}=1"),
+        ("/etc/profile.d/ros.sh", f"echo ${NAME}"),
+        ("/home/odroid/notes", f"{NAME}=1"),
+        (OURS, f"{NAME}=1"),
+    ],
+)
+def test_what_sets_nothing_else_is_not_told(path: str, line: str, tmp_path: Path) -> None:
+    assert found(tmp_path, path, f"{line}\n") == []
+
+
+def test_without_a_variable_nothing_is_looked_for(tmp_path: Path) -> None:
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "profile").write_text('if [ "$1" = x ]; then :; fi\n')
+    assert contradicting(Tree(str(tmp_path)), {}, frozenset()) == []
+
+
+def test_a_note_says_where_what_and_what_to_do() -> None:
+    assert note(Setting("/etc/environment", 3, NAME, "1"), "ROS 2 stays at home") == (
+        "line 3 of /etc/environment sets ROS_LOCALHOST_ONLY=1: ROS 2 stays at home; take that line out, and log in anew"
+    )
