@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -190,3 +192,20 @@ def test_zz_all_that_was_heard_is_allowed() -> None:
         read(running.path)
     assert set(HEARD) <= ALLOWED
     assert set(READS) <= set(HEARD)
+
+
+def test_a_terminal_of_a_container_is_another_one() -> None:
+    """Each has its own numbering: what holds `/dev/pts/0` in there does not hold ours."""
+    if os.geteuid() != 0:
+        pytest.skip("making a mount namespace needs root")
+    mount = "mount -t devpts -o newinstance,ptmxmode=0666 none /dev/pts && exec "
+    with RunningModem(ModemSpec()) as running:
+        hold = (
+            f"import os\nwhile os.ttyname(os.openpty()[1]) != {running.path!r}: pass\nprint('up', flush=True)\ninput()"
+        )
+        inside = ["unshare", "--mount", "sh", "-c", f"{mount} {shlex.join([sys.executable, '-c', hold])}"]
+        with subprocess.Popen(inside, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "up\n"
+            require_free(running.path, locks=())
+            process.kill()

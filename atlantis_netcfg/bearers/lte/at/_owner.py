@@ -10,6 +10,8 @@ from atlantis_netcfg.errors import DeviceFailed
 __all__ = ["PortOwned", "require_free"]
 
 _PTY = "/dev/pts/"
+_UNIX98 = range(136, 144)
+"""Major numbers of pseudo-terminals (Linux, Documentation/admin-guide/devices.txt)."""
 _LOCKS = (Path("/var/lock"), Path("/run/lock"))
 
 
@@ -41,7 +43,7 @@ def _manager(proc: Path) -> int | None:
 
 def _holder(port: str, proc: Path) -> str | None:
     try:
-        device = Path(port).stat().st_rdev
+        device = _identity(Path(port))
     except OSError:
         return None
     for pid in _processes(proc):
@@ -50,7 +52,13 @@ def _holder(port: str, proc: Path) -> str | None:
     return None
 
 
-def _has_open(files: Path, device: int) -> bool:
+def _identity(path: Path) -> tuple[int, int]:
+    """The device behind a path; each container numbers its pseudo-terminals anew, in a file system of its own."""
+    found = path.stat()
+    return found.st_rdev, found.st_dev if os.major(found.st_rdev) in _UNIX98 else 0
+
+
+def _has_open(files: Path, device: tuple[int, int]) -> bool:
     try:
         links = list(files.iterdir())
     except OSError:
@@ -58,7 +66,7 @@ def _has_open(files: Path, device: int) -> bool:
     for link in links:
         try:
             # A link that does not lead into /dev is not opened: a stat of a dead network share would hang.
-            if str(link.readlink()).startswith("/dev/") and link.stat().st_rdev == device:
+            if str(link.readlink()).startswith("/dev/") and _identity(link) == device:
                 return True
         except OSError:
             continue
