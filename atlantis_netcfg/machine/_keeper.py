@@ -27,8 +27,8 @@ __all__ = ["PREFIX", "YARDS", "control_groups", "empty", "mounted", "remove_grou
 
 YARDS = Path("/run/atlantis/yards")
 """One folder for each yard: the file `owner`, locked as long as the owner lives, and what its machines mount."""
-PREFIX = "atl"
-"""Names of yards begin with it: `atl<pid of the owner>-<number>`."""
+PREFIX = "yd"
+"""Names of yards begin with it: `yd<pid of the owner>-<number>`."""
 _NAMESPACES = Path("/run/netns")
 _PROPAGATE = Path("/run/systemd/nspawn/propagate")
 _PATIENCE_S = 20.0
@@ -97,18 +97,16 @@ def _groups(yard: str) -> Iterator[Path]:
 def remove_group(group: Path) -> None:
     """Kill what is left in a control group and in those below it, and remove them."""
     empty(partial(_members, group))
-    for below in sorted(group.rglob("*/"), key=lambda path: len(path.parts), reverse=True):
+    for below, _, _ in os.walk(group, topdown=False):
         with suppress(OSError):
-            below.rmdir()
-    with suppress(OSError):
-        group.rmdir()
+            Path(below).rmdir()
 
 
 def _members(group: Path) -> list[int]:
     found = []
-    for file in group.rglob("cgroup.procs"):
+    for below, _, _ in os.walk(group):
         with suppress(OSError):
-            found += [int(word) for word in file.read_text(encoding="ascii").split()]
+            found += [int(word) for word in Path(below, "cgroup.procs").read_text(encoding="ascii").split()]
     return found
 
 
