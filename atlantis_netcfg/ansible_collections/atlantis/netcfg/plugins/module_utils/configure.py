@@ -68,7 +68,7 @@ class Configure:
         if self.check:
             self._all()
         else:
-            with alone(self.tree):
+            with alone(self.tree, environment):
                 self._all()
 
     def _all(self) -> None:

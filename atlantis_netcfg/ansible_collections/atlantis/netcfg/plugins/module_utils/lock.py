@@ -12,7 +12,7 @@ from .origin import client
 from .refused import Refused, in_words
 
 if TYPE_CHECKING:
-    from typing import Iterator
+    from typing import Iterator, Mapping
 
     from .tree import Tree
 
@@ -22,7 +22,7 @@ FILE = "/run/lock/atlantis-configure"
 
 
 @contextlib.contextmanager
-def alone(tree: Tree) -> Iterator[None]:
+def alone(tree: Tree, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
     """Hold the lock of the computer, which the kernel lets go with the process, however it ends."""
     try:
         Path(tree.at(FILE)).parent.mkdir(parents=True, exist_ok=True)
@@ -38,7 +38,7 @@ def alone(tree: Tree) -> Iterator[None]:
                 f"another run is at work on this computer: {holder or 'it has not told its name yet'}",
                 "let it come to its end, and type the same again; a run whose link broke goes on for a while",
             ) from None
-        came = client(os.environ)
+        came = client(environment)
         told = f"process {os.getpid()}" + (f", begun from {came.address}" if came is not None else "")
         os.ftruncate(handle, 0)
         os.pwrite(handle, told.encode(), 0)

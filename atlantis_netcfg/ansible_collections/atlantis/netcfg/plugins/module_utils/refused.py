@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import shutil
+from pathlib import Path
 
 __all__ = ["Refused", "in_words"]
 
@@ -44,7 +46,7 @@ def in_words(error: OSError, path: str) -> Refused:
 
 
 def _left(path: str) -> str:
-    try:
-        return f": {shutil.disk_usage(path).free // 1024} kB are free"
-    except OSError:
-        return ""
+    for place in (Path(path), *Path(path).parents):
+        with contextlib.suppress(OSError):
+            return f": {shutil.disk_usage(place).free // 1024} kB are free"
+    return ""

@@ -1,0 +1,100 @@
+"""The words in which the parts of a gateway are told to the modules `configure` and `packages` of the collection."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+__all__ = ["Configuration", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
+
+
+class Part(Protocol):
+    """What one role wants of one host."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The parameters of the role's modules, as JSON-able data, by the module's name."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Package:
+    """A Debian package; `version` None takes what the archive has."""
+
+    name: str
+    version: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file, whole; `validate` is a program that accepts it, with `%s` for its name."""
+
+    path: str
+    content: str
+    mode: str = "0644"
+    owner: str = "root"
+    group: str = "root"
+    validate: tuple[str, ...] = ()
+    hint: str = ""
+    """What to do where the validator does not accept it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A symbolic link."""
+
+    path: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A program, run when the files in `after` are not what it last succeeded with."""
+
+    name: str
+    run: tuple[str, ...]
+    after: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit of systemd; None leaves that as it is. It is restarted when the files in `after` are others."""
+
+    name: str
+    enabled: bool | None = None
+    active: bool | None = None
+    after: tuple[str, ...] = ()
+    reload: bool = False
+    wait: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class WayIn:
+    """What must hold of the SSH session that brings all this: else nothing is changed."""
+
+    admit: tuple[str, ...]
+    port: int
+    key: bool
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """The parameters of `atlantis.netcfg.configure`."""
+
+    files: tuple[File, ...] = ()
+    links: tuple[Link, ...] = ()
+    absent: tuple[str, ...] = ()
+    steps: tuple[Step, ...] = ()
+    units: tuple[Unit, ...] = ()
+    way_in: WayIn | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data; what is left out is the module's default."""
+        return {key: _plain(value) for key, value in asdict(self).items() if value}
+
+
+def _plain(told: Any) -> Any:  # noqa: ANN401 - JSON
+    """Lists for tuples, and no keys without a value."""
+    if isinstance(told, dict):
+        return {key: _plain(value) for key, value in told.items() if value is not None}
+    return [_plain(value) for value in told] if isinstance(told, list | tuple) else told

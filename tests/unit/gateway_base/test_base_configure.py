@@ -1,0 +1,279 @@
+"""Module `configure`: files, steps and units become what is declared, and the second run finds nothing to do."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from base_computer import ME, Computer, FakeUnit
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CONF = "/etc/daemon/daemon.conf"
+GOOD = ["sh", "-c", 'grep -q good "$1" || { echo "$1: line 1: bad"; exit 3; }', "sh", "%s"]
+
+
+@pytest.fixture
+def computer(tmp_path: Path) -> Computer:
+    return Computer(tmp_path, units={"daemon": FakeUnit(conf=CONF)})
+
+
+WISHES: dict[str, Any] = {
+    "directories": [{"path": "/srv/own", "mode": "0700"}],
+    "files": [
+        {"path": CONF, "content": "good = 1\n", "validate": GOOD},
+        {"path": "/etc/systemd/system/daemon.service.d/own.conf", "content": "[Service]\n"},
+    ],
+    "links": [{"path": "/etc/localtime", "target": "/usr/share/zoneinfo/Europe/Lisbon"}],
+    "absent": ["/etc/daemon/old.conf"],
+    "steps": [{"name": "take it", "run": ["take", "it"], "after": [CONF]}],
+    "units": [{"name": "daemon", "enabled": True, "active": True, "after": [CONF]}],
+}
+DONE = [
+    "directory /srv/own",
+    f"file {CONF}",
+    "file /etc/systemd/system/daemon.service.d/own.conf",
+    "link /etc/localtime -> /usr/share/zoneinfo/Europe/Lisbon",
+    "absent /etc/daemon/old.conf",
+    "systemd has read its unit files",
+    "step take it",
+    "unit daemon enabled",
+    "unit daemon started",
+]
+
+
+def test_everything_once_and_nothing_twice(computer: Computer) -> None:
+    computer.put("/etc/daemon/old.conf", "old")
+    before = computer.snapshot()
+    assert computer.converge(check=True, **WISHES) == DONE
+    assert computer.snapshot() == before
+    assert computer.ran == []
+    assert computer.converge(**WISHES) == DONE
+    assert computer.ran == [
+        ["systemctl", "daemon-reload"],
+        ["take", "it"],
+        ["systemctl", "enable", "daemon"],
+        ["systemctl", "start", "daemon"],
+    ]
+    assert computer.text(CONF) == "good = 1\n"
+    assert computer.slept_s > 0
+    computer.ran.clear()
+    assert computer.converge(**WISHES) == []
+    assert computer.converge(check=True, **WISHES) == []
+    assert computer.ran == []
+
+
+def file(content: str = "x", **row: Any) -> dict[str, Any]:  # noqa: ANN401 - as the module has it
+    return {"files": [{"path": "/a/b", "content": content, **row}]}
+
+
+CASES: list[tuple[str, str, dict[str, Any], list[str]]] = [
+    ("mode", "0600", file(), ["file /a/b mode 0600 -> 0644"]),
+    ("mode asked for", "0644", file(mode="0400"), ["file /a/b mode 0644 -> 0400"]),
+    ("set-user-ID", "4644", file(), ["file /a/b mode 4644 -> 0644"]),
+    ("content", "0600", file("y"), ["file /a/b"]),
+    ("same", "0644", file(), []),
+    ("secret", "0644", {"files": [{"path": "/a/b", "secret_content": "y"}]}, ["file /a/b"]),
+    ("gone", "0644", {"absent": ["/a/b"]}, ["absent /a/b"]),
+    ("a link in its place", "0644", {"links": [{"path": "/a/b", "target": "c"}]}, ["link /a/b -> c"]),
+    ("directory", "0644", {"directories": [{"path": "/a", "mode": "0711"}]}, ["directory /a mode 0755 -> 0711"]),
+]
+
+
+@pytest.mark.parametrize(("mode", "told", "changes"), [case[1:] for case in CASES], ids=[case[0] for case in CASES])
+def test_one_change(computer: Computer, mode: str, told: dict[str, Any], changes: list[str]) -> None:
+    computer.put("/a/b", "x", int(mode, 8))
+    (computer.root / "a").chmod(0o755)
+    assert computer.converge(check=True, **told) == changes
+    assert computer.converge(**told) == changes
+    assert computer.converge(**told) == []
+
+
+def test_an_owner_is_mended(computer: Computer, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = []
+    monkeypatch.setattr(os, "chown", lambda *arguments, **_: told.append(arguments[1:]))
+    computer.put("/a/b", "x")
+    assert computer.converge(**file(owner="61234")) == [f"file /a/b owner -> 61234:{ME['group']}"]
+    assert told == [(61234, os.getegid())]
+
+
+def test_a_link_in_the_place_of_a_file_is_replaced(computer: Computer) -> None:
+    computer.put("/a/theirs", "theirs")
+    (computer.root / "a" / "b").symlink_to("theirs")
+    assert computer.converge(**file()) == ["file /a/b"]
+    assert not (computer.root / "a" / "b").is_symlink()
+    assert computer.text("/a/theirs") == "theirs"
+    assert computer.converge(**file()) == []
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        (file(), "/a/b is a directory, and has to be a file"),
+        ({"absent": ["/a/b"]}, "/a/b is a directory, and has to be a file"),
+        ({"links": [{"path": "/a/b", "target": "c"}]}, "/a/b is a directory, and has to be a file"),
+        ({"files": [{"path": "/a/c", "content": "x"}]}, "/a/c is a device or a socket"),
+        ({"directories": [{"path": "/a/f"}]}, "/a/f is a file, and has to be a directory"),
+        ({"files": [{"path": "/a/f/x", "content": "x"}]}, "something above it is a file"),
+        ({"files": [{"path": "/a/new", "content": "x", "owner": "nobody-here"}]}, "no account `nobody-here`"),
+        ({"files": [{"path": "/a/new", "content": "x", "group": "nobody-here"}]}, "no group `nobody-here`"),
+        ({"files": [{"path": "/a/new", "content": "x", "mode": "rw"}]}, "`rw` is no mode"),
+        ({"files": [{"path": "a/new", "content": "x"}]}, "`a/new` is no path from the root"),
+        ({"files": [{"path": "/a/../new", "content": "x"}]}, "is no path from the root"),
+        ({"files": [{"path": "/a/new"}]}, "has no content"),
+        ({"files": [{"path": "/a/new", "content": "x", "validate": ["true"]}]}, "its validator has no %s"),
+        ({"files": [{"path": "/a/f", "content": "x"}], "absent": ["/a/f"]}, "path /a/f is declared twice"),
+    ],
+)
+def test_what_is_in_the_way_is_refused_and_nothing_changed(computer: Computer, told: dict[str, Any], said: str) -> None:
+    (computer.root / "a" / "b").mkdir(parents=True)
+    os.mkfifo(computer.root / "a" / "c")
+    computer.put("/a/f", "x")
+    before = sorted(computer.root.rglob("*"))
+    for check in (True, False):
+        with pytest.raises(Refused, match=re.escape(said)):
+            computer.converge(check=check, **{"links": [{"path": "/z/z", "target": "z"}], **told})
+    after = [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts]
+    assert after == before
+
+
+def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) -> None:
+    computer.put("/etc/first", "old")
+    before = computer.snapshot()
+    told: dict[str, Any] = {
+        **WISHES,
+        "files": [{"path": "/etc/first", "content": "new"}, {**WISHES["files"][0], "content": "evil\n"}],
+    }
+    for check in (True, False):
+        with pytest.raises(Refused, match=rf"sh does not accept the new {CONF}.*\n{CONF}: line 1: bad"):
+            computer.converge(check=check, **told)
+        assert computer.snapshot() == before
+    assert computer.ran == []
+
+
+def test_a_secret_is_shown_nowhere(computer: Computer) -> None:
+    computer.put("/a/b", "hush, old\n")
+    told: dict[str, Any] = {"files": [{"path": "/a/b", "secret_content": "hush, new\n", "validate": GOOD}]}
+    with pytest.raises(Refused) as caught:
+        computer.converge(**told)
+    assert "hush" not in caught.value.message
+    assert "bad" not in caught.value.message
+    told["files"][0]["secret_content"] = "good hush"
+    configure = computer.configure(**told)
+    configure.converge({})
+    assert (configure.changes, configure.diff) == (["file /a/b"], [])
+
+
+def test_a_validator_that_is_not_installed(computer: Computer) -> None:
+    told = file(validate=["no-such-program", "%s"])
+    assert computer.converge(check=True, **told) == ["file /a/b"]
+    with pytest.raises(Refused, match="`no-such-program`, which has to accept /a/b, is not installed"):
+        computer.converge(**told)
+    assert computer.snapshot() == {}
+
+
+def test_differences_are_texts(computer: Computer) -> None:
+    computer.put("/a/b", "x\n")
+    (computer.root / "a" / "c").write_bytes(b"\xff\xfe")
+    told: dict[str, Any] = {"files": [*file("y\n")["files"], {"path": "/a/c", "content": "text"}], "absent": ["/a/d"]}
+    configure = computer.configure(**told)
+    configure.converge({})
+    assert configure.diff == [{"before_header": "/a/b", "after_header": "/a/b", "before": "x\n", "after": "y\n"}]
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.ENOSPC, r"the file system of /etc/second is full: \d+ kB are free"),
+        (errno.EDQUOT, "is full"),
+        (errno.EROFS, "can only be read"),
+        (errno.EPERM, "may not be changed"),
+        (errno.EIO, "read or write errors"),
+        (errno.ENXIO, "/etc/second: "),
+    ],
+)
+def test_a_card_that_takes_no_more_is_left_as_it_was(
+    computer: Computer, monkeypatch: pytest.MonkeyPatch, number: int, said: str
+) -> None:
+    computer.put("/etc/first", "old")
+    before = computer.snapshot()
+    write = os.write
+    written: list[int] = []
+
+    def full(handle: int, data: Any) -> int:  # noqa: ANN401 - as os.write has it
+        written.append(handle)
+        if len(written) > 1:
+            raise OSError(number, os.strerror(number))
+        return write(handle, data)
+
+    files = [{"path": f"/etc/{name}", "content": "new"} for name in ("first", "second")]
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", full)
+        with pytest.raises(Refused, match=said):
+            computer.converge(**{**WISHES, "files": files})
+    assert computer.snapshot() == before
+    assert computer.converge(files=files) == ["file /etc/first", "file /etc/second"]
+
+
+def test_a_write_may_take_a_part_only(computer: Computer, monkeypatch: pytest.MonkeyPatch) -> None:
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda handle, data: write(handle, bytes(data)[:1]))
+    computer.converge(**file("a text of some length\n"))
+    assert computer.text("/a/b") == "a text of some length\n"
+
+
+def test_two_runs_do_not_mix(computer: Computer) -> None:
+    lock = computer.root / "run" / "lock" / "atlantis-configure"
+    lock.parent.mkdir(parents=True)
+    lock.write_text("process 77, begun from 192.0.2.7")
+    with lock.open() as holder:
+        fcntl.flock(holder, fcntl.LOCK_EX)
+        assert computer.converge(check=True, **file()) == ["file /a/b"]
+        with pytest.raises(Refused, match=r"another run is at work .*: process 77, begun from 192\.0\.2\.7"):
+            computer.converge(**file())
+    assert computer.converge(**file(), environment={"SSH_CONNECTION": "192.0.2.9 5 192.0.2.1 22"}) == ["file /a/b"]
+    assert lock.read_text() == f"process {os.getpid()}, begun from 192.0.2.9"
+
+
+def test_a_step_that_fails_tells_its_last_lines_and_is_done_again(computer: Computer) -> None:
+    told = {**file(), "steps": [{"name": "make", "run": ["make"], "after": ["/a/b"]}]}
+    computer.converge(**told)
+    computer.answers["make"] = Done(2, "".join(f"line {number}\n" for number in range(40)))
+    told["files"] = file("y")["files"]
+    with pytest.raises(Refused, match=r"step `make` failed \(exit 2\):\nline 32\n(line 3\d\n)+line 39$"):
+        computer.converge(**told)
+    computer.answers["make"] = Done(0, "note: by the way\nnothing\n")
+    told["files"] = file("x")["files"]  # what it had succeeded with before it failed
+    configure = computer.configure(**told)
+    configure.converge({})
+    assert (configure.changes, configure.notes) == (["file /a/b", "step make"], ["by the way"])
+    assert computer.converge(**told) == []
+
+
+def test_steps_run_once_or_when_they_are_others(computer: Computer) -> None:
+    step: dict[str, Any] = {"name": "a/../b", "run": ["once"]}
+    assert computer.converge(steps=[step]) == ["step a/../b"]
+    assert computer.converge(steps=[step]) == []
+    assert computer.converge(steps=[{**step, "run": ["twice"]}]) == ["step a/../b"]
+    gone = {**step, "name": "gone", "after": ["/a/b"]}
+    assert computer.converge(absent=["/a/b"], steps=[gone]) == []
+    assert computer.converge(**file(), steps=[gone]) == ["file /a/b", "step gone"]
+    assert computer.converge(absent=["/a/b"], steps=[gone]) == ["absent /a/b", "step gone"]
+    assert computer.converge(absent=["/a/b"], steps=[gone]) == []
+    assert [argv[0] for argv in computer.ran] == ["once", "twice", "once", "once"]
+
+
+def test_a_damaged_stamp_costs_one_more_run(computer: Computer) -> None:
+    told: dict[str, Any] = {**file(), "steps": [{"name": "make", "run": ["make"], "after": ["/a/b"]}]}
+    computer.converge(**told)
+    computer.put("/var/lib/atlantis/applied/make", '{"half')
+    assert computer.converge(**told) == ["step make"]
+    assert computer.converge(**told) == []

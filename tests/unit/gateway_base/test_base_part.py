@@ -1,0 +1,127 @@
+"""Part `gateway_base`: what the shipped inventory's gateway gets, and what a declaration changes of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from atlantis_netcfg.gateway import GatewayBase, gateway_base
+from atlantis_netcfg.site import load
+
+SHIPPED = Path(__file__).parents[3] / "inventory"
+GATEWAY = "coastal-gateway"
+
+
+def part(
+    tmp_path: Path, device: str = "", pilot: tuple[str, str] = ("", ""), site: tuple[str, str] = ("", "")
+) -> GatewayBase:
+    """The shipped inventory with lines added to the gateway's device, and words of pilot and site exchanged."""
+    made = tmp_path / "inventory"
+    shutil.copytree(SHIPPED, made)
+    for path, (old, new) in (("group_vars/all/pilot.yml", pilot), ("group_vars/coastal.yml", site)):
+        text = (made / path).read_text()
+        assert old in text
+        (made / path).write_text(text.replace(old, new) if old else text)
+    host = made / "host_vars" / f"{GATEWAY}.yml"
+    host.write_text(host.read_text() + device)
+    declaration = load(made)
+    return gateway_base(declaration, declaration.hosts[GATEWAY])
+
+
+def text(base: GatewayBase, path: str) -> str:
+    return next(file.content for file in base.configuration.files if file.path == path)
+
+
+def test_it_is_final_data(tmp_path: Path) -> None:
+    told = part(tmp_path).as_dict()
+    assert json.loads(json.dumps(told)) == told
+    assert told.keys() == {"packages", "configure"}
+    assert {"name": "chrony", "version": None} in told["packages"]["packages"]
+    assert "{{" not in json.dumps(told)
+    assert "{%" not in json.dumps(told)
+
+
+def test_time_comes_from_near_first_and_never_over_the_vpn(tmp_path: Path) -> None:
+    conf = text(part(tmp_path), "/etc/chrony/chrony.conf")
+    assert re.findall(r"^(server \S+|local.*|allow.*|makestep.*|refclock.*)", conf, re.MULTILINE) == [
+        "server 10.64.1.1",
+        "server 192.0.2.123",
+        "server 192.0.2.124",
+        "local stratum 10 orphan",
+        "allow 10.64.1.0/24",
+        "makestep 1 3",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("gps", "line"),
+    [
+        ("{source: shm}", "refclock SHM 0 refid GPS poll 4 delay 0.5"),
+        ("{source: socket, device: ttyUSB1}", "refclock SOCK /run/chrony.ttyUSB1.sock refid GPS poll 4 delay 0.5"),
+    ],
+)
+def test_a_receiver_gives_the_time(tmp_path: Path, gps: str, line: str) -> None:
+    base = part(tmp_path, f"  gps: {gps}\n")
+    assert line in text(base, "/etc/chrony/chrony.conf").splitlines()
+    assert 'GPSD_OPTIONS="-n"' in text(base, "/etc/default/gpsd")
+    assert "gpsd" in {package.name for package in base.packages}
+    assert "gpsd.service" in {unit.name for unit in base.configuration.units}
+
+
+def test_who_may_log_in(tmp_path: Path) -> None:
+    base = part(
+        tmp_path, "  ssh: {port: 2222}\n", site=("admit: [10.64.101.0/24,", "admit: [10.64.101.0/25, 192.0.2.64/26,")
+    )
+    rules = text(base, "/etc/nftables.conf")
+    assert "ip saddr { 10.64.1.0/24, 10.64.101.0/25, 10.80.0.0/16, 192.0.2.64/26 } tcp dport 2222 accept" in rules
+    way_in = base.configuration.way_in
+    assert way_in is not None
+    assert way_in.admit == ("10.64.1.0/24", "10.64.101.0/25", "10.80.0.0/16", "192.0.2.64/26")
+    assert (way_in.port, way_in.key) == (2222, True)
+    assert "site.management.admit" in way_in.hint
+
+
+@pytest.mark.parametrize(
+    ("pilot", "rule"),
+    [
+        (("domain: 0 ", "domain: 42 "), "ip saddr { 10.64.1.0/24, 10.80.0.0/16 } udp dport 17900-17929 accept"),
+        (("participants: 10 ", "participants: 3 "), "udp dport 7400-7415 accept"),
+    ],
+)
+def test_the_ports_of_the_domain_are_open_to_lan_and_vpn(tmp_path: Path, pilot: tuple[str, str], rule: str) -> None:
+    assert rule in text(part(tmp_path, pilot=pilot), "/etc/nftables.conf")
+
+
+def test_without_dds_its_ports_are_shut() -> None:
+    declared = load(SHIPPED)
+    silent = replace(declared, pilot=declared.pilot.model_copy(update={"dds": None}))
+    assert "DDS" not in text(gateway_base(silent, silent.hosts[GATEWAY]), "/etc/nftables.conf")
+
+
+def test_the_watchdog_is_set_where_it_is_declared(tmp_path: Path) -> None:
+    path = "/etc/systemd/system.conf.d/atlantis-watchdog.conf"
+    without, declared = part(tmp_path / "a"), part(tmp_path / "b", "  watchdog_s: 30\n")
+    assert without.configuration.absent == (path,)
+    assert declared.configuration.absent == ()
+    assert "RuntimeWatchdogSec=30\n" in text(declared, path)
+
+
+def test_nothing_is_fetched_unasked_where_bytes_cost(tmp_path: Path) -> None:
+    apt = "/etc/apt/apt.conf.d/90atlantis"
+    metered = text(part(tmp_path / "a"), apt)
+    assert 'APT::Periodic::Update-Package-Lists "0";' in metered
+    assert "(4g, satellite)" in metered
+    assert 'Unattended-Upgrade::Automatic-Reboot "false";' in metered
+
+
+def test_names_resolve_without_a_server(tmp_path: Path) -> None:
+    hosts = text(part(tmp_path), "/etc/hosts").splitlines()
+    assert f"127.0.1.1 {GATEWAY}.coastal.example.org {GATEWAY}" in hosts
+    assert "10.64.1.22 sparus sparus.coastal.example.org" in hosts
+    assert "10.80.0.22 te4sea-gateway" in hosts
+    assert not [line for line in hosts if line.startswith("10.64.1.10 ")]
