@@ -73,7 +73,15 @@ class Container:
         return self._nspawn.poll() is None
 
     def leader(self) -> int | None:
-        """The process that is number 1 inside; None: not yet, or no more."""
+        """The systemd inside; None: not yet, or no more. Before it is there, inside is not separated from outside."""
+        first = self._first()
+        with suppress(OSError):
+            if first is not None and not _same_program(first, self._nspawn.pid):
+                return first
+        return None
+
+    def _first(self) -> int | None:
+        """The process that is number 1 inside, whatever it does."""
         tasks = Path("/proc", str(self._nspawn.pid), "task", str(self._nspawn.pid), "children")
         with suppress(OSError):
             for child in tasks.read_text(encoding="ascii").split():
@@ -83,9 +91,9 @@ class Container:
 
     def kill(self) -> None:
         """End it as a power cut does, and everything in it."""
-        while self.runs and (leader := self.leader()) is not None:
+        while self.runs and (first := self._first()) is not None:
             with suppress(ProcessLookupError):
-                os.kill(leader, signal.SIGKILL)
+                os.kill(first, signal.SIGKILL)
             with suppress(subprocess.TimeoutExpired):
                 self._nspawn.wait(_PAUSE_S)
         if self.runs:
@@ -111,6 +119,10 @@ def entering(leader: int) -> tuple[str, ...]:
     held = ",".join(["-all", *(f"+cap_{number}" for number in range(mask.bit_length()) if mask >> number & 1)])
     confined = ("setpriv", f"--bounding-set={held}", "--inh-caps=-all")
     return (*confined, "nsenter", "--target", str(leader), "--all", "--")
+
+
+def _same_program(one: int, other: int) -> bool:
+    return Path(f"/proc/{one}/exe").samefile(f"/proc/{other}/exe")
 
 
 def _first_inside(process: str) -> bool:

@@ -138,7 +138,8 @@ class Machine:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a line of shell inside as root, without SSH; `check`: MachineFailed unless it ends with 0."""
-        leader = self._container.leader() if self._container is not None else None
+        wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._said("does not boot"))
+        leader = self._leader()
         if leader is None:
             raise MachineFailed(f"{self.name} is off")
         done = asked(
@@ -151,7 +152,8 @@ class Machine:
     def put(self, path: str, text: str, *, mode: str = "0644") -> None:
         """Write a file inside, and the folders above it; works also while it is off."""
         name = shlex.quote(path)
-        command = f"mkdir -p $(dirname {name}) && cat > {name} && chmod {mode} {name}"
+        folder = shlex.quote(str(Path(path).parent))
+        command = f"mkdir -p {folder} && cat > {name} && chmod {mode} {name}"
         if self.runs:
             self.run(command, input=text)
             return
@@ -196,9 +198,12 @@ class Machine:
             self._container = None
         delete_namespace(self._unique)
 
+    def _leader(self) -> int | None:
+        return None if self._container is None else self._container.leader()
+
     def _greets(self) -> bool:
         """Whether sshd says its name, and the boot has come so far that ordinary users may log in."""
-        leader = self._container.leader() if self._container is not None else None
+        leader = self._leader()
         if leader is None or Path(f"/proc/{leader}/root/run/nologin").exists():
             return False
         with suppress(OSError), self._inside.socket() as caller:

@@ -110,7 +110,8 @@ class Relay:
             with self._make() as machine:
                 try:
                     machine.setblocking(False)
-                    await asyncio.wait_for(self._loop.sock_connect(machine, self._target), _CONNECT_S)
+                    async with asyncio.timeout(_CONNECT_S):
+                        await self._loop.sock_connect(machine, self._target)
                     await _join(self._bearer, client, machine)
                 except* OSError:
                     for end in (client, machine):

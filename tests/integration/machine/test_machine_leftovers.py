@@ -1,0 +1,120 @@
+"""Nothing of a yard is left on this computer, however its owner ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
+
+from atlantis_netcfg.machine import yard
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.machine import Machine, Yard
+
+__all__ = ["bare", "gateway", "ground", "key"]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+_PATIENCE_S = 60.0
+OWNER = """\
+import sys, time
+from pathlib import Path
+from atlantis_netcfg.machine import yard
+with yard(Path(sys.argv[1])) as ground:
+    ground.start("robot", Path(sys.argv[2]), address=sys.argv[3], gateway=sys.argv[4])
+    print(ground.name, flush=True)
+    time.sleep(600)
+"""
+
+
+class Owner:
+    """A process that has a yard with a running machine."""
+
+    def __init__(self, folder: Path, tree: Path) -> None:
+        words = (sys.executable, "-c", OWNER, str(folder), str(tree), ADDRESS, ROUTER)
+        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.yard = self.process.stdout.readline().strip()
+        assert self.yard
+
+    def keeper(self) -> int:
+        pid = self.process.pid
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        return next(int(child) for child in children if "_keeper.py" in Path(f"/proc/{child}/cmdline").read_text())
+
+    def end(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+        self.process.wait(_PATIENCE_S)
+
+
+@pytest.fixture
+def owner(bare: Path, tmp_path: Path) -> Iterator[Owner]:
+    made = Owner(tmp_path / "owner", bare)
+    yield made
+    with suppress(ProcessLookupError):
+        made.process.kill()
+    made.process.communicate()
+
+
+def _await_nothing(name: str) -> None:
+    end = time.monotonic() + _PATIENCE_S
+    while (found := left(name)) and time.monotonic() < end:
+        pass
+    assert found == []
+
+
+def test_a_block_that_fails(bare: Path, tmp_path: Path) -> None:
+    names = []
+
+    def fail() -> None:
+        with yard(tmp_path / "yard") as ground:
+            ground.start("robot", bare, address=ADDRESS, gateway=ROUTER)
+            names.append(ground.name)
+            assert len(left(ground.name)) > 5
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert left(names[0]) == []
+    assert (tmp_path / "yard" / "robot.log").is_file()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_an_owner_that_is_ended(owner: Owner, number: signal.Signals) -> None:
+    owner.end(number)
+    _await_nothing(owner.yard)
+
+
+def test_an_owner_that_is_killed_with_its_keeper_is_swept_by_the_next_yard(owner: Owner, tmp_path: Path) -> None:
+    os.kill(owner.keeper(), signal.SIGKILL)
+    owner.end(signal.SIGKILL)
+    assert left(owner.yard)
+    with yard(tmp_path / "next"):
+        assert left(owner.yard) == []
+
+
+def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, ground: Yard, tmp_path: Path) -> None:
+    with yard(tmp_path / "third") as third:
+        names = {owner.yard, ground.name, third.name}
+        assert len(names) == 3
+        assert all(left(name) for name in names)
+        assert gateway.run("hostname").stdout == "coastal-gateway\n"
+    assert left(third.name) == []
+    assert gateway.state(settled=True) == "running"
+    assert owner.process.poll() is None
+
+
+def test_a_stopped_machine_is_gone_before_its_yard(gateway: Machine, ground: Yard) -> None:
+    gateway.stop()
+    running = subprocess.run(["ip", "netns", "pids", ground.name], capture_output=True, text=True, check=True)
+    assert running.stdout == ""
+    assert not gateway.runs
+    assert not Path(f"/run/netns/{ground.name}-m0").exists()

@@ -1,0 +1,69 @@
+"""Why no machine runs here, in the words that a technician reads."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from atlantis_netcfg.machine import MachineFailed, ready, why_not, yard
+
+
+@pytest.fixture(autouse=True)
+def able(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer that lacks nothing."""
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr(ready, "_KEYRING", Path("/"))
+    monkeypatch.setattr(ready, "_overlays", lambda: True)
+    monkeypatch.setattr(ready, "asked", lambda words: subprocess.CompletedProcess(words, 0))
+
+
+def test_nothing_is_said_where_machines_run() -> None:
+    assert why_not({}) is None
+
+
+@pytest.mark.parametrize("value", ["1", "no", ""])
+def test_they_can_be_forbidden_by_any_value(value: str) -> None:
+    assert why_not({"ATLANTIS_NO_MACHINES": value}) == "ATLANTIS_NO_MACHINES is set"
+
+
+def test_an_ordinary_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    assert why_not({}) == "not root"
+
+
+def test_another_system(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert why_not({}) == "not Linux"
+
+
+def test_missing_programs_are_told_as_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = {"ip", "mount", "setpriv", "unshare", "nsenter"}
+    monkeypatch.setattr(shutil, "which", lambda name: name if name in there else None)
+    assert why_not({}) == "missing: apt install mmdebstrap systemd-container"
+
+
+def test_the_keyring_of_debian_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(ready, "_KEYRING", tmp_path / "none.gpg")
+    assert why_not({}) == "missing: apt install debian-archive-keyring"
+
+
+def test_a_kernel_without_overlays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ready, "_overlays", lambda: False)
+    assert why_not({}) == "the kernel has no overlay file system"
+
+
+def test_a_container_that_may_not_make_namespaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ready, "asked", lambda words: subprocess.CompletedProcess(words, 1))
+    assert why_not({}) == "this computer may not make namespaces"
+
+
+def test_a_yard_says_why_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("ATLANTIS_NO_MACHINES", "1")
+    with pytest.raises(MachineFailed, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"), yard(tmp_path):
+        pytest.fail("it stands")

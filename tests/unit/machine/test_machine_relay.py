@@ -1,0 +1,158 @@
+"""The bearer between this computer and a machine; here a server of the loopback stands for the machine."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.machine.relay import Relay, Traffic, Way
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PATIENCE_S = 20.0
+
+
+@pytest.fixture
+def server() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as made:
+        made.settimeout(_PATIENCE_S)
+        yield made
+
+
+@pytest.fixture
+def relay(server: socket.socket) -> Iterator[Relay]:
+    with closing(Relay(socket.socket, server.getsockname())) as made:
+        yield made
+
+
+class Both:
+    """A connection through the relay, both ends of it."""
+
+    def __init__(self, relay: Relay, server: socket.socket) -> None:
+        self.client = socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S)
+        self.machine, _ = server.accept()
+        self.machine.settimeout(_PATIENCE_S)
+
+    def close(self) -> None:
+        self.client.close()
+        self.machine.close()
+
+
+@pytest.fixture
+def both(relay: Relay, server: socket.socket) -> Iterator[Both]:
+    with closing(Both(relay, server)) as made:
+        yield made
+
+
+def _everything(end: socket.socket) -> bytes:
+    return b"".join(iter(lambda: end.recv(65536), b""))
+
+
+def test_bytes_pass_both_ways_and_are_counted(both: Both, relay: Relay) -> None:
+    both.client.sendall(b"to the machine")
+    assert both.machine.recv(100) == b"to the machine"
+    both.machine.sendall(b"and back")
+    assert both.client.recv(100) == b"and back"
+    assert relay.traffic == Traffic(connections=1, up_bytes=14, down_bytes=8)
+
+
+def test_an_end_that_has_said_all_still_listens(both: Both) -> None:
+    sent = bytes(range(256)) * 4096
+    both.client.sendall(b"all")
+    both.client.shutdown(socket.SHUT_WR)
+    assert _everything(both.machine) == b"all"
+    both.machine.sendall(sent)
+    both.machine.close()
+    assert _everything(both.client) == sent
+
+
+@pytest.mark.parametrize("breaker", ["client", "machine"])
+def test_a_reset_arrives_as_a_reset_behind_what_was_said_before(both: Both, breaker: str) -> None:
+    near, far = (both.client, both.machine) if breaker == "client" else (both.machine, both.client)
+    near.sendall(b"last words")
+    assert far.recv(100) == b"last words"
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    near.close()
+    with pytest.raises(ConnectionResetError):
+        far.recv(100)
+
+
+def test_a_machine_that_refuses_resets(server: socket.socket, relay: Relay) -> None:
+    server.close()
+    with pytest.raises(ConnectionError), socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S) as client:
+        client.recv(1)
+
+
+def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket, relay: Relay) -> None:
+    relay.set(Way(delay_s=0.05))
+    begin = time.monotonic()
+    with closing(Both(relay, server)) as both:
+        both.client.sendall(b"?")
+        assert both.machine.recv(1) == b"?"
+        both.machine.sendall(b"!")
+        assert both.client.recv(1) == b"!"
+    assert time.monotonic() - begin >= 4 * 0.05
+
+
+def test_a_rate_is_shared_by_all_connections(server: socket.socket, relay: Relay) -> None:
+    relay.set(Way(rate_down_bps=800_000))
+    begin = time.monotonic()
+    with closing(Both(relay, server)) as one, closing(Both(relay, server)) as other:
+        for both in (one, other):
+            both.machine.sendall(b"x" * 10_000)
+            both.machine.close()
+        assert len(_everything(one.client)) + len(_everything(other.client)) == 20_000
+    assert time.monotonic() - begin >= 0.2
+
+
+def test_the_other_direction_is_not_slowed_down(both: Both, relay: Relay) -> None:
+    relay.set(Way(rate_down_bps=1))
+    both.client.sendall(b"x" * 10_000)
+    both.client.close()
+    assert len(_everything(both.machine)) == 10_000
+
+
+def test_a_dead_link_keeps_what_is_under_way(both: Both, relay: Relay) -> None:
+    relay.set(Way(up=False))
+    both.client.sendall(b"into the silence")
+    both.client.shutdown(socket.SHUT_WR)
+    while relay.traffic.up_bytes < len(b"into the silence"):
+        pass
+    relay.set(Way(up=False))  # whatever the relay would have done by now, it has done
+    both.machine.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        both.machine.recv(1)
+    both.machine.settimeout(_PATIENCE_S)
+    relay.set(Way())
+    assert _everything(both.machine) == b"into the silence"
+
+
+def test_a_connection_over_a_dead_link_waits_for_it(server: socket.socket, relay: Relay) -> None:
+    relay.set(Way(up=False))
+    with socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S) as client:
+        client.sendall(b"patient")
+        server.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            server.accept()
+        server.settimeout(_PATIENCE_S)
+        relay.set(Way())
+        machine, _ = server.accept()
+        with machine:
+            assert machine.recv(100) == b"patient"
+
+
+def test_its_end_closes_what_is_open(server: socket.socket) -> None:
+    relay = Relay(socket.socket, server.getsockname())
+    with closing(Both(relay, server)) as both:
+        relay.close()
+        assert _everything(both.client) == b""
+        assert _everything(both.machine) == b""
+    relay.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", relay.port))
