@@ -8,11 +8,11 @@ BENCH_ARGS ?=
 # Programs of .venv first, for us and for the programs that they start.
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help rehearse test lint campaign bench clean
+.PHONY: help rehearse test lint campaign test-arm64 bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
-	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
+	@sed -n 's/^\([a-z0-9-]*\):[^#]*## \(.*\)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
 rehearse: ## run a site against its emulated devices (SITE=coastal)
 	@./provision site=$(SITE) --rehearse --yes
@@ -20,7 +20,7 @@ rehearse: ## run a site against its emulated devices (SITE=coastal)
 test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 	@tools/develop system
 	@tools/strangers
-	python -P -m pytest -n auto --dist worksteal -m "not campaign" $(ARGS)
+	python -P -m pytest -n auto --dist worksteal -m "not campaign and not arm64" $(ARGS)
 
 lint: ## check code, types, playbooks and roles; no warning is accepted
 	@tools/develop
@@ -35,6 +35,11 @@ campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
 	python -P -m pytest -n auto --dist worksteal -m campaign --timeout 0 $(ARGS)
+
+test-arm64: ## boot a gateway's card on the gateways' processor, emulated; once per release, takes half an hour
+	@tools/develop system tests/system-packages-arm64.txt
+	@tools/arm64
+	python -P -m pytest -m arm64 --timeout 0 $(ARGS)
 
 bench: ## measure us and our peers on slow links, write docs/benchmarks.md (BENCH_ARGS='--only ours librouteros'; --help)
 	@tools/develop system

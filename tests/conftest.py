@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator
 
 MARKERS = (
+    "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
     "campaign: long tests that `make campaign` runs",
     "slow: takes more than a few seconds; CI runs it as well",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
