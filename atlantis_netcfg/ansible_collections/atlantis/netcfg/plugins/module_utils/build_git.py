@@ -1,0 +1,243 @@
+"""Fetch a git repository at a revision, with its submodules, over a link that is slow, dear and sometimes gone.
+
+One commit is fetched and not its history. What an earlier attempt has brought stays, and the sources of the build in
+use are where a new one starts from, so that only the difference travels.
+"""
+
+# ruff: noqa: PTH103, PTH108, PTH112, PTH113, PTH118
+# ruff: noqa: PTH123 - paths are text on the gateways' side, where all modules share it
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from .build_plan import is_commit
+from .build_token import askpass
+from .build_words import Trouble, about_git, last_words, trouble
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Callable, Iterable
+
+    from .build_plan import Repository
+
+__all__ = ["Git", "configure"]
+
+_PAUSES_S = (10.0, 30.0, 60.0, 120.0)
+"""Between attempts over a broken link; together longer than three gaps of a satellite."""
+
+
+def configure(home: str, offline: str | None, urls: Iterable[str]) -> None:
+    """Write git's settings to the folder that is its home during a build.
+
+    `protocol.version=2` lets a commit be asked for by its name; a transfer that stands for 300 s is given up.
+    Submodules that are declared by SSH on a server of `urls` are read from it as the repositories are: by HTTPS, with
+    their token.
+    With `offline` every server is a folder below it.
+    """
+    text = (
+        "[protocol]\n\tversion = 2\n"
+        '[protocol "ext"]\n\tallow = never\n'
+        '[protocol "ssh"]\n\tallow = never\n'
+        "[credential]\n\thelper =\n"
+        "[http]\n\tlowSpeedLimit = 1\n\tlowSpeedTime = 300\n"
+        "[safe]\n\tdirectory = *\n"
+        "[advice]\n\tdetachedHead = false\n"
+        "[gc]\n\tauto = 0\n"
+    )
+    mirrors = f"file://{offline.rstrip('/')}/git/" if offline is not None else None
+    if mirrors is not None:
+        text += '[protocol "file"]\n\tallow = always\n' + _instead(mirrors, "https://", "http://")
+    for scheme, server in sorted({urlsplit(url)[:2] for url in urls}):
+        host = server.partition(":")[0]
+        text += _instead(f"{mirrors or scheme + '://'}{server}/", f"git@{host}:", f"ssh://git@{host}/")
+    with open(os.path.join(home, ".gitconfig"), "w", encoding="utf-8") as file:
+        file.write(text)
+
+
+def _instead(address: str, *of: str) -> str:
+    return f'[url "{address}"]\n' + "".join(f"\tinsteadOf = {one}\n" for one in of)
+
+
+class _Failed(Exception):
+    """What git said when it failed."""
+
+    def __init__(self, said: str) -> None:
+        super().__init__(said)
+        self.said = said
+
+
+@dataclass(frozen=True)
+class Git:
+    """git in one repository; `say` takes lines for the log, `sleep` is given by tests."""
+
+    repository: Repository
+    name: str
+    folder: str
+    home: str
+    """Where `configure` has written; tokens are below it."""
+    offline: str | None
+    """The folder that stands for all servers; None: the servers themselves are asked."""
+    say: Callable[[str], None]
+    sleep: Callable[[float], None] = time.sleep
+
+    def fetch(self, seed: str | None) -> str:
+        """Bring the sources to the revision and give its commit; `seed` is a folder to start from. Raises Refused."""
+        try:
+            return self._fetch(seed)
+        except _Failed as failed:
+            if trouble(failed.said) is not Trouble.DAMAGED:
+                raise self._refused(failed) from None
+        self.say("what was fetched before is damaged: fetching everything anew")
+        shutil.rmtree(self.folder)
+        try:
+            return self._fetch(None)
+        except _Failed as failed:
+            raise self._refused(failed) from None
+
+    def _fetch(self, seed: str | None) -> str:
+        if not os.path.isdir(os.path.join(self.folder, ".git")):
+            shutil.rmtree(self.folder, ignore_errors=True)
+            if seed is not None and os.path.isdir(os.path.join(seed, ".git")):
+                shutil.copytree(os.path.join(seed, ".git"), os.path.join(self.folder, ".git"), symlinks=True)
+            else:
+                os.makedirs(self.folder)
+                self._git("init", "--quiet")
+        self._unlock()
+        self._git("config", "remote.origin.url", self.repository.url)
+        commit = self._commit()
+        self._git("checkout", "--quiet", "--force", "--detach", commit)
+        self._git("clean", "-ffdxq")
+        self._submodules()
+        return commit
+
+    def _commit(self) -> str:
+        """Fetch the revision, its history only from a server that gives no commit without it."""
+        revision = self.repository.revision
+        if is_commit(revision):
+            if self._has(revision):
+                return revision
+            try:
+                self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", revision)
+            except _Failed as failed:
+                if trouble(failed.said) is not Trouble.REVISION and "shallow" not in failed.said:
+                    raise
+                self._online("fetch", "--tags", "--quiet", "origin", "+refs/heads/*:refs/remotes/origin/*")
+                if not self._has(revision):
+                    raise
+            return revision
+        wanted = f"+refs/tags/{revision}:refs/tags/{revision}"
+        try:
+            self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", wanted)
+        except _Failed as failed:
+            if trouble(failed.said) is Trouble.REVISION:
+                self._no_branch()
+            if "shallow" not in failed.said:
+                raise
+            self._online("fetch", "--no-tags", "--quiet", "origin", wanted)
+        return self._git("rev-parse", f"refs/tags/{revision}^{{commit}}").strip()
+
+    def _has(self, commit: str) -> bool:
+        """Whether a commit is here with all of its files, also after an attempt that was cut off."""
+        try:
+            self._git("rev-list", "--objects", "--max-count=1", commit)
+        except _Failed:
+            return False
+        return True
+
+    def _no_branch(self) -> None:
+        revision = self.repository.revision
+        if self._online("ls-remote", "--heads", "origin", f"refs/heads/{revision}").strip():
+            raise Refused(
+                f"`{revision}` is a branch of {self.repository.url}, which means something else every day",
+                "declare a tag, or the commit: `git ls-remote URL` shows both",
+            )
+
+    def _submodules(self) -> None:
+        modules = os.path.join(self.folder, ".gitmodules")
+        if os.path.isfile(modules):
+            self._git("submodule", "--quiet", "sync", "--recursive")
+            update = ("submodule", "--quiet", "update", "--init", "--recursive", "--force")
+            try:
+                self._online(*update, "--depth", "1")
+            except _Failed as failed:
+                if trouble(failed.said) not in (Trouble.REVISION, Trouble.OTHER):
+                    raise self._of_submodule(failed) from None
+                self.say("a submodule was not given without its history: fetching it with it")
+                try:
+                    self._online(*update)
+                except _Failed as again:
+                    raise self._of_submodule(again) from None
+        told = self._git("submodule", "status", "--recursive").splitlines()
+        absent = [line[1:].split()[1] for line in told if line[0] in "-U"]
+        if absent:
+            raise Refused(
+                f"the submodule {absent[0]} of {self.repository.url}, revision {self.repository.revision}, is missing",
+                "the partner has to complete .gitmodules in the repository",
+            )
+
+    def _of_submodule(self, failed: _Failed) -> Exception:
+        """A failure of a submodule names it, because the repository itself is in order."""
+        if trouble(failed.said) in (Trouble.DAMAGED, Trouble.SPACE, Trouble.SUBMODULE, Trouble.ACCOUNT):
+            return failed
+        told = self._refused(failed)
+        return Refused(f"a submodule of {self.repository.url} could not be fetched: {told.message}", told.hint)
+
+    def _online(self, *words: str) -> str:
+        """Run a command that needs the link: while that is broken, again after a pause."""
+        for pause in _PAUSES_S:
+            try:
+                return self._git(*words)
+            except _Failed as failed:  # noqa: PERF203 - attempts are few
+                if trouble(failed.said) is not Trouble.LINK:
+                    raise
+                self.say(f"the link broke; next attempt in {pause:.0f} s")
+                self.sleep(pause)
+        return self._git(*words)
+
+    def _git(self, *words: str) -> str:
+        done = subprocess.run(  # noqa: S603
+            ["git", *words],  # noqa: S607
+            cwd=self.folder,
+            env=self._environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+        said = done.stdout.decode(errors="replace")
+        if done.returncode != 0:
+            self.say(said.rstrip())
+            raise _Failed(said)
+        return said
+
+    def _environment(self) -> dict[str, str]:
+        answers = askpass(self.home, self.name)
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
+        environment.update(
+            HOME=self.home, GIT_TERMINAL_PROMPT="0", GIT_ASKPASS=answers or "/bin/false", LC_ALL="C", LANGUAGE=""
+        )
+        environment.pop("XDG_CONFIG_HOME", None)
+        return environment
+
+    def _unlock(self) -> None:
+        """Remove the locks of a git that was cut off; this build is the only one that works here."""
+        for folder, _, files in os.walk(os.path.join(self.folder, ".git")):
+            for file in files:
+                if file.endswith(".lock"):
+                    os.unlink(os.path.join(folder, file))
+
+    def _refused(self, failed: _Failed) -> Refused:
+        one = self.repository
+        if self.offline is not None and trouble(failed.said) in (Trouble.GONE, Trouble.REVISION):
+            return Refused(
+                f"{self.offline} does not hold {one.url}, revision {one.revision}:\n{last_words(failed.said)}",
+                "make the bundle anew where there is internet, after the last change of the declaration",
+            )
+        return about_git(failed.said, one.url, one.revision, tokened=askpass(self.home, self.name) is not None)

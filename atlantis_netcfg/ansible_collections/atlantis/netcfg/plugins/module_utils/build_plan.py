@@ -1,0 +1,201 @@
+"""What is to be built, and where it stands: the folder of a build, the marker that makes it one, and the links to it.
+
+Below the prefix, `/opt/atlantis/interop`:
+
+    builds/KEY/library/           the library's sources, with `install/` of colcon in them, as the report has it
+    builds/KEY/examples/build/    the examples, built by cmake and make
+    builds/KEY/build.json         written last: without it the folder is a build that was cut off
+    current, previous             links to the build in use, and to the one before it
+    tags.json                     the commit that each tag led to when it was last built
+"""
+
+# ruff: noqa: PTH108, PTH112, PTH113, PTH114, PTH118, PTH119
+# ruff: noqa: PTH123, PTH208 - paths are text on the gateways' side, where all modules share it
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import shutil
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from .refused import Refused, in_words
+from .tree import Tree
+
+if TYPE_CHECKING:
+    from typing import Collection, Mapping
+
+__all__ = ["MARKER", "Plan", "Repository", "Shelf", "is_commit"]
+
+MARKER = "build.json"
+_KEY_DIGITS = 12
+_TREE = Tree()
+
+
+def is_commit(revision: str) -> bool:
+    """Whether a revision is the full name of a commit, which never means anything else later."""
+    return re.fullmatch(r"[0-9a-f]{40}|[0-9a-f]{64}", revision) is not None
+
+
+@dataclass(frozen=True)
+class Repository:
+    """A git repository at a revision: a tag, or the full name of a commit."""
+
+    url: str
+    revision: str
+
+    @property
+    def identity(self) -> str:
+        """What decides what is built: a commit is the same on every server, a tag is not."""
+        return self.revision if is_commit(self.revision) else f"{self.url} {self.revision}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that decides what a build becomes; it holds no secret."""
+
+    library: Repository
+    examples: Repository | None
+    ros_setup: str
+    """The file that is sourced before building, `/opt/ros/DISTRIBUTION/setup.sh`."""
+    compiler: str
+    """Its version and its target."""
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Plan:
+        """Read what `as_dict` gave."""
+        examples = told["examples"]
+        return cls(
+            Repository(**told["library"]),
+            Repository(**examples) if examples is not None else None,
+            told["ros_setup"],
+            told["compiler"],
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data."""
+        return asdict(self)
+
+    @property
+    def repositories(self) -> dict[str, Repository]:
+        """By the folder that each stands in."""
+        both = {"library": self.library, "examples": self.examples}
+        return {name: one for name, one in both.items() if one is not None}
+
+    @property
+    def key(self) -> str:
+        """The name of the build: the same inputs have the same key."""
+        inputs = [self.library.identity, self.examples.identity if self.examples is not None else "", self.ros_setup]
+        return hashlib.sha256("\n".join([*inputs, self.compiler]).encode()).hexdigest()[:_KEY_DIGITS]
+
+    @property
+    def words(self) -> str:
+        """As a person knows it."""
+        return " and ".join(f"{name} {_short(one.revision)}" for name, one in self.repositories.items())
+
+
+def _short(revision: str) -> str:
+    return revision[:_KEY_DIGITS] if is_commit(revision) else revision
+
+
+class Shelf:
+    """The builds below a prefix."""
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
+
+    def at(self, key: str) -> str:
+        """The folder of a build."""
+        return os.path.join(self.prefix, "builds", key)
+
+    def marker(self, key: str) -> dict[str, Any] | None:
+        """What a complete build is; None for one that was cut off, or that there is not."""
+        path = os.path.join(self.at(key), MARKER)
+        try:
+            with open(path, "rb") as file:
+                told = json.loads(file.read())
+        except (OSError, ValueError):
+            return None
+        found = isinstance(told, dict) and told.get("key") == key
+        return told if found and os.path.isfile(os.path.join(self.at(key), "library", "install", "setup.sh")) else None
+
+    def complete(self, key: str, marker: Mapping[str, Any]) -> None:
+        """Declare a build complete, once every file of it is safely on the card."""
+        os.sync()
+        _TREE.write(os.path.join(self.at(key), MARKER), _json({**marker, "key": key}))
+
+    def linked(self, name: str) -> str | None:
+        """The key of the build that a link leads to."""
+        try:
+            return os.path.basename(os.readlink(os.path.join(self.prefix, name)))
+        except OSError:
+            return None
+
+    def use(self, key: str) -> None:
+        """Take a complete build into use; the one that was in use becomes the previous one.
+
+        `previous` is written first: a cut between the two leaves a link too many, and `current` untouched.
+        """
+        current = self.linked("current")
+        if current == key:
+            return
+        if current is not None and self.marker(current) is not None:
+            self._link("previous", current)
+        self._link("current", key)
+
+    def prune(self, busy: Collection[str] = ()) -> list[str]:
+        """Remove what is neither in use, nor the previous build, nor being built; gives the keys."""
+        kept = {self.linked("current"), self.linked("previous"), *busy}
+        try:
+            found = sorted(os.listdir(os.path.join(self.prefix, "builds")))
+        except FileNotFoundError:
+            return []
+        stale = [key for key in found if key not in kept]
+        for key in stale:
+            self.discard(key)
+        return stale
+
+    def discard(self, key: str) -> None:
+        """Remove a build; its marker goes first, so that half of it is never taken for a build."""
+        path = self.at(key)
+        try:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(os.path.join(path, MARKER))
+            shutil.rmtree(path)
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise in_words(error, path) from error
+
+    def tags(self) -> dict[str, dict[str, str]]:
+        """URL -> tag -> commit, as built; a damaged file counts as none."""
+        try:
+            with open(os.path.join(self.prefix, "tags.json"), "rb") as file:
+                told = json.loads(file.read())
+        except (OSError, ValueError):
+            return {}
+        return told if isinstance(told, dict) and all(isinstance(one, dict) for one in told.values()) else {}
+
+    def note_tags(self, plan: Plan, commits: Mapping[str, str]) -> None:
+        """Record the commit that each tag has led to."""
+        tags = self.tags()
+        for name, one in plan.repositories.items():
+            if not is_commit(one.revision):
+                tags.setdefault(one.url, {})[one.revision] = commits[name]
+        if tags != self.tags():
+            _TREE.write(os.path.join(self.prefix, "tags.json"), _json(tags))
+
+    def _link(self, name: str, key: str) -> None:
+        path = os.path.join(self.prefix, name)
+        if os.path.isdir(path) and not os.path.islink(path):
+            raise Refused(f"{path} is a folder, and has to be a link to a build", f"move it away: mv {path} {path}.old")
+        _TREE.link(path, os.path.join("builds", key))
+        _TREE.sync(path)
+
+
+def _json(data: Mapping[str, Any]) -> bytes:
+    return (json.dumps(data, indent=1, sort_keys=True) + "\n").encode()

@@ -1,0 +1,262 @@
+"""Start a build or find it running, take a complete one into use, and tell a failed one: one short visit each.
+
+A build takes as long as a coffee, and its link may be gone before: it runs as the transient unit `atlantis-build-KEY`,
+whose files stand in `/run/atlantis/build-KEY`, a runtime directory that systemd removes however the unit ends.
+"""
+
+# ruff: noqa: PTH102, PTH103, PTH108, PTH110, PTH113, PTH118
+# ruff: noqa: PTH123, PTH208 - paths are text on the gateways' side, where all modules share it
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import shutil
+import time
+import uuid
+import zipfile
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from . import build_git, build_make, build_plan, build_token, build_words, build_work, refused, tree
+from .build_plan import Plan, Repository, Shelf
+from .build_token import keep
+from .programs import is_there, run, succeed
+from .refused import Refused, in_words
+
+if TYPE_CHECKING:
+    from typing import Callable, Mapping
+
+    from .programs import Done
+
+__all__ = ["Build", "Places", "compiler", "pack"]
+
+_MODULES = (build_git, build_make, build_plan, build_token, build_work, build_words, refused, tree)
+"""What the program of the build consists of; that they are imported here brings them to the gateway."""
+_RUNNING = ("active", "activating", "deactivating", "reloading")
+_FENCE = (
+    # What a partner's CMakeLists.txt does stays in the folders of the build, and leaves the running gateway its share.
+    "ProtectSystem=strict",
+    "ProtectHome=read-only",
+    "NoNewPrivileges=yes",
+    "Nice=10",
+    "IOSchedulingClass=idle",
+    "OOMScoreAdjust=500",
+    # A compiler that is killed for want of memory is told by the build; it does not end it silently.
+    "OOMPolicy=continue",
+)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where things stand on the gateway."""
+
+    prefix: str = "/opt/atlantis/interop"
+    memory: str = "/run/atlantis"
+    """Gone after a power cut, and so are the tokens and outcomes in it."""
+    logs: str = "/var/log/atlantis"
+
+    def job(self, key: str) -> str:
+        """The folder of a running build."""
+        return os.path.join(self.memory, f"build-{key}")
+
+    def outcome(self, key: str) -> str:
+        """What the last build of a key has come to."""
+        return os.path.join(self.memory, f"outcome-{key}.json")
+
+    def log(self, key: str) -> str:
+        """All that a build has said."""
+        return os.path.join(self.logs, f"build-{key}.log")
+
+
+def compiler(run: Callable[[list[str]], Done] = run) -> str | None:
+    """The version and target of the compiler; None where there is none."""
+    version, target = run(["c++", "-dumpversion"]), run(["c++", "-dumpmachine"])
+    return None if version.code != 0 else f"{version.said.strip()} {target.said.strip()}"
+
+
+def pack(path: str) -> None:
+    """Write the program of the build, read from wherever this module itself was read from."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("build/__init__.py", "")
+        archive.writestr("__main__.py", "import sys\nfrom build.build_work import main\nsys.exit(main(sys.argv[1]))\n")
+        for module in _MODULES:
+            archive.writestr(f"build/{module.__name__.rpartition('.')[2]}.py", inspect.getsource(module))
+
+
+@dataclass
+class Build:
+    """One visit for one declaration; `changes` and `notes` are its result."""
+
+    library: Repository
+    examples: Repository | None
+    tokens: Mapping[str, str | None]
+    """By the name of the repository."""
+    ros_setup: str
+    jobs: int | None
+    offline: str | None
+    check: bool
+    places: Places = field(default_factory=Places)
+    run: Callable[[list[str]], Done] = run
+    changes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def visit(self, started: str | None) -> dict[str, Any]:
+        """Bring the build forward; `started` is the run whose end is to be told. Raises Refused."""
+        try:
+            return self._visit(started)
+        except OSError as error:
+            raise in_words(error, str(error.filename or self.places.prefix)) from error
+
+    def _visit(self, started: str | None) -> dict[str, Any]:
+        found = compiler(self.run)
+        if found is None and self.check:
+            self.changes.append("build of the library, once its packages are installed")
+            return {"state": "wanted"}
+        plan = Plan(self.library, self.examples, self.ros_setup, found or "")
+        shelf = Shelf(self.places.prefix)
+        told = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
+        marker = shelf.marker(plan.key)
+        if marker is not None:
+            self._take(plan, shelf, marker)
+            return {**told, "state": "ready", "commits": marker["commits"]}
+        if self._runs(plan.key):
+            if started is not None:
+                raise Refused(
+                    f"the build of {plan.words} is still at work on the gateway",
+                    f"type the same again later: it goes on by itself; {told['log']} shows how far it is",
+                )
+            return {**told, "state": "running", "run": self._running(plan.key)}
+        if started is not None:
+            raise self._ended(plan, started)
+        self.changes.append(f"build of {plan.words} started")
+        if self.check:
+            return {**told, "state": "wanted"}
+        self._prerequisites(found)
+        return {**told, "state": "running", "run": self._start(plan, shelf)}
+
+    def _take(self, plan: Plan, shelf: Shelf, marker: Mapping[str, Any]) -> None:
+        if shelf.linked("current") != plan.key:
+            self.changes.append(f"build {plan.key} of {plan.words} taken into use")
+            self.notes.extend(marker["notes"])
+            if self.check:
+                return
+            shelf.note_tags(plan, marker["commits"])
+            shelf.use(plan.key)
+        if not self.check:
+            for key in shelf.prune([key for key in self._unfinished(shelf) if self._runs(key)]):
+                self._remove_log(key)
+
+    def _start(self, plan: Plan, shelf: Shelf) -> str:
+        """Write the job and let systemd run it; a build of something that is declared no longer is stopped."""
+        for key in self._unfinished(shelf):
+            if key != plan.key:
+                if self._runs(key):
+                    self.run(["systemctl", "stop", _unit(key)])
+                    self.notes.append(f"the build {key}, which is declared no longer, was stopped")
+                shelf.discard(key)
+                self._remove_log(key)
+        home, name = self.places.job(plan.key), uuid.uuid4().hex
+        shutil.rmtree(home, ignore_errors=True)
+        os.makedirs(self.places.logs, exist_ok=True)
+        os.makedirs(self.places.prefix, exist_ok=True)
+        os.makedirs(self.places.memory, exist_ok=True)
+        os.mkdir(home, 0o700)
+        try:
+            pack(os.path.join(home, "program.pyz"))
+            job = {
+                "run": name,
+                "plan": plan.as_dict(),
+                "prefix": self.places.prefix,
+                "jobs": self.jobs,
+                "offline": self.offline,
+                "log": self.places.log(plan.key),
+                "outcome": self.places.outcome(plan.key),
+            }
+            with open(os.path.join(home, "job.json"), "w", encoding="utf-8") as file:
+                json.dump(job, file)
+            with open(self.places.log(plan.key), "w", encoding="utf-8") as log:
+                log.write(f"== {time.strftime('%Y-%m-%d %H:%M:%S')} by the gateway's clock: build of {plan.words}\n")
+            for repository, token in self.tokens.items():
+                if token and self.offline is None:
+                    keep(home, repository, plan.repositories[repository].url, token)
+            succeed(self.run(self._command(plan.key)), "systemd did not start the build")
+        except BaseException:
+            shutil.rmtree(home, ignore_errors=True)
+            raise
+        return name
+
+    def _command(self, key: str) -> list[str]:
+        home, log = self.places.job(key), self.places.log(key)
+        writable = f"ReadWritePaths={self.places.prefix} {self.places.logs} {self.places.memory}"
+        properties = [
+            *_FENCE,
+            writable,
+            f"RuntimeDirectory={os.path.relpath(home, '/run')}",
+            "RuntimeDirectoryMode=0700",
+            f"StandardOutput=append:{log}",
+            f"StandardError=append:{log}",
+        ]
+        command = ["systemd-run", "--quiet", "--collect", f"--unit={_unit(key)}"]
+        command += [f"--description=ATLANTIS builds the interoperability library ({key})"]
+        command += [f"--property={one}" for one in properties]
+        return [*command, "/usr/bin/python3", "-I", os.path.join(home, "program.pyz"), os.path.join(home, "job.json")]
+
+    def _ended(self, plan: Plan, started: str) -> Refused:
+        """Why there is no build although it has been started."""
+        try:
+            with open(self.places.outcome(plan.key), encoding="utf-8") as file:
+                outcome = json.load(file)
+        except (OSError, ValueError):
+            outcome = {}
+        log = self.places.log(plan.key)
+        if outcome.get("run") == started and not outcome.get("ok"):
+            hint = outcome["hint"]
+            return Refused(outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway")
+        return Refused(
+            f"the build of {plan.words} was cut off: the gateway lost its power, or somebody stopped it",
+            f"type the same again: it goes on with what it has fetched; all that was said: {log} on the gateway",
+        )
+
+    def _prerequisites(self, found: str | None) -> None:
+        if not os.path.isfile(self.ros_setup):
+            raise Refused(
+                f"ROS 2 is not installed on the gateway: there is no {self.ros_setup}",
+                "declare `ros2:` beside `interop:`, with the release that is meant",
+            )
+        wanted = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
+        missing = [name for name in wanted if not is_there(name)] + ([] if found else ["c++"])
+        if missing:
+            raise Refused(
+                f"the gateway lacks {', '.join(missing)} to build with",
+                "the packages of `interop.packages` bring them: build-essential, cmake, git; colcon comes with ROS 2",
+            )
+
+    def _runs(self, key: str) -> bool:
+        done = self.run(["systemctl", "show", "--property", "ActiveState", "--value", _unit(key)])
+        return done.said.strip() in _RUNNING
+
+    def _running(self, key: str) -> str:
+        try:
+            with open(os.path.join(self.places.job(key), "job.json"), encoding="utf-8") as file:
+                return str(json.load(file)["run"])
+        except (OSError, ValueError, KeyError):
+            return ""
+
+    @staticmethod
+    def _unfinished(shelf: Shelf) -> list[str]:
+        try:
+            found = sorted(os.listdir(os.path.join(shelf.prefix, "builds")))
+        except FileNotFoundError:
+            return []
+        return [key for key in found if shelf.marker(key) is None]
+
+    def _remove_log(self, key: str) -> None:
+        for path in (self.places.log(key), self.places.outcome(key)):
+            if os.path.exists(path):
+                os.unlink(path)
+
+
+def _unit(key: str) -> str:
+    return f"atlantis-build-{key}.service"

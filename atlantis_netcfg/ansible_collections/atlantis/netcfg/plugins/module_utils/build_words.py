@@ -1,0 +1,178 @@
+"""What git, colcon, cmake and compilers say when they fail, in words for a technician."""
+
+from __future__ import annotations
+
+import re
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Iterable
+
+__all__ = ["CardFull", "Trouble", "about_building", "about_git", "last_words", "trouble"]
+
+_LINES = 6
+_LONG = 240
+_MEANINGFUL = re.compile(
+    r"\berror\b|\bfatal\b|cannot|not found|undefined reference|No rule to make|No space left|Killed"
+    r"|Could not find|failed",
+    re.IGNORECASE,
+)
+_ECHOES = re.compile(r"^(make(\[\d+\])?: \*\*\*|gmake(\[\d+\])?: \*\*\*|Failed   <<<|Summary:|\s*\d+ packages? )")
+"""Lines that only say that something before them went wrong."""
+
+
+class CardFull(Refused):
+    """There is no room for the build: what there is of it is in the way."""
+
+
+class Trouble(Enum):
+    """Kinds of failure of git that mean different things to do."""
+
+    CERTIFICATE = "certificate"
+    TOKEN = "token"  # noqa: S105 - the name of a trouble
+    GONE = "gone"
+    REVISION = "revision"
+    SUBMODULE = "submodule"
+    ACCOUNT = "account"
+    SPACE = "space"
+    DAMAGED = "damaged"
+    LINK = "link"
+    OTHER = "other"
+
+
+_SIGNS = (
+    (Trouble.SPACE, r"No space left on device|Disk quota exceeded"),
+    (Trouble.CERTIFICATE, r"certificate|SSL peer|self.signed|gnutls_handshake|SSL_ERROR"),
+    (
+        Trouble.TOKEN,
+        (
+            r"Authentication failed|could not read (Username|Password)|terminal prompts disabled"
+            r"|HTTP Basic: Access denied|returned error: 40[13]|unable to read askpass"
+        ),
+    ),
+    (Trouble.ACCOUNT, r"transport '\w+' not allowed"),
+    (Trouble.SUBMODULE, r"No url found for submodule path|no submodule mapping found"),
+    (
+        Trouble.GONE,
+        r"repository '.*' not found|returned error: 404|does not appear to be a git repository|does not exist",
+    ),
+    (Trouble.REVISION, r"couldn't find remote ref|not our ref|unadvertised object|no such remote ref"),
+    (
+        Trouble.LINK,
+        (
+            r"Could not resolve|Failed to connect|Couldn't connect|timed out|too slow|early EOF|RPC failed|hung up"
+            r"|unexpected disconnect|Empty reply|Connection (reset|refused|died)|Recv failure|returned error: 5\d\d"
+            r"|transfer closed|unreachable"
+        ),
+    ),
+    (
+        Trouble.DAMAGED,
+        (
+            r"\bcorrupt|bad object|loose object|unable to read (tree|sha1)|missing blob|did not send all|inflate: "
+            r"|bad (index|signature)|index file|invalid sha1 pointer|not a valid object|\.lock': File exists"
+            r"|not a git repository"
+        ),
+    ),
+)
+
+
+def trouble(said: str) -> Trouble:
+    """What kind of failure git tells of."""
+    return next((kind for kind, sign in _SIGNS if re.search(sign, said, re.IGNORECASE)), Trouble.OTHER)
+
+
+def about_git(said: str, url: str, revision: str, *, tokened: bool) -> Refused:  # noqa: PLR0911 - one for each trouble
+    """A failure of git in words; `tokened`: a token is declared for this repository."""
+    kind = trouble(said)
+    host = url.split("/")[2] if "://" in url else url
+    at = f"{url}, revision {revision}"
+    last = last_words(said)
+    if kind is Trouble.CERTIFICATE:
+        return Refused(
+            f"the certificate of {host} is not accepted:\n{last}",
+            "look at the gateway's clock first: `date`. If it is right, and the server's certificate is of an authority"
+            " of its own, put that authority's file to /usr/local/share/ca-certificates/NAME.crt on the gateway and run"
+            " `update-ca-certificates` there",
+        )
+    if kind is Trouble.TOKEN and not tokened:
+        return Refused(
+            f"{host} asks who reads {url}, and no token is declared for it",
+            "ask the partner for a token that may read the repository, and declare it as `token:` (ansible-vault)",
+        )
+    if kind is Trouble.TOKEN:
+        return Refused(
+            f"{host} does not accept the declared token for {url}",
+            "it may have expired, or lack the right `read_repository`: ask the partner for a new one; a deploy token of"
+            " GitLab goes with a name, and is declared as NAME:TOKEN",
+        )
+    if kind is Trouble.GONE:
+        seen = "the token may not see it" if tokened else "it is only seen with a token, and none is declared"
+        return Refused(f"there is no repository at {url}, or {seen}", "open the address in a browser, and compare")
+    if kind is Trouble.REVISION:
+        return Refused(
+            f"there is no revision {revision} in {url}",
+            "`git ls-remote --tags URL` lists its tags; a commit is given by all of its 40 hex digits",
+        )
+    if kind is Trouble.SUBMODULE:
+        return Refused(
+            f"a submodule of {at} cannot be fetched: the repository does not say where it is:\n{last}",
+            "the partner has to complete .gitmodules in the repository",
+        )
+    if kind is Trouble.ACCOUNT:
+        return Refused(
+            f"a submodule of {at} is not at an https address, and would need an account of the gateway's own:\n{last}",
+            "the partner has to give it an https address in .gitmodules",
+        )
+    if kind is Trouble.SPACE:
+        return _full(f"while {at} was fetched")
+    if kind is Trouble.LINK:
+        return Refused(
+            f"{host} could not be reached, or the link broke, while {at} was fetched:\n{last}",
+            "look at the links of the site, then type the same again: what has come already is kept",
+        )
+    return Refused(f"git could not fetch {at}:\n{last}", "")
+
+
+def about_building(what: str, said: str) -> Refused:
+    """A failure of colcon, cmake, make or a compiler in words."""
+    last = last_words(said)
+    if re.search(r"No space left on device|Disk quota exceeded", said):
+        return _full(f"while {what} was built")
+    if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", said):
+        return Refused(
+            f"the memory of the gateway did not suffice to build {what}:\n{last}",
+            "stop what else runs there, or add swap, and type the same again",
+        )
+    if missing := re.search(r"package configuration file provided by\s+\"([^\"]+)\"", said):
+        return Refused(
+            f"to build {what}, cmake wants `{missing.group(1)}`, which is not installed on the gateway",
+            "find its package (`apt-file search NAMEConfig.cmake`), and add it to `interop.packages`",
+        )
+    if missing := re.search(r"fatal error: (\S+): No such file or directory", said):
+        return Refused(
+            f"to build {what}, the header {missing.group(1)} is wanted, which is not there:\n{last}",
+            "find its package (`apt-file search HEADER`), and add it to `interop.packages`",
+        )
+    return Refused(f"{what} could not be built:\n{last}", "the partner who made it can read this")
+
+
+def last_words(said: str) -> str:
+    """The last lines that say what went wrong; without any such line, the last lines."""
+    lines = [line.rstrip()[:_LONG] for line in said.splitlines() if line.strip()]
+    told = [line for line in lines if _MEANINGFUL.search(line) and not _ECHOES.search(line)]
+    return "\n".join(_once(told)[-_LINES:] or lines[-_LINES:])
+
+
+def _once(lines: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(lines))
+
+
+def _full(when: str) -> Refused:
+    return CardFull(
+        f"the card of the gateway became full {when}",
+        "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h; df -i` tells where it is"
+        " full. The unfinished build has been removed",
+    )

@@ -1,0 +1,194 @@
+"""One visit to a gateway: a build is started, joined, taken into use, or its failure told; systemd is played here."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Plan, Repository, Shelf
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_start import Build, Places
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+
+URL, TOKEN = "https://git.example.org/c4i/library.git", "CANARY-of-a-visit"
+
+
+@dataclass
+class Gateway:
+    """A prefix, and a systemd that runs what it is told to until it is told otherwise."""
+
+    folder: Path
+    running: set[str] = field(default_factory=set)
+    commands: list[list[str]] = field(default_factory=list)
+    starts: bool = True
+    compiler: bool = True
+
+    @property
+    def places(self) -> Places:
+        return Places(*(str(self.folder / name) for name in ("prefix", "memory", "logs")))
+
+    @property
+    def shelf(self) -> Shelf:
+        return Shelf(self.places.prefix)
+
+    def run(self, argv: list[str]) -> Done:
+        self.commands.append(argv)
+        if argv[0] == "c++":
+            return Done(0 if self.compiler else 127, "12\n" if argv[1] == "-dumpversion" else "x86_64-linux-gnu\n")
+        unit = next((word.partition("=")[2] for word in argv if word.startswith("--unit=")), argv[-1])
+        if argv[0] == "systemd-run":
+            self.running |= {unit} if self.starts else set()
+            return Done(0 if self.starts else 1, "Failed to start")
+        if argv[1] == "stop":
+            self.running.discard(unit)
+        return Done(0, "active\n" if unit in self.running else "inactive\n")
+
+    def visit(
+        self, revision: str = "v1", started: str | None = None, *, check: bool = False, examples: bool = False
+    ) -> tuple[dict[str, Any], Build]:
+        setup = self.folder / "setup.sh"
+        setup.touch()
+        library = Repository(URL, revision)
+        build = Build(
+            library,
+            Repository(URL.replace("library", "examples"), revision) if examples else None,
+            {"library": TOKEN},
+            str(setup),
+            None,
+            None,
+            check,
+            self.places,
+            self.run,
+        )
+        return build.visit(started), build
+
+    def complete(self, told: dict[str, Any], notes: tuple[str, ...] = ()) -> None:
+        """The unit has done its work."""
+        install = Path(self.shelf.at(told["key"]), "library", "install")
+        install.mkdir(parents=True)
+        (install / "setup.sh").touch()
+        self.shelf.complete(told["key"], {"commits": {"library": "a" * 40}, "notes": list(notes)})
+        self.running.discard(told["unit"])
+
+    def end(self, told: dict[str, Any], outcome: dict[str, Any] | None) -> None:
+        """The unit has ended without."""
+        self.running.discard(told["unit"])
+        if outcome is not None:
+            Path(self.places.outcome(told["key"])).write_text(json.dumps({"run": told["run"], **outcome}))
+
+
+@pytest.fixture
+def gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Gateway:
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for name in ("git", "colcon", "make", "cmake"):
+        (tools / name).touch(mode=0o755)
+    programs = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs._PATH"
+    monkeypatch.setattr(programs, str(tools))
+    return Gateway(tmp_path)
+
+
+def test_a_build_is_started_joined_taken_into_use_and_left_alone(gateway: Gateway) -> None:
+    planned, wish = gateway.visit(check=True)
+    assert (planned["state"], list(gateway.running), list((gateway.folder).glob("memory"))) == ("wanted", [], [])
+    told, first = gateway.visit()
+    assert first.changes == wish.changes == ["build of library v1 started"]
+    assert told["state"] == "running"
+    again, second = gateway.visit()
+    assert (again["run"], second.changes) == (told["run"], [])
+    with pytest.raises(Refused, match="still at work"):
+        gateway.visit(started=told["run"])
+    gateway.complete(told, ("a note",))
+    ready, third = gateway.visit(started=told["run"])
+    assert ready["state"] == "ready"
+    assert third.changes == [f"build {told['key']} of library v1 taken into use"]
+    assert third.notes == ["a note"]
+    last, fourth = gateway.visit()
+    assert (last["commits"], fourth.changes, fourth.notes) == ({"library": "a" * 40}, [], [])
+    assert gateway.shelf.tags() == {URL: {"v1": "a" * 40}}
+
+
+def test_the_declaration_set_back_takes_the_kept_build(gateway: Gateway) -> None:
+    keys = []
+    for revision in ("v1", "v2"):
+        told, _ = gateway.visit(revision)
+        gateway.complete(told)
+        gateway.visit(revision)
+        keys.append(told["key"])
+    started = sum(command[0] == "systemd-run" for command in gateway.commands)
+    planned, wish = gateway.visit("v1", check=True)
+    back, build = gateway.visit("v1")
+    assert planned["state"] == back["state"] == "ready"
+    assert build.changes == wish.changes == [f"build {keys[0]} of library v1 taken into use"]
+    assert (gateway.shelf.linked("current"), gateway.shelf.linked("previous")) == (keys[0], keys[1])
+    assert sum(command[0] == "systemd-run" for command in gateway.commands) == started
+
+
+def test_the_token_is_in_memory_only_and_goes_when_nothing_starts(gateway: Gateway) -> None:
+    told, _ = gateway.visit()
+    home = Path(gateway.places.job(told["key"]))
+    assert home.stat().st_mode & 0o777 == 0o700
+    assert (home / "library").read_text() == f"oauth2\n{TOKEN}\n"
+    assert (home / "library").stat().st_mode & 0o777 == 0o600
+    everything = [path for path in gateway.folder.rglob("*") if path.is_file() and TOKEN in path.read_text("latin-1")]
+    assert everything == [home / "library"]
+    assert TOKEN not in str(gateway.commands)
+    gateway.starts = False
+    gateway.running.clear()
+    with pytest.raises(Refused, match="systemd did not start the build"):
+        gateway.visit()
+    assert not home.exists()
+
+
+def test_what_runs_is_whole_and_fenced(gateway: Gateway) -> None:
+    told, _ = gateway.visit()
+    (command,) = (one for one in gateway.commands if one[0] == "systemd-run")
+    assert {"--collect", f"--unit={told['unit']}", "--property=ProtectSystem=strict"} <= set(command)
+    assert command[-4:-2] == ["/usr/bin/python3", "-I"]
+    with zipfile.ZipFile(command[-2]) as program:
+        names = {name.rpartition("/")[2] for name in program.namelist()}
+    assert {"__main__.py", "build_work.py", "build_git.py", "build_make.py", "refused.py", "tree.py"} <= names
+
+
+def test_a_failure_is_told_once_and_the_next_visit_starts_anew(gateway: Gateway) -> None:
+    told, _ = gateway.visit()
+    gateway.end(told, {"ok": False, "message": "no such header", "hint": "ask"})
+    with pytest.raises(Refused, match="no such header") as caught:
+        gateway.visit(started=told["run"])
+    assert caught.value.hint == f"ask; all that was said: {told['log']} on the gateway"
+    again, build = gateway.visit()
+    assert build.changes == ["build of library v1 started"]
+    gateway.end(again, None)
+    with pytest.raises(Refused, match="was cut off"):
+        gateway.visit(started=again["run"])
+
+
+def test_another_declaration_ends_the_build_of_the_one_before(gateway: Gateway) -> None:
+    told, _ = gateway.visit("v1")
+    Path(gateway.shelf.at(told["key"])).mkdir(parents=True)
+    other, build = gateway.visit("v2")
+    assert gateway.running == {other["unit"]}
+    assert build.notes == [f"the build {told['key']}, which is declared no longer, was stopped"]
+    assert not Path(gateway.shelf.at(told["key"])).exists()
+
+
+def test_what_is_missing_is_named(gateway: Gateway, tmp_path: Path) -> None:
+    (tmp_path / "bin/colcon").unlink()
+    (tmp_path / "bin/cmake").unlink()
+    with pytest.raises(Refused, match="the gateway lacks colcon, cmake to build with"):
+        gateway.visit(examples=True)
+    gateway.compiler = False
+    with pytest.raises(Refused, match=r"lacks colcon, c\+\+ to"):
+        gateway.visit()
+    assert gateway.visit(check=True)[1].changes == ["build of the library, once its packages are installed"]
+
+
+def test_the_key_is_that_of_the_plan(gateway: Gateway) -> None:
+    told, _ = gateway.visit(check=True)
+    plan = Plan(Repository(URL, "v1"), None, str(gateway.folder / "setup.sh"), "12 x86_64-linux-gnu")
+    assert told["key"] == plan.key
