@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.gateway import _steps
 from atlantis_netcfg.gateway._view import BaseView, base_view
+from atlantis_netcfg.gateway.network import GatewayNetwork, gateway_network
 from atlantis_netcfg.gateway.parts import Configuration, File, Link, Package, Unit, WayIn
 from atlantis_netcfg.render import environment
 
@@ -38,11 +39,14 @@ class GatewayBase:
 
     packages: tuple[Package, ...]
     configuration: Configuration
+    network: GatewayNetwork | None
+    """None: it stays as the image has it."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
-        return {"packages": {"packages": packages}, "configure": self.configuration.as_dict()}
+        told = {"packages": {"packages": packages}, "configure": self.configuration.as_dict()}
+        return told if self.network is None else {**told, "network": self.network.as_dict()}
 
 
 def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
@@ -58,6 +62,7 @@ def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
             units=tuple(_units(view)),
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         ),
+        network=gateway_network(declaration, host),
     )
 
 

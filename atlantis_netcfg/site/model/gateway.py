@@ -81,7 +81,17 @@ def _receiver(value: object) -> str:
     return text
 
 
+def _network_file(value: object) -> str:
+    text = value.strip() if isinstance(value, str) else ""
+    place = r"/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+"
+    if ".." in text or not re.fullmatch(place, text):
+        hint = "its whole path, like /etc/netplan/50-cloud-init.yaml"
+        raise wrong(f"`{value}` is no file that configures a network", hint)
+    return text
+
+
 Interface = Annotated[str, BeforeValidator(_interface)]
+NetworkFile = Annotated[str, BeforeValidator(_network_file)]
 Account = Annotated[str, BeforeValidator(_account)]
 
 
@@ -140,6 +150,8 @@ class GatewayNetwork(Model):
     """`ip link` on the board shows it, like eth0."""
     rollback_s: Annotated[StrictInt, Field(ge=5, le=900)] = 180
     """A change that no new session has confirmed for so long is undone, in seconds; a satellite is silent for 70 s."""
+    replaces: tuple[NetworkFile, ...] = ()
+    """Files on the computer that configure the same interface, like the vendor's; they go with the change."""
 
 
 class GpsSource(StrEnum):

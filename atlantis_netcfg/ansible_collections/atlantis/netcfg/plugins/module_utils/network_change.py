@@ -1,0 +1,248 @@
+"""A change of the network in two steps: staged by one session, confirmed by a later one, or else taken back.
+
+A kill at any moment leaves the computer with a whole configuration: everything that the way back needs is on the disk
+and armed before the first file is touched, and the touching is done by systemd, not by the session that asked.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import os
+import time
+from typing import TYPE_CHECKING
+
+from .network_files import state_of
+from .network_guard import (
+    APPLIED,
+    APPLY_UNIT,
+    OUTCOME,
+    PENDING,
+    PREVIOUS,
+    ROOM,
+    WANTED,
+    addresses,
+    running,
+)
+from .network_session import began_s
+from .network_units import BACK, BACK_TIMER, FOLDER, install, program
+from .network_wish import Wish, same
+from .refused import Refused, in_words
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from .network_files import Computer
+
+__all__ = ["Change"]
+
+_NETWORKD = "systemd-networkd.service"
+_ENABLED = f"/etc/systemd/system/multi-user.target.wants/{_NETWORKD}"
+_UNIT = f"/lib/systemd/system/{_NETWORKD}"
+_ROOM_BYTES = 64 * 1024
+_MARGIN_S = 60.0
+"""Beyond the window: what bringing the previous configuration back may take."""
+_SETTLED_S = 5.0
+"""How long a new configuration may take from its tool's end until it is in effect."""
+_PAUSE_S = 0.1
+
+
+class Change:
+    """Of one interface; `changes` and `diff` are what it comes to, in check mode what it would."""
+
+    def __init__(self, computer: Computer, wish: Wish) -> None:
+        self.computer = computer
+        self.wish = wish
+        self.changes: list[str] = []
+        self.diff: list[dict[str, str]] = []
+
+    def stage(self, *, check: bool = False) -> str | None:
+        """Stage what differs and let systemd apply it; gives the change's name, None if there is nothing to change."""
+        try:
+            if not check:
+                self._end_earlier()
+            wanted = self._compare()
+            if not self.changes:
+                return None
+            self.wish.hold(self.computer)
+            return None if check else self._stage(wanted)
+        except OSError as error:
+            raise in_words(error, str(error.filename or "/var/lib/atlantis/network")) from error
+
+    def confirm(self, name: str) -> dict[str, Any]:
+        """Keep the change, if it is in effect and this session was made under it; `state` is as `look` has it.
+
+        `again` instead of that: this session is older than the change, and proves nothing.
+        """
+        if self._wait_applied(name):
+            began, ended = began_s(), (self.computer.load(APPLIED) or {}).get("ended_s")
+            if began is not None and ended is not None and began <= ended:
+                return {"state": "pending", "again": True, "why": "this session is older than the change"}
+            if missing := self._missing(name):
+                self._take_back_now()
+                return {"state": "pending", "again": False, "why": missing}
+            self._keep(name)
+        return {**self.look(name, 0.0), "again": False}
+
+    def look(self, name: str, patience_s: float) -> dict[str, Any]:
+        """What has become of a change: pending, confirmed or rolled back, and why; waits while it is pending."""
+        end = time.monotonic() + patience_s
+        while self._pending(name) and time.monotonic() < end:
+            time.sleep(_PAUSE_S)
+        if self._pending(name):
+            return {"state": "pending", "why": "it waits for its confirmation"}
+        told = self.computer.load(OUTCOME) or {}
+        if told.get("id") != name:
+            return {"state": "unknown", "why": "this computer knows nothing of the change"}
+        return {"state": "confirmed" if told["confirmed"] else "rolled back", "why": told["why"]}
+
+    def _compare(self) -> list[dict[str, Any]]:
+        """The files of the change as manifest; fills `changes` and `diff`."""
+        entries = []
+        for path, text in self.wish.files(self.computer).items():
+            now = state_of(self.computer, path)
+            mode = self.wish.mode if path == self.wish.path else 0o644
+            wanted = {"path": path, "absent": True}
+            if text is not None:
+                wanted = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
+            alike = {**now, "text": ""} == {**wanted, "text": ""} and same(now.get("text"), text)
+            entries.append(now if alike else wanted)
+            if not alike:
+                self.changes.append(f"file {path} removed" if text is None else f"file {path}")
+                before = now.get("text") or ""
+                self.diff.append({"before_header": path, "after_header": path, "before": before, "after": text or ""})
+        if self.wish.by == "networkd" and not self._networkd("is-enabled", "enabled"):
+            entries.append({"path": _ENABLED, "link": _UNIT})
+            self.changes.append(f"unit {_NETWORKD} enabled")
+        if not self.changes:
+            self.changes += [
+                f"network {self.wish.interface} applied: {what}" for what in self.wish.lacks(self.computer)
+            ]
+        return entries
+
+    def _stage(self, wanted: list[dict[str, Any]]) -> str:
+        computer, name = self.computer, os.urandom(8).hex()
+        interfaces = self._interfaces()
+        with computer.alone():
+            if computer.load(PENDING) is not None:
+                raise Refused("another run is changing the network of this computer", "let it come to its end")
+            active = self._networkd("is-active", "active")
+            previous = {
+                "files": [state_of(computer, entry["path"]) for entry in wanted],
+                "interfaces": interfaces,
+                "networkd": active,
+                "running": running(computer, interfaces),
+            }
+            becomes = {
+                "files": wanted,
+                "interfaces": interfaces,
+                "networkd": active or self.wish.by != "ifupdown",
+                "running": self._rows(),
+            }
+            install(computer)
+            computer.remove(APPLIED)
+            for path, value in ((PREVIOUS, previous), (WANTED, becomes)):
+                computer.write(path, json.dumps(value, indent=1))
+            computer.write(ROOM, " " * _ROOM_BYTES)
+            silent = f"no new session reached {self.wish.ip} within {self.wish.rollback_s} s"
+            computer.write(PENDING, json.dumps({"id": name, "unconfirmed": silent}))
+            try:
+                self._arm()
+            except Refused:
+                computer.remove(PENDING)
+                raise
+        return name
+
+    def _arm(self) -> None:
+        """The way back first, and only when it is sure to come, the change."""
+        self.computer.run(("systemctl", "stop", BACK_TIMER))
+        self._systemd_run(
+            (f"--unit={BACK}", f"--on-active={self.wish.rollback_s}s", "--timer-property=AccuracySec=100ms")
+        )
+        if self.computer.run(("systemctl", "is-active", BACK_TIMER)).said != "active":
+            raise Refused("the timer that would take the change back does not run; nothing was changed")
+        self.computer.run(("systemctl", "reset-failed", APPLY_UNIT))
+        try:
+            here = (f"--unit={APPLY_UNIT}", f"--working-directory={FOLDER}")
+            self._systemd_run(("--no-block", "--collect", *here, *program("apply")))
+        except Refused:
+            self.computer.run(("systemctl", "stop", BACK_TIMER))
+            raise
+
+    def _systemd_run(self, words: tuple[str, ...]) -> None:
+        done = self.computer.run(("systemd-run", *words))
+        if done.code:
+            raise Refused(
+                f"systemd does not start what would guard the change; nothing was changed: {done.said}",
+                "`systemctl status` there tells how it is",
+            )
+
+    def _rows(self) -> list[str]:
+        """What the change brings, as `running` has it."""
+        device = f"dev {self.wish.interface}"
+        return [f"address replace {self.wish.address} brd + {device}"]
+
+    def _interfaces(self) -> list[str]:
+        """The declared interface, and whichever has an address of the same LAN now: the LAN moves away from it."""
+        lan = ipaddress.IPv4Interface(self.wish.address).network
+        there = [
+            name
+            for name, held in addresses(self.computer).items()
+            if any(ipaddress.IPv4Interface(one).ip in lan for one in held)
+        ]
+        return list(dict.fromkeys([self.wish.interface, *there]))
+
+    def _networkd(self, verb: str, word: str) -> bool:
+        return self.computer.run(("systemctl", verb, _NETWORKD)).said.split("\n")[0].startswith(word)
+
+    def _end_earlier(self) -> None:
+        """A change that an earlier run has left waiting is taken back before another one begins."""
+        pending = self.computer.load(PENDING)
+        if pending is None:
+            return
+        armed = self.computer.run(("systemctl", "is-active", BACK_TIMER)).said == "active"
+        if not armed:
+            self._take_back_now()
+        if self.look(pending["id"], self.wish.rollback_s + _MARGIN_S)["state"] == "pending":
+            raise Refused(
+                "an earlier change of the network still waits for its confirmation",
+                f"`systemctl status {BACK}` there tells why it was not taken back",
+            )
+
+    def _missing(self, name: str) -> str:
+        """What is not as declared, once the tool has had its time; noted before, should the window close meanwhile."""
+        missing = "; ".join(self.wish.unreached(self.computer, 0.0))
+        if not missing:
+            return ""
+        with self.computer.alone():
+            if self._pending(name):
+                self.computer.write(PENDING, json.dumps({"id": name, "unconfirmed": missing}))
+        return "; ".join(self.wish.unreached(self.computer, _SETTLED_S))
+
+    def _take_back_now(self) -> None:
+        self.computer.run(("systemctl", "start", "--no-block", BACK))
+
+    def _pending(self, name: str) -> bool:
+        pending = self.computer.load(PENDING)
+        return pending is not None and pending["id"] == name
+
+    def _wait_applied(self, name: str) -> bool:
+        """Wait until the tool has ended; False if the change is no longer waiting."""
+        end = time.monotonic() + self.wish.rollback_s
+        while self._pending(name) and time.monotonic() < end:
+            if (self.computer.load(APPLIED) or {}).get("ended_s") is not None:
+                return True
+            time.sleep(_PAUSE_S)
+        return False
+
+    def _keep(self, name: str) -> None:
+        """From the moment on that the marker is gone, the new configuration is the one of this computer."""
+        with self.computer.alone():
+            if not self._pending(name):
+                return
+            told = {"id": name, "confirmed": True, "why": "a new session has confirmed it"}
+            self.computer.write(OUTCOME, json.dumps(told))
+            self.computer.remove(PENDING)
+        self.computer.run(("systemctl", "stop", BACK_TIMER))
+        for path in (APPLIED, WANTED, ROOM):
+            self.computer.remove(path)

@@ -1,0 +1,195 @@
+"""Changes the network of this computer, and takes an unconfirmed change back. Started by systemd, never by a session.
+
+    apply    puts the files of `wanted.json` in place and brings them into effect
+    back     puts those of `previous.json` in place again and brings them into effect
+    boot     the same before the network starts: after a power cut
+
+A change waits for its confirmation as long as the file `pending` is there: removing that file is the confirmation.
+This file and `network_files` are installed as they are, so that they work whatever becomes of the toolkit.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from .network_files import FOLDER, Computer, put
+
+if TYPE_CHECKING:
+    from typing import Iterator, Sequence
+
+    from .network_files import Manifest
+
+PENDING, APPLIED, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
+PREVIOUS, WANTED = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
+ROOM = f"{FOLDER}/room"
+"""A few blocks that are given free before files are put back: the disk may have become full in the meantime."""
+APPLY_UNIT = "atlantis-network-apply.service"
+APPLY_AFTER_S = 2.0
+"""Time for the session that asked to get its answer through."""
+_COME_BACK_S = 15.0
+"""How long the tool may take to bring the previous addresses back before they are set by hand; DHCP is slow."""
+_PAUSE_S = 0.1
+_TOOLS = (("/etc/netplan/", "netplan"), ("/etc/network/", "ifupdown"), ("/etc/systemd/network/", "networkd"))
+
+
+def boot_time() -> float:
+    """Seconds since this computer was started; no clock that somebody sets."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def addresses(computer: Computer) -> dict[str, list[str]]:
+    """The IPv4 addresses of each interface but the loopback, with their prefix lengths."""
+    done = computer.run(("ip", "-json", "-4", "address", "show"))
+    found = json.loads(done.said or "[]") if done.code == 0 else []
+    return {
+        link["ifname"]: [f"{one['local']}/{one['prefixlen']}" for one in link["addr_info"]]
+        for link in found
+        if link and link["ifname"] != "lo"
+    }
+
+
+def running(computer: Computer, interfaces: Sequence[str]) -> list[str]:
+    """Addresses and routes of interfaces as they are now, as commands of `ip -batch` that bring them back."""
+    rows = []
+    for name, held in addresses(computer).items():
+        if name in interfaces:
+            rows.append(f"link set dev {name} up")
+            rows += [f"address replace {address} brd + dev {name}" for address in held]
+    for row in computer.run(("ip", "-4", "route", "show", "table", "main")).said.splitlines():
+        words = [word for word in row.split() if word not in ("linkdown", "dead", "pervasive", "offload")]
+        if "kernel" not in words and any(name in words for name in interfaces):
+            rows.append(f"route replace {' '.join(words)}")
+    return rows
+
+
+def _held(rows: Sequence[str]) -> set[str]:
+    """Of such commands: those that give an address."""
+    return {row for row in rows if row.startswith("address ")}
+
+
+def _interfaces(manifest: Manifest) -> list[str]:
+    """Names in the files of ifupdown, but the loopback."""
+    texts = [one.get("text", "") for one in manifest["files"] if one["path"].startswith("/etc/network/")]
+    found = re.findall(r"^\s*iface\s+(\S+)", "\n".join(texts), re.MULTILINE)
+    return [name for name in dict.fromkeys(found) if name != "lo"]
+
+
+def bring(computer: Computer, manifest: Manifest, other: Manifest) -> list[str]:
+    """Put the files of `manifest` in the place of those of `other`, and have the tools use them; gives complaints."""
+    for name in _interfaces(other):
+        computer.run(("ifdown", "--force", name))
+    for name in manifest["interfaces"]:
+        computer.run(("ip", "-4", "address", "flush", "dev", name))
+    complaints = []
+    try:
+        put(computer, manifest)
+    except OSError as error:
+        complaints.append(f"{error.filename}: {error.strerror}")
+    for words in _commands(manifest):
+        done = computer.run(words)
+        if done.code:
+            complaints.append(f"`{' '.join(words)}` failed: {done.said}")
+    return complaints
+
+
+def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
+    """What makes the tools use their files."""
+    tools = {tool for one in manifest["files"] for prefix, tool in _TOOLS if one["path"].startswith(prefix)}
+    if "netplan" in tools:
+        yield ("netplan", "apply")
+    if not manifest["networkd"]:
+        yield ("systemctl", "stop", "systemd-networkd.socket", "systemd-networkd.service")
+    elif "networkd" in tools:
+        yield ("systemctl", "daemon-reload")
+        yield ("systemctl", "start", "systemd-networkd.service")
+        yield ("networkctl", "reload")
+        yield ("networkctl", "reconfigure", *manifest["interfaces"])
+    for name in _interfaces(manifest):
+        yield ("ifup", "--force", name)
+
+
+def apply(computer: Computer) -> None:
+    """Bring the staged change into effect; if that fails, take it back at once."""
+    with computer.alone():
+        pending, wanted, previous = (computer.load(path) for path in (PENDING, WANTED, PREVIOUS))
+        if pending is None or wanted is None or previous is None or computer.load(APPLIED) is not None:
+            return
+        computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": None}))
+        complaints = bring(computer, wanted, previous)
+        computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": boot_time()}))
+        if complaints:
+            _back(computer, complaints[0])
+
+
+def back(computer: Computer) -> None:
+    """Take a change back that waits for its confirmation. Raises OSError if a file could not be put back."""
+    computer.run(("systemctl", "stop", APPLY_UNIT))
+    with computer.alone():
+        _back(computer)
+
+
+def _back(computer: Computer, why: str | None = None) -> None:
+    pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
+    if pending is None or previous is None:
+        return
+    computer.remove(ROOM)
+    if computer.load(APPLIED) is not None:
+        wanted = computer.load(WANTED) or previous
+        bring(computer, previous, wanted)
+        _settle(computer, previous, wanted)
+    put(computer, previous)
+    _close(computer, pending, why or pending["unconfirmed"])
+
+
+def _settle(computer: Computer, previous: Manifest, wanted: Manifest) -> None:
+    """Wait for the tool; then have by hand what it did not bring back, and take away what it left of the change."""
+    rows, names = previous["running"], previous["interfaces"]
+    end = time.monotonic() + _COME_BACK_S
+    while _held(rows) - _held(running(computer, names)) and time.monotonic() < end:
+        time.sleep(_PAUSE_S)
+    now = running(computer, names)
+    for row in wanted["running"]:
+        if row in now and row not in rows:
+            computer.run(("ip", *row.replace(" replace ", " del ").replace(" brd +", "").split()))
+    for row in rows:
+        if row not in now:
+            computer.run(("ip", *row.split()))
+
+
+def boot(computer: Computer) -> None:
+    """The power was cut before the change was confirmed: put the files back; the network starts after this."""
+    with computer.alone():
+        pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
+        if pending is None or previous is None:
+            return
+        computer.remove(ROOM)
+        put(computer, previous)
+        if any(one["path"].startswith("/etc/netplan/") for one in previous["files"]):
+            computer.run(("netplan", "generate"))  # its own generator has run before us, with the files of the change
+        _close(computer, pending, "the computer was started anew before a new session had confirmed it")
+
+
+def _close(computer: Computer, pending: Manifest, why: str) -> None:
+    computer.write(OUTCOME, json.dumps({"id": pending["id"], "confirmed": False, "why": why}))
+    computer.remove(PENDING)
+    computer.remove(APPLIED)
+
+
+def main(verb: str) -> None:
+    """Do what systemd starts this for."""
+    computer = Computer()
+    if verb == "apply":
+        time.sleep(APPLY_AFTER_S)
+        apply(computer)
+    elif verb == "back":
+        back(computer)
+    else:
+        boot(computer)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,209 @@
+"""The configuration that an interface shall have: what of it is in effect, and whether its tool takes it."""
+
+# ruff: noqa: PTH110, PTH119, PTH208
+# Paths are those of a computer, below a root: what is joined to it is a string.
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import os
+import socket
+import tempfile
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .network_claims import INTERFACES, claims, matched, merged, plans, stanzas
+from .network_guard import addresses
+from .refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Mapping
+
+    from .network_files import Computer
+
+__all__ = ["OURS", "Wish", "same"]
+
+OURS = "# Written by `provision"
+"""Opens every file that is ours, also those of `provision image`."""
+_PROGRAMS = {
+    "netplan": ("/usr/sbin/netplan", "netplan.io"),
+    "ifupdown": ("/sbin/ifup", "ifupdown"),
+    "networkd": ("/lib/systemd/systemd-networkd", "systemd"),
+}
+_RESOLVERS = ("/lib/systemd/systemd-resolved", "/sbin/resolvconf", "/usr/sbin/resolvconf", "/usr/sbin/NetworkManager")
+"""Programs that write /etc/resolv.conf themselves."""
+_RESOLV = "/etc/resolv.conf"
+_DISCARD = 9
+"""A port that nobody answers on: the datagram is sent only so that the kernel asks who has the address (RFC 826)."""
+_ANSWERS = ("REACHABLE", "STALE", "DELAY", "PROBE")
+_PAUSE_S = 0.1
+
+
+def same(one: str | None, other: str | None) -> bool:
+    """Whether two files say the same; comments say nothing."""
+    return _said(one) == _said(other)
+
+
+def _said(text: str | None) -> list[str] | None:
+    rows = None if text is None else [row.rstrip() for row in text.splitlines()]
+    return None if rows is None else [row for row in rows if row and not row.lstrip().startswith(("#", ";"))]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """One interface."""
+
+    by: str
+    """netplan, ifupdown or networkd."""
+    interface: str
+    address: str
+    """With its prefix length; with DHCP the one that the site's router has reserved."""
+    gateway: str
+    path: str
+    content: str
+    mode: int
+    resolver: str | None
+    """Text of /etc/resolv.conf, where nothing on the computer writes that itself."""
+    replaces: tuple[str, ...]
+    rollback_s: int
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, Any]) -> Wish:
+        """From a module's parameters. Raises `Refused` for an address that its tool would choke on."""
+        values = {name: parameters[name] for name in cls.__dataclass_fields__}
+        values.update(mode=int(parameters["mode"], 8), replaces=tuple(parameters["replaces"]))
+        made = cls(**values)
+        made._check_addresses()
+        return made
+
+    def _check_addresses(self) -> None:
+        """The tools accept nonsense and fail later: netplan wants a prefix length, ifupdown takes /8 without one."""
+        try:
+            own, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
+        except ValueError as error:
+            raise Refused(
+                f"the address of {self.interface} is not valid: {error}", "an address is like 10.64.1.10/24"
+            ) from None
+        if "/" not in self.address:
+            raise Refused(f"the address {self.address} has no prefix length", f"an address is like {self.address}/24")
+        if gateway not in own.network or gateway == own.ip:
+            raise Refused(
+                f"{self.gateway} cannot be the gateway of {self.address}: it is not another address of {own.network}",
+                "look at `lan` of the site",
+            )
+
+    @property
+    def ip(self) -> str:
+        """Without the prefix length."""
+        return self.address.partition("/")[0]
+
+    def files(self, computer: Computer) -> dict[str, str | None]:
+        """Path -> text of every file that the configuration consists of; None: it shall not be there."""
+        found: dict[str, str | None] = {path: None for path in self.replaces if path != self.path}
+        found[self.path] = self.content
+        written = any(os.path.exists(computer.at(path)) for path in _RESOLVERS)
+        if self.resolver is not None and not written:
+            found[_RESOLV] = self.resolver
+        return found
+
+    def lacks(self, computer: Computer) -> list[str]:
+        """What of it is not in effect; empty if the interface is as it shall be."""
+        held = addresses(computer).get(self.interface, [])
+        missing = [] if self.address in held else [f"{self.interface} has not the address {self.address}"]
+        said = computer.run(("ip", "-json", "-4", "route", "show", "default"))
+        routes = json.loads(said.said or "[]") if said.code == 0 else []
+        if not any(one.get("gateway") == self.gateway and one.get("dev") == self.interface for one in routes):
+            missing.append(f"there is no default route by {self.gateway} on {self.interface}")
+        return missing
+
+    def unreached(self, computer: Computer, patience_s: float) -> list[str]:
+        """As `lacks`, and whether the gateway answers on the interface; waits until nothing is left or patience is."""
+        end = time.monotonic() + patience_s
+        while True:
+            missing = self.lacks(computer) or self._silent(computer)
+            if not missing or time.monotonic() >= end:
+                return missing
+            time.sleep(_PAUSE_S)
+
+    def _silent(self, computer: Computer) -> list[str]:
+        self._knock()
+        said = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).said
+        known = json.loads(said or "[]")
+        if any("lladdr" in one and set(one.get("state", ())) & set(_ANSWERS) for one in known):
+            return []
+        return [f"nobody answers at the gateway's address {self.gateway} on {self.interface}"]
+
+    def _knock(self) -> None:
+        """Have the kernel ask for the gateway's hardware address; that it answers is read from the neighbour table."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            try:
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, self.interface.encode())
+                sock.sendto(b"", (self.gateway, _DISCARD))
+            except OSError:
+                return  # no such interface, or no route: then the table knows nobody either
+
+    def hold(self, computer: Computer) -> None:
+        """Raise `Refused` where the change cannot come well, before anything is touched."""
+        program, package = _PROGRAMS[self.by]
+        if not os.path.exists(computer.at(program)):
+            raise Refused(
+                f"the network shall be configured by {self.by}, which this computer does not have",
+                f"`apt-get install {package}` there, or declare another `network: {{by: …}}`",
+            )
+        there = sorted(os.listdir(computer.at("/sys/class/net")))
+        if self.interface not in there:
+            others = ", ".join(name for name in there if name != "lo") or "none"
+            raise Refused(
+                f"there is no interface {self.interface}; there is: {others}", "correct `network: {interface: …}`"
+            )
+        self._hold_alone(computer)
+        complaint = {"netplan": self._by_netplan, "ifupdown": self._by_ifupdown, "networkd": self._by_networkd}[self.by]
+        if said := complaint(computer):
+            raise Refused(f"{self.by} does not take the new configuration: {said}", "nothing was changed")
+
+    def _hold_alone(self, computer: Computer) -> None:
+        others = claims(computer, self.interface, self.path, frozenset(self.replaces))
+        if others:
+            listed = ", ".join(others)
+            hint = f"let them go with the change by `replaces: [{listed}]` in `network` of the host"
+            if "cloud-init" in listed:
+                hint += "; cloud-init writes its file anew unless /etc/cloud/cloud.cfg.d/99-atlantis.cfg has "
+                hint += "`network: {config: disabled}`"
+            what = f"{self.interface} is configured by other files, too, and the two would fight: {listed}"
+            raise Refused(what, hint)
+        if self.path == INTERFACES and INTERFACES not in self.replaces:
+            self._hold_whole(computer)
+
+    def _hold_whole(self, computer: Computer) -> None:
+        """/etc/network/interfaces is one file for everything: what somebody else has written is not overwritten."""
+        if OURS in (computer.read(INTERFACES) or ""):
+            return
+        there = [(path, name) for path, name in stanzas(computer) if path not in self.replaces and name != "lo"]
+        if there:
+            lost = dict.fromkeys(f"{name} ({path})" for path, name in there)
+            raise Refused(
+                f"{INTERFACES} is somebody else's; these interfaces would lose their entries: {', '.join(lost)}",
+                f"if they may: `replaces: [{INTERFACES}]` in `network` of the host; else declare `by: networkd`",
+            )
+
+    def _by_netplan(self, computer: Computer) -> str:
+        """All its files together, with ours as it would be."""
+        kept = [path for path in plans(computer) if path not in self.replaces]
+        texts = {os.path.basename(path): computer.read(path) or "" for path in kept}
+        said, made = merged(computer, {**texts, os.path.basename(self.path): self.content})
+        if said or any(matched(computer, one, self.interface) for one in made):
+            return said
+        return f"it makes nothing for {self.interface}; does another file of /etc/netplan name a `renderer`?"
+
+    def _by_ifupdown(self, computer: Computer) -> str:
+        with tempfile.NamedTemporaryFile("w", prefix="atlantis-interfaces-", encoding="utf-8") as file:
+            file.write(self.content)
+            file.flush()
+            done = computer.run(("ifup", "--no-act", "--force", f"--interfaces={file.name}", self.interface))
+            return done.said.replace(file.name, self.path) if done.code else ""
+
+    def _by_networkd(self, computer: Computer) -> str:
+        """It has no check of its own: a file that does not name the interface would be taken for another's."""
+        return "" if matched(computer, self.content, self.interface) else f"it does not match {self.interface}"

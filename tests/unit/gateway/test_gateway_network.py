@@ -1,0 +1,91 @@
+"""The interface of the LAN in the language of each tool, as a technician would write it by hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from network_pilots import coast
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import OURS, same
+from atlantis_netcfg.gateway import gateway_base
+from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.image.edits import File
+from atlantis_netcfg.image.plan import plan
+from atlantis_netcfg.image.wish import Seen
+from atlantis_netcfg.operations.imaging import wish_of
+
+GOLDEN = Path(__file__).parent / "golden"
+PLACES = {
+    "netplan": ("/etc/netplan/10-atlantis.yaml", "0600", "yaml"),
+    "ifupdown": ("/etc/network/interfaces", "0644", "txt"),
+    "networkd": ("/etc/systemd/network/05-atlantis.network", "0644", "txt"),
+}
+PROGRAMS = {
+    "netplan": "/usr/sbin/netplan",
+    "ifupdown": "/usr/sbin/ifup",
+    "networkd": "/lib/systemd/systemd-networkd",
+}
+FILES = {
+    "/etc/passwd": "root:x:0:0:root:/root:/bin/bash\n",
+    "/etc/shadow": "root:*:1::::::\n",
+    "/etc/ssh/sshd_config": "",
+}
+EVERY = pytest.mark.parametrize("by", list(PLACES))
+BOTH = pytest.mark.parametrize("address_by", ["static", "dhcp"])
+
+
+@EVERY
+@BOTH
+def test_the_file_of_each_tool(by: str, address_by: str) -> None:
+    part = gateway_network(*coast(by, address_by))
+    assert part is not None
+    path, mode, kind = PLACES[by]
+    assert (part.path, part.mode) == (path, mode)
+    assert part.content == (GOLDEN / f"network-{by}-{address_by}.{kind}").read_text()
+    assert part.content.startswith(OURS)
+
+
+@EVERY
+@BOTH
+def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
+    """`provision image` has put the same files there: names, modes, and words but for the comment."""
+    declaration, host = coast(by, address_by)
+    part = gateway_network(declaration, host)
+    zone = f"/usr/share/zoneinfo/{declaration.pilot.time_zone}"
+    edits = plan(Seen(FILES, frozenset({PROGRAMS[by], zone})), wish_of(declaration, host, "x.img"))
+    card = {edit.path: edit for edit in edits if isinstance(edit, File)}
+    assert part is not None
+    assert same(card[part.path].content.decode(), part.content)
+    assert card[part.path].mode == int(part.mode, 8)
+    resolver = card.get("/etc/resolv.conf")
+    assert same(None if resolver is None else resolver.content.decode(), part.resolver)
+
+
+def test_it_is_data_for_the_module() -> None:
+    part = gateway_network(*coast("networkd", rollback_s=90, replaces=("/etc/network/interfaces",)))
+    assert part is not None
+    told = part.as_dict()
+    assert json.loads(json.dumps(told)) == told
+    assert told["rollback_s"] == 90
+    assert told["replaces"] == ["/etc/network/interfaces"]
+    assert told["resolver"] == "# Written by `provision`.\nsearch coastal.example.org\nnameserver 10.64.1.1\n"
+
+
+def test_with_dhcp_the_names_come_from_the_server() -> None:
+    part = gateway_network(*coast("ifupdown", "dhcp"))
+    assert part is not None
+    assert "resolver" not in part.as_dict()
+
+
+def test_without_a_declared_network_nothing_is_touched() -> None:
+    assert gateway_network(*coast(None)) is None
+
+
+def test_the_role_of_the_base_is_told_of_it() -> None:
+    told = gateway_base(*coast("netplan")).as_dict()
+    part = gateway_network(*coast("netplan"))
+    assert part is not None
+    assert told["network"] == part.as_dict()
+    assert "network" not in gateway_base(*coast(None)).as_dict()
