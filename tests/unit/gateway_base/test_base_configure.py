@@ -13,6 +13,7 @@ from base_computer import ME, Computer, FakeUnit
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.configure import Module
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -277,3 +278,11 @@ def test_a_damaged_stamp_costs_one_more_run(computer: Computer) -> None:
     computer.put("/var/lib/atlantis/applied/make", '{"half')
     assert computer.converge(**told) == ["step make"]
     assert computer.converge(**told) == []
+
+
+def test_the_journal_of_the_computer_holds_no_contents() -> None:
+    module, told = object.__new__(Module), []
+    module.params = {"files": [{"path": "/a/b", "secret_content": "first hush\nsecond hush\n"}]}
+    module.log = told.append
+    module._log_invocation()
+    assert told == ["Invoked for /a/b"]
