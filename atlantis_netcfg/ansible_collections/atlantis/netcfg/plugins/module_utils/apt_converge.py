@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from .apt_costs import costs_of, in_words, refuse_if_full, to_install
 from .apt_sources import check_key
-from .apt_words import of_install, of_update, problems
+from .apt_words import of_install, of_update, others
 from .dpkg import fits, half_done, installed, wait_for_others
 from .refused import Refused
 
@@ -30,7 +30,7 @@ _INSTALL = (
     "-o",
     "Dpkg::Options::=--force-confold",
 )
-_DAMAGED_LISTS = "could not be parsed or opened"
+_DAMAGED_LISTS = ("could not be parsed or opened", "Unable to parse package file", "package cache file is corrupted")
 _DAMAGED_ARCHIVE = "dpkg-deb: error"
 
 
@@ -105,7 +105,7 @@ class Converge:
                 f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(wanted)}",
                 "make a card with the right system (`provision image`), or declare the release that fits this one",
             )
-        own = self.apt.run("dpkg", "--print-architecture").said.strip() if self.wanted.architectures else ""
+        own = self.apt.architecture
         if self.wanted.architectures and own not in self.wanted.architectures:
             raise Refused(
                 f"the computer is {own}; what is declared exists for {', '.join(self.wanted.architectures)}",
@@ -153,15 +153,15 @@ class Converge:
         """Bring apt's lists up to date; where our sources do not work, they are taken back."""
         self._drop_lists(only_empty=True)
         done = self.apt.update()
-        if _DAMAGED_LISTS in done.said:
+        if any(words in done.said for words in _DAMAGED_LISTS):
             self._drop_lists(only_empty=False)
             done = self.apt.update()
         urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
-        why = of_update(done.said, done.code, urls)
+        why = of_update(done.said, done.code, urls, self.apt.architecture)
         if why is not None:
             self.sources.take_back()
             raise why
-        self.outcome.notes += [line for line in problems(done.said) if line[0] in "EW"]
+        self.outcome.notes += others(done.said, urls)
         if self.apt.bundle is None:
             self.sources.note()
 

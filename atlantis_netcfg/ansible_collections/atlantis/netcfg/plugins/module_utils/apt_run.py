@@ -60,11 +60,19 @@ class Apt:
         self.tree = tree
         self.bundle = bundle
         self.wait_s = wait_s
+        self._architecture = ""
 
     @property
     def lists(self) -> str:
         """Where its lists of packages are."""
         return "/var/lib/apt/lists" if self.bundle is None else f"{_FOLDER}/lists"
+
+    @property
+    def architecture(self) -> str:
+        """The computer's own, as dpkg calls it."""
+        if not self._architecture:
+            self._architecture = self.run("dpkg", "--print-architecture").said.strip()
+        return self._architecture
 
     def ready(self) -> None:
         """Make what a bundle needs beside apt's own files."""

@@ -11,7 +11,7 @@ from .refused import Refused
 if TYPE_CHECKING:
     from typing import Iterable, Sequence
 
-__all__ = ["of_install", "of_update", "problems"]
+__all__ = ["of_install", "of_update", "others"]
 
 _LINES = 8
 _SOURCE = r"(?P<url>\S+) (?P<suite>\S+?)(?: (?:In)?Release)?"
@@ -48,7 +48,7 @@ _COMPUTER = (
         "install gpgv from the system's own medium",
     ),
     _Row(
-        r"Conflicting values set for option Signed-By regarding source (?P<url>\S+) (?P<suite>[^:]+): "
+        r"Conflicting values set for option Signed-By regarding source (?P<url>\S+?)/? (?P<suite>[^:]+): "
         r"(?P<one>\S*) != (?P<other>\S*)",
         "two files below /etc/apt name the source {url} {suite}, with different keys: apt refuses all",
         "find the other one by `grep -rl {url} /etc/apt/sources.list /etc/apt/sources.list.d`, and remove it",
@@ -157,12 +157,14 @@ _PACKAGES = (
     ),
 )
 _SCRIPT = re.compile(r"error processing package (?P<name>\S+) \(--(?P<act>\w+)\):\n(?P<why>.*)")
+_PROGRESS = re.compile(r"\d%")
 _SAYS = re.compile(r"^(?:[EWN]|Err:\d+):? ")
 
 
-def of_update(said: str, code: int, urls: Sequence[str]) -> Refused | None:
-    """What hindered an update of the lists of packages from `urls`; None: nothing did, for them."""
-    told = problems(said)
+def of_update(said: str, code: int, urls: Sequence[str], architecture: str) -> Refused | None:
+    """What hindered an update of the lists of packages from `urls`; None: nothing did, for them and `architecture`."""
+    missing = f"doesn't support architecture '{architecture}'"
+    told = [line for line in problems(said) if "doesn't support architecture" not in line or missing in line]
     found = _first(_COMPUTER, told)
     if found is not None:
         return found
@@ -186,6 +188,13 @@ def of_install(said: str, names: Iterable[str]) -> Refused:
         )
     found = _first(_PACKAGES, told, names=" ".join(names)) or _first(_SOURCES, problems(said))
     return found or _raw("the packages could not be installed", said)
+
+
+def others(said: str, urls: Sequence[str]) -> list[str]:
+    """The sources beside `urls` that could not be updated, which hinders nothing by itself."""
+    failed = [line for line in problems(said) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)]
+    hosts = dict.fromkeys(match for line in failed for match in re.findall(r"https?://([^/\s]+)", line))
+    return [f"the lists of {', '.join(hosts)} could not be updated, those from before are used"] if hosts else []
 
 
 def problems(said: str) -> list[str]:
@@ -215,5 +224,5 @@ def _around(said: str, at: int) -> str:
 
 
 def _raw(what: str, said: str) -> Refused:
-    lines = [line.rstrip() for line in said.splitlines() if line.strip()]
+    lines = [line.rstrip() for line in said.splitlines() if line.strip() and not _PROGRESS.search(line)]
     return Refused(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the words above are those of apt")

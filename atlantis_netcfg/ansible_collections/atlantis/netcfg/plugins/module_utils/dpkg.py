@@ -59,7 +59,7 @@ class Package:
 
 def installed(apt: Apt) -> dict[str, Package]:
     """Every package that dpkg knows, by name; of several architectures the computer's own."""
-    own = apt.run("dpkg", "--print-architecture").said.strip()
+    own = apt.architecture
     told = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
     if told.code:
         raise Refused(

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from typing import Iterator
+    from collections.abc import Iterator
 
 __all__ = ["NotAKey", "PublicKey", "binary", "public_keys"]
 
@@ -55,8 +55,9 @@ def binary(content: bytes) -> bytes:
         raise NotAKey("it is neither an armoured nor a binary public key")
     packets = b""
     for block in blocks:
-        _, blank, body = block.replace(b"\r\n", b"\n").partition(b"\n\n")
-        lines = (body if blank else block).split(b"\n")
+        lines = [line.strip() for line in block.split(b"\n")]
+        if b"" in lines:
+            lines = lines[lines.index(b"") + 1 :]
         try:
             packets += base64.b64decode(b"".join(line for line in lines if not line.startswith(b"=")), validate=True)
         except binascii.Error:

@@ -73,6 +73,11 @@ options:
     description: Why; the link in use and what it costs.
     type: str
     default: ""
+  notes:
+    description: What the declaration has to tell of all this; handed on.
+    type: list
+    elements: str
+    default: []
   wait_s:
     description: How long another apt or dpkg is waited for, in seconds.
     type: int
@@ -138,6 +143,7 @@ _ARGUMENTS: dict[str, Any] = {
     "offline": {"type": "path"},
     "limit_bytes": {"type": "int"},
     "limit_words": {"type": "str", "default": ""},
+    "notes": {"type": "list", "elements": "str", "default": []},
     "wait_s": {"type": "int", "default": 300},
 }
 
@@ -169,7 +175,7 @@ def main() -> None:
     module.exit_json(
         changed=bool(outcome.changes),
         changes=outcome.changes,
-        notes=outcome.notes,
+        notes=[*asked["notes"], *outcome.notes],
         versions=outcome.versions,
         also=outcome.also,
         download_bytes=outcome.download_bytes,

@@ -1,0 +1,61 @@
+"""What apt says, in a technician's words. Every file of golden/apt was said by apt 2.6.2, in one of these situations.
+
+Its first line tells how apt was asked and how it ended, then comes what it said, then what we make of it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_words import (
+    of_install,
+    of_update,
+    others,
+)
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+
+CASES = sorted((Path(__file__).parent / "golden" / "apt").glob("*.txt"))
+RELEASE = "https://archive.example.org/ros jammy InRelease"
+
+
+def told(why: Refused | None) -> str:
+    return "nothing is wrong\n" if why is None else f"{why.message}\n-> {why.hint}\n"
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.stem for case in CASES])
+def test_what_apt_says_is_told(case: Path) -> None:
+    asked, _, rest = case.read_text().partition("\n")
+    said, _, words = rest.partition("# in words\n")
+    _, kind, *of, _, code = asked.split()
+    why = of_update(said, int(code), of, "amd64") if kind == "update" else of_install(said, of)
+    assert told(why) == words
+
+
+def test_every_way_that_apt_fails_has_its_words() -> None:
+    """Where apt's own words are handed on, that is on purpose: nobody knows a better one."""
+    raw = {case.stem for case in CASES if "the words above are those of apt" in case.read_text()}
+    assert raw == {"update-damaged-lists"}, "they are repaired before anybody reads this"
+
+
+def test_an_architecture_that_the_computer_does_not_have_may_be_missing() -> None:
+    said = f"N: Skipping acquire of configured file 'x' as repository '{RELEASE}' doesn't support architecture '{{}}'"
+    url = ["https://archive.example.org/ros/"]
+    assert of_update(said.format("armhf"), 0, url, "arm64") is None
+    assert of_update(said.format("arm64"), 0, url, "arm64") is not None
+
+
+def test_other_sources_hinder_nothing_and_are_told_once() -> None:
+    said = (
+        "W: Failed to fetch http://deb.example.org/debian/dists/x/InRelease  Could not resolve 'deb.example.org'\n"
+        "W: Failed to fetch http://deb.example.org/debian/dists/y/InRelease  Could not resolve 'deb.example.org'\n"
+        "W: Some index files failed to download. They have been ignored, or old ones used instead.\n"
+    )
+    ours = ["https://archive.example.org/ros"]
+    assert of_update(said, 0, ours, "arm64") is None
+    assert others(said, ours) == ["the lists of deb.example.org could not be updated, those from before are used"]
+    assert others("Reading package lists...\n", ours) == []
