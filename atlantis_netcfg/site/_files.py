@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["HOSTS", "Sources", "scan"]
 
 HOSTS = "hosts.yml"
-_EVIDENCE = "evidence"
-"""Folder of files that terminals have exported; ansible.cfg keeps Ansible out of it."""
+_OTHERS = ("evidence", "keys")
+"""Folders of files that terminals have exported, and of public keys of archives; ansible.cfg keeps Ansible out."""
 _FOLDERS = ("group_vars", "host_vars")
 _DOCUMENTS = frozenset({".md", ".rst", ".txt"})
 _BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
@@ -69,7 +69,7 @@ def scan(root: Path, shown: str) -> Sources:
     for entry in _entries(root):
         if entry.name in _FOLDERS and entry.is_dir():
             _scan_folder(sources, entry, sources.group_vars if entry.name == "group_vars" else sources.host_vars)
-        elif entry.name != HOSTS and not (entry.name == _EVIDENCE and entry.is_dir()):
+        elif entry.name != HOSTS and not (entry.name in _OTHERS and entry.is_dir()):
             _stray(sources, entry, (HOSTS, *_FOLDERS))
     return sources
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.machine.standins.packages import StandIn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 __all__ = ["NOT_REHEARSED", "ros_packages"]
 
@@ -23,8 +27,8 @@ PATH={home}/bin:$PATH
 """
 
 
-def ros_packages(distribution: str, version: str = "0.9.2-1stand.in") -> tuple[StandIn, ...]:
-    """The packages that a gateway asks for, of a release such as foxy."""
+def ros_packages(distribution: str, version: str = "0.9.2-1stand.in", more: Iterable[str] = ()) -> tuple[StandIn, ...]:
+    """The packages that a gateway asks for, of a release such as foxy; `more`: names that are declared besides."""
     home = f"/opt/ros/{distribution}"
     setup = _SETUP.format(home=home, distribution=distribution)
 
@@ -33,7 +37,7 @@ def ros_packages(distribution: str, version: str = "0.9.2-1stand.in") -> tuple[S
         return "#!/usr/bin/python3\n" + text.replace("@HOME@", home)
 
     ros = f"ros-{distribution}"
-    return (
+    known = (
         StandIn(f"{ros}-ros-core", version, ("python3",), {f"{home}/bin/ros2": program("ros2")}),
         StandIn(
             f"{ros}-ros-base",
@@ -55,3 +59,6 @@ def ros_packages(distribution: str, version: str = "0.9.2-1stand.in") -> tuple[S
         ),
         StandIn("python3-colcon-common-extensions", version, ("colcon",)),
     )
+    names = {package.name for package in known}
+    others = dict.fromkeys((f"{ros}-rmw-cyclonedds-cpp", *more))
+    return (*known, *(StandIn(name, version) for name in others if name not in names))

@@ -1,0 +1,187 @@
+"""Part `gateway_ros2`: ROS 2 from the declared archive, at the declared versions, proved by a talker and a listener."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step
+from atlantis_netcfg.gateway.ros_key import ArchiveKey, archive_key
+from atlantis_netcfg.gateway.ros_releases import ARCHITECTURES, RELEASES
+from atlantis_netcfg.render import environment
+from atlantis_netcfg.site.model import RosMiddleware
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.gateway.ros_releases import Archive, Release
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Dds, Ros2
+
+__all__ = ["GatewayRos2", "StandIn", "gateway_ros2"]
+
+_KEYRING = "/usr/share/keyrings/ros2-archive-keyring.gpg"
+_SOURCE = "/etc/apt/sources.list.d/ros2.sources"
+_SAME = ("/etc/apt/sources.list.d/ros2.list", "/etc/apt/sources.list.d/ros2-latest.list")
+"""What ROS' own instructions write: with another keyring for the same address apt refuses every source."""
+_PINS = "/etc/apt/preferences.d/atlantis-ros2"
+_LOGIN = "/etc/profile.d/atlantis-ros2.sh"
+_TEST = "/usr/local/lib/atlantis/ros2_hears.py"
+_HEARD, _PATIENCE_S = 3, 90
+"""The talker says hello once a second; a board that starts Python nodes for the first time takes its time."""
+_TEST_DOMAIN = 101
+"""Of ROS: nobody else talks there."""
+_COLCON = "python3-colcon-common-extensions"
+
+
+@dataclass(frozen=True, slots=True)
+class StandIn:
+    """An archive of stand-ins in place of that of ROS, and the system that they are made for."""
+
+    url: str
+    key: ArchiveKey
+    codename: str
+    distribution: str
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayRos2:
+    """What the role installs, writes and tries. Without declared ROS 2 nothing."""
+
+    packages: tuple[Package, ...] = ()
+    source: str = ""
+    pins: str = ""
+    key: ArchiveKey | None = None
+    codename: str = ""
+    distribution: str = ""
+    configuration: Configuration = field(default_factory=Configuration)
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """The parameters of its modules."""
+        if self.key is None:
+            return {"packages": None, "configure": None}
+        key = {
+            "path": _KEYRING,
+            "content_base64": base64.b64encode(self.key.content).decode(),
+            "fingerprint": self.key.fingerprint,
+        }
+        return {
+            "packages": {
+                "packages": [{"name": package.name, "version": package.version} for package in self.packages],
+                "sources": [{"path": _SOURCE, "content": self.source}],
+                "keys": [key],
+                "pins": [{"path": _PINS, "content": self.pins}],
+                "absent": list(_SAME),
+                "expected": {
+                    "codename": self.codename,
+                    "distribution": self.distribution,
+                    "architectures": list(ARCHITECTURES),
+                },
+                "notes": list(self.notes),
+            },
+            "configure": self.configuration.as_dict(),
+        }
+
+
+def gateway_ros2(
+    declaration: Declaration, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
+) -> GatewayRos2:
+    """Reads the key of the archive, and is pure beside that. Raises UsageError. `now`: by this computer's clock."""
+    ros2, dds = declaration.pilot.gateways.ros2, declaration.pilot.dds
+    if ros2 is None:
+        return GatewayRos2()
+    if dds is None:
+        raise UsageError(
+            "`gateways.ros2` is declared, and `dds` is not: nobody knows which release of ROS 2 it is",
+            hint="declare `dds` in group_vars/all/pilot.yml, with its `distribution`",
+        )
+    release = RELEASES[dds.distribution]
+    today = now or datetime.now(UTC)
+    notes: tuple[str | None, ...] = (_ended(release, today),)
+    if stand_in is None:
+        archive = _archive(release, ros2)
+        key, url, codename, system = (
+            archive_key(declaration.root, archive, ros2.key_file, today),
+            str(ros2.mirror or archive.url),
+            release.codename,
+            "ubuntu",
+        )
+    else:
+        key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
+        notes = (*notes, f"{host.name}: stand-ins take the place of the packages of ROS 2")
+    packages = tuple(_packages(release, ros2, dds))
+    return GatewayRos2(
+        packages=packages,
+        source=_render("ros2.sources.j2", url=url, codename=codename, keyring=_KEYRING),
+        pins=_render("ros2.pref.j2", host=urlsplit(url).hostname, origin=ros2.origin.value, pins=ros2.pins),
+        key=key,
+        codename=codename,
+        distribution=system,
+        configuration=_configuration(release, dds, packages),
+        notes=tuple(note for note in (*notes, key.note) if note is not None),
+    )
+
+
+def _archive(release: Release, ros2: Ros2) -> Archive:
+    """The declared archive; a mirror of a snapshot is signed by the key of the snapshots."""
+    archive = release.archives.get(ros2.origin)
+    if archive is None and ros2.mirror is not None:
+        archive = next(found for row in RELEASES.values() if (found := row.archives.get(ros2.origin)) is not None)
+    if archive is None:
+        raise UsageError(
+            f"there is no final snapshot of {release.name}: it has not ended yet",
+            hint="declare `origin: live`; or a dated snapshot as `mirror`: "
+            f"http://snapshots.ros.org/{release.name}/2026-01-31/ubuntu, with a date that is there",
+        )
+    return archive
+
+
+def _ended(release: Release, today: datetime) -> str | None:
+    if today.date() <= release.ends:
+        return None
+    return f"ROS 2 {release.name} has been without security updates since {release.ends:%Y-%m-%d}"
+
+
+def _packages(release: Release, ros2: Ros2, dds: Dds) -> Iterator[Package]:
+    ros = f"ros-{release.name}"
+    names = [f"{ros}-ros-base", f"{ros}-demo-nodes-cpp", f"{ros}-demo-nodes-py", _COLCON]
+    if dds.middleware is RosMiddleware.CYCLONE_DDS:
+        names.append(f"{ros}-rmw-cyclonedds-cpp")
+    versions = {pin.package: pin.version for pin in ros2.pins}
+    for name in dict.fromkeys((*names, *ros2.packages)):
+        yield Package(name, versions.get(name))
+
+
+def _configuration(release: Release, dds: Dds, packages: tuple[Package, ...]) -> Configuration:
+    """The environment of people who log in, and the test: repeated when a package of ROS is another one."""
+    home = f"/opt/ros/{release.name}"
+    variables = {
+        **release.alone,
+        "ROS_DOMAIN_ID": str(_TEST_DOMAIN),
+        "RMW_IMPLEMENTATION": dds.middleware.value,
+    }
+    test = (
+        "/usr/bin/python3",
+        _TEST,
+        home,
+        str(_HEARD),
+        str(_PATIENCE_S),
+        *(f"{name}={value}" for name, value in variables.items()),
+    )
+    lists = (f"/var/lib/dpkg/info/{package.name}.md5sums" for package in packages)
+    return Configuration(
+        files=(
+            File(_LOGIN, _render("ros2-profile.sh.j2", release=release.name, home=home)),
+            File(_TEST, _render("ros2_hears.py")),
+        ),
+        steps=(Step("talker and listener of ROS 2", test, (_TEST, *lists)),),
+    )
+
+
+def _render(template: str, **values: object) -> str:
+    return environment().get_template(f"gateway/{template}").render(**values)

@@ -1,0 +1,102 @@
+"""The role `gateway_ros2` on a real Debian with systemd, by SSH, from a signed archive of stand-ins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+from gateway_role import Stand
+from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+
+from atlantis_netcfg.machine.standins import Archive, StandIn, publish, ros_packages
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
+
+    from atlantis_netcfg.machine import Yard
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+
+UBUNTU = "ID=ubuntu\nVERSION_CODENAME=focal\n"
+FIRST, SECOND = "0.9.2-1stand.in", "0.9.3-1stand.in"
+STEP = "step talker and listener of ROS 2"
+SOURCE = "/etc/apt/sources.list.d/ros2.sources"
+
+
+@dataclass
+class Ros:
+    """A gateway that says it is an Ubuntu 20.04, and an archive that it reaches."""
+
+    stand: Stand
+    serve: Callable[[Archive], str]
+
+    def declare(self, archive: Archive, **more: object) -> None:
+        keys = self.stand.inventory / "keys"
+        keys.mkdir(exist_ok=True)
+        (keys / "stand-in.gpg").write_bytes(archive.key)
+        ros2 = {"origin": "snapshot", "mirror": self.serve(archive), "key_file": "stand-in.gpg", **more}
+        self.stand.declare({"gateways": {"ros2": ros2}})
+
+
+@pytest.fixture
+def ros(ground: Yard, machine: Start, technician: Key, tmp_path: Path) -> Ros:  # noqa: F811 - fixtures
+    stand = Stand(machine("coastal-gateway"), technician, tmp_path, ["gateway_ros2"])
+    stand.gateway.run("rm -f /etc/os-release /etc/apt/sources.list /etc/apt/sources.list.d/*")
+    stand.gateway.put("/etc/os-release", UBUNTU)
+    return Ros(stand, lambda archive: ground.serve(archive.folder))
+
+
+def test_it_comes_talks_changes_its_version_and_stays(ros: Ros, tmp_path: Path) -> None:
+    every = (*ros_packages("foxy", FIRST), *ros_packages("foxy", SECOND))
+    archive = publish(tmp_path / "archive", every, codename="focal")
+    versions = [{"package": f"ros-foxy-{name}", "version": "0.9.2-1*"} for name in ("ros-base", "ros-core")]
+    ros.declare(archive, packages=["ros-foxy-ros-core"], pins=versions)
+
+    planned = ros.stand.run("--check")
+    assert ros.stand.gateway.run(f"ls {SOURCE} /opt/ros", check=False).stdout == ""
+    done = ros.stand.run()
+    assert done["status"] == "changed", done
+    assert {change.split()[1] for change in planned["changes"]} == {change.split()[1] for change in done["changes"]}
+    assert f"package ros-foxy-ros-base {FIRST}" in done["changes"]
+    assert f"package ros-foxy-demo-nodes-py {SECOND}" in done["changes"]
+    assert STEP in done["changes"]
+    assert any("without security updates since 2023-06-20" in note for note in done["notes"])
+    assert any("the listener of ROS 2 heard the talker 3 times" in note for note in done["notes"])
+    login = ros.stand.gateway.run("env -i sh -lc env").stdout
+    assert "ROS_DISTRO=foxy" in login
+    assert "LOCALHOST" not in login
+    assert ros.stand.run()["changes"] == []
+
+    ros.declare(archive, packages=["ros-foxy-ros-core"], pins=[{**pin, "version": SECOND} for pin in versions])
+    assert {f"package ros-foxy-ros-base {SECOND}"} <= {*ros.stand.run()["changes"]}
+    ros.declare(archive, packages=["ros-foxy-ros-core"], pins=versions)
+    assert {f"package ros-foxy-ros-base {FIRST}"} <= {*ros.stand.run()["changes"]}
+    assert ros.stand.run()["changes"] == []
+
+
+def test_a_listener_that_hears_nothing_fails_the_gateway(ros: Ros, tmp_path: Path) -> None:
+    listener = "/opt/ros/foxy/lib/demo_nodes_py/listener"
+    deaf = StandIn("ros-foxy-demo-nodes-py", "1.0", files={listener: "#!/bin/sh\necho no middleware\nexit 3\n"})
+    packages = [package for package in ros_packages("foxy") if package.name != deaf.name]
+    ros.declare(publish(tmp_path / "archive", [*packages, deaf], codename="focal"))
+    told = ros.stand.run()
+    assert told["status"] == "left-as-found", told
+    assert "heard the talker 0 times" in told["message"]
+    assert "listener: no middleware" in told["message"]
+
+
+def test_another_system_an_old_key_and_an_empty_archive_are_told_and_change_nothing(ros: Ros, tmp_path: Path) -> None:
+    archive = publish(tmp_path / "archive", ros_packages("foxy"), codename="focal", architectures=("arm64",))
+    ros.declare(archive)
+    told = ros.stand.run()
+    assert "focal has nothing for amd64, the architecture of this computer" in told["message"]
+    assert ros.stand.gateway.run(f"ls {SOURCE}", check=False).stdout == ""
+
+    ros.stand.gateway.put("/etc/os-release", UBUNTU.replace("focal", "jammy"))
+    told = ros.stand.run()
+    assert "the computer runs ubuntu jammy; what is declared is made for ubuntu focal" in told["message"]
+    assert told["changes"] == []
