@@ -33,6 +33,7 @@ COMMANDS: Mapping[str, str] = {
     "restore": "atlantis_netcfg.cli.restore",
     "upgrade": "atlantis_netcfg.cli.upgrade",
     "image": "atlantis_netcfg.cli.image",
+    "bundle": "atlantis_netcfg.cli.bundle",
     "version": "atlantis_netcfg.cli.version",
     "help": "atlantis_netcfg.cli.help",
 }

@@ -1,0 +1,114 @@
+"""Action `atlantis.netcfg.carry`: bring a bundle to the host of this task; only what is missing goes over the link.
+
+It opens the bundle, asks the board, and sends what is missing as one archive. When the link breaks, what has arrived
+whole is kept, and the next time the rest is sent. In check mode nothing is sent.
+
+Arguments: `bundle`, its folder on this computer; `state`, the state directory where it is not the usual one.
+
+Results: `path` on the board, `repository` and `sources` below it, `ready`, `carried_bytes`, `changes`; in check mode
+`ready` is false where the bundle is not there yet, and `carried_bytes` is what would be sent.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ansible.errors import AnsibleActionFail, AnsibleError
+from ansible.plugins.action import ActionBase
+
+from atlantis_netcfg.errors import NetcfgError
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bundle import Bundle
+
+_PLACE = "/var/tmp"  # noqa: S108 - a private file is made in it; /tmp may be this computer's memory
+
+
+class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+    """One host; a bundle that is there already costs one round trip."""
+
+    TRANSFERS_FILES = False
+    _supports_check_mode = True
+    _supports_async = False
+    _VALID_ARGS = frozenset({"bundle", "state"})
+
+    def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
+        """Ask, send, and let the board put it together."""
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        variables = task_vars or {}
+        host = str(variables["inventory_hostname"])
+        bundle = self._opened()
+        if host not in bundle.manifest.hosts:
+            raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, and not for {host}")
+        told = self._ask(bundle, None, variables)
+        if not told.get("failed") and not told["known"]:
+            told = self._ask(bundle, host, variables)
+        carried = 0
+        if not told.get("failed") and told["missing"]:
+            carried, told = self._send(bundle, host, told, variables)
+        result.update(told)
+        if not told.get("failed"):
+            result.update(_told(bundle, told, carried, sent=not self._task.check_mode))
+        return result
+
+    def _opened(self) -> Bundle:
+        from atlantis_netcfg import paths  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.bundle import Keys, open_bundle  # noqa: PLC0415
+
+        state = self._task.args.get("state")
+        try:
+            return open_bundle(Path(self._task.args["bundle"]), Keys.of(Path(state) if state else paths.state_dir()))
+        except NetcfgError as error:
+            hint = f"\n{error.hint}" if error.hint else ""
+            raise AnsibleActionFail(f"{error}{hint}") from error
+
+    def _ask(self, bundle: Bundle, host: str | None, variables: dict[str, Any]) -> dict[str, Any]:
+        """Ask the board; with `host` it is told what the bundle consists of."""
+        arguments: dict[str, Any] = {"id": bundle.manifest.id}
+        if host is not None:
+            files = bundle.manifest.of(host).items()
+            arguments["files"] = [{"path": path, "size": file.size, "sha256": file.sha256} for path, file in files]
+        answer: dict[str, Any] = self._execute_module("atlantis.netcfg.bundle", arguments, task_vars=variables)
+        return answer
+
+    def _send(
+        self, bundle: Bundle, host: str, told: dict[str, Any], variables: dict[str, Any]
+    ) -> tuple[int, dict[str, Any]]:
+        """Send what is missing; give its bytes and the board's answer."""
+        from atlantis_netcfg.bundle import bytes_to_carry  # noqa: PLC0415 - Ansible imports every action plugin
+
+        wanted = set(told["missing"])
+        there = {file.sha256 for file in bundle.manifest.of(host).values()} - wanted
+        size = bytes_to_carry(bundle, host, there)
+        if self._task.check_mode:
+            return size, told
+        with tempfile.NamedTemporaryFile(prefix="atlantis-carry-", dir=_PLACE) as archive:
+            bundle.pack(host, wanted, Path(archive.name))
+            try:
+                self._connection.put_file(archive.name, told["upload"])
+            except AnsibleError as error:
+                raise AnsibleActionFail(
+                    f"the link to {host} broke while {size / 1e6:.1f} MB of the bundle were carried: {error}\n"
+                    "type the same again: what has arrived is kept, and only the rest is sent"
+                ) from error
+        answer = self._ask(bundle, host, variables)
+        if not answer.get("failed") and not answer["ready"]:
+            raise AnsibleActionFail(
+                f"{len(answer['missing'])} files of the bundle did not arrive whole on {host}\ntype the same again"
+            )
+        return size, answer
+
+
+def _told(bundle: Bundle, told: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
+    words = "carried" if sent else "to carry"
+    changes = [f"bundle {bundle.manifest.id}: {carried / 1e6:.1f} MB {words}"] if carried else []
+    changes += told["changes"]
+    return {
+        "changed": bool(changes),
+        "changes": changes,
+        "carried_bytes": carried,
+        "repository": f"{told['path']}/repository",
+        "sources": f"{told['path']}/sources",
+    }

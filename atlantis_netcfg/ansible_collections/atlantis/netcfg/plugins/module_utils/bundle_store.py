@@ -1,0 +1,220 @@
+"""Bundles on a computer: `/var/lib/atlantis/bundle`. What is there already, what has arrived, and what is missing.
+
+    ID/                 a whole bundle: its files as links into the store, and `.held.json`, which lists them
+    .store/SHA256       content that was compared with its SHA-256; what a later bundle shares is not sent again
+    .incoming/ID.tar    what is on its way: files named by their SHA-256; of one that was cut off the whole files count
+
+Everything is made beside its place and renamed, so that a computer that is switched off at any moment goes on there.
+"""
+
+# ruff: noqa: PTH101, PTH102, PTH103, PTH104, PTH105, PTH108, PTH112, PTH118
+# ruff: noqa: PTH120, PTH123, PTH208 - paths are text on the gateways' side, where all modules share it
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import tarfile
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING
+
+from .refused import Refused, in_words
+
+if TYPE_CHECKING:
+    from typing import Iterator, Mapping
+
+__all__ = ["FOLDER", "Held", "Settled", "Store"]
+
+FOLDER = "/var/lib/atlantis/bundle"
+_LIST = ".held.json"
+_STORE = ".store"
+_INCOMING = ".incoming"
+_PRIVATE = "sources"
+"""Of a bundle: a partner's sources are nobody's but root's."""
+_CHUNK = 1 << 20
+_ROOM = 16 * 10**6
+"""Bytes that stay free on the disk."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One file of a bundle; `path` below the bundle's folder, `size` in bytes."""
+
+    path: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Settled:
+    """How it stands: `ready` when the bundle is whole, else the `missing` content, by SHA-256."""
+
+    ready: bool
+    known: bool
+    """Whether the files of the bundle were told, now or earlier."""
+    missing: tuple[str, ...]
+    changes: tuple[str, ...]
+
+
+class Store:
+    """The bundles below `folder`; what is uploaded belongs to the account `owner`, a number."""
+
+    def __init__(self, folder: str = FOLDER, owner: int | None = None) -> None:
+        self.folder = folder
+        self.owner = os.geteuid() if owner is None else owner
+        self._store = os.path.join(folder, _STORE)
+        self._incoming = os.path.join(folder, _INCOMING)
+
+    def upload(self, name: str) -> str:
+        """Where the archive of what is missing goes to."""
+        return os.path.join(self._incoming, f"{name}.tar")
+
+    def settle(self, name: str, files: tuple[Held, ...] | None, *, check: bool) -> Settled:
+        """Take in what has arrived, and put the bundle together once nothing is missing. Raises Refused.
+
+        `files` None: those that were told when the bundle was put together. `check`: change nothing.
+        """
+        with _words(self.folder):
+            told = files if files is not None else self._told(name)
+            if told is None:
+                return Settled(False, False, (), ())
+            if self._whole(name, told):
+                return Settled(True, True, (), () if check else tuple(self._prune(name, told)))
+            if not check:
+                self._ready()
+                self._take_in({one.sha256: one for one in told})
+            missing = tuple(sorted({one.sha256 for one in told if not self._has(one, check=check)}))
+            if missing or check:
+                self._refuse_if_full({one.sha256: one.size for one in told if one.sha256 in missing})
+                return Settled(False, True, missing, ())
+            self._compose(name, told)
+            return Settled(True, True, (), (f"bundle {name} put together", *self._prune(name, told)))
+
+    def _told(self, name: str) -> tuple[Held, ...] | None:
+        try:
+            with open(os.path.join(self.folder, name, _LIST), "rb") as file:
+                return tuple(Held(**one) for one in json.loads(file.read()))
+        except (FileNotFoundError, ValueError, TypeError):
+            return None
+
+    def _whole(self, name: str, told: tuple[Held, ...]) -> bool:
+        if self._told(name) != told:
+            return False
+        return all(_is(os.path.join(self.folder, name, one.path), one) for one in told)
+
+    def _ready(self) -> None:
+        os.makedirs(self.folder, mode=0o755, exist_ok=True)
+        for place, owner in ((self._store, os.geteuid()), (self._incoming, self.owner)):
+            with contextlib.suppress(FileExistsError):
+                os.mkdir(place, 0o700)
+            if os.lstat(place).st_uid != owner:
+                os.chown(place, owner, -1, follow_symlinks=False)
+
+    def _take_in(self, wanted: Mapping[str, Held]) -> None:
+        """Move what has arrived into the store, file by file; then the archives go."""
+        for entry in sorted(os.listdir(self._incoming)):
+            path = os.path.join(self._incoming, entry)
+            with contextlib.suppress(tarfile.TarError, EOFError), open(
+                os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb"
+            ) as file, tarfile.open(fileobj=file, mode="r|") as archive:
+                for member in archive:
+                    one = wanted.get(member.name)
+                    content = archive.extractfile(member) if one is not None else None
+                    if one is not None and content is not None and not self._has(one, check=False):
+                        self._keep(one, content)
+            os.unlink(path)
+
+    def _keep(self, one: Held, content: IO[bytes]) -> None:
+        scratch = os.path.join(self._store, ".new")
+        digest = hashlib.sha256()
+        try:
+            with open(scratch, "wb") as file:
+                for chunk in iter(lambda: content.read(_CHUNK), b""):
+                    digest.update(chunk)
+                    file.write(chunk)
+                file.flush()
+                os.fchmod(file.fileno(), 0o644)
+                os.fsync(file.fileno())
+            if digest.hexdigest() == one.sha256:
+                os.replace(scratch, os.path.join(self._store, one.sha256))
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(scratch)
+
+    def _has(self, one: Held, *, check: bool) -> bool:
+        """Whether the store holds it; what is damaged there is removed."""
+        path = os.path.join(self._store, one.sha256)
+        if _is(path, one):
+            return True
+        if not check:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(path)
+        return False
+
+    def _refuse_if_full(self, missing: Mapping[str, int]) -> None:
+        """What is missing is there twice for a moment: as an archive, and as files."""
+        place = self.folder
+        while not os.path.isdir(place):
+            place = os.path.dirname(place)
+        needed, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
+        if missing and free < needed:
+            raise Refused(
+                f"the bundle needs {needed / 1e6:.0f} MB on the computer, and {free / 1e6:.0f} MB are free",
+                "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
+            )
+
+    def _compose(self, name: str, told: tuple[Held, ...]) -> None:
+        new, place = os.path.join(self.folder, f".{name}.new"), os.path.join(self.folder, name)
+        shutil.rmtree(new, ignore_errors=True)
+        os.mkdir(new, 0o755)
+        for one in told:
+            os.makedirs(os.path.dirname(os.path.join(new, one.path)), mode=0o755, exist_ok=True)
+            os.link(os.path.join(self._store, one.sha256), os.path.join(new, one.path))
+        if os.path.isdir(os.path.join(new, _PRIVATE)):
+            os.chmod(os.path.join(new, _PRIVATE), 0o700)
+        with open(os.path.join(new, _LIST), "w", encoding="utf-8") as file:
+            json.dump([vars(one) for one in told], file)
+        os.sync()
+        shutil.rmtree(place, ignore_errors=True)
+        os.rename(new, place)
+        os.sync()
+
+    def _prune(self, name: str, told: tuple[Held, ...]) -> Iterator[str]:
+        """Remove older bundles, and whatever belongs to none."""
+        kept = {one.sha256 for one in told}
+        for entry in sorted(os.listdir(self.folder)):
+            path = os.path.join(self.folder, entry)
+            if entry in (name, _STORE, _INCOMING):
+                continue
+            shutil.rmtree(path)
+            if not entry.startswith("."):
+                yield f"bundle {entry} removed"
+        for place, stays in ((self._store, kept), (self._incoming, set())):
+            for entry in os.listdir(place):
+                if entry not in stays:
+                    os.unlink(os.path.join(place, entry))
+
+
+def _is(path: str, one: Held) -> bool:
+    """Whether that content stands there."""
+    try:
+        if os.lstat(path).st_size != one.size:
+            return False
+        digest = hashlib.sha256()
+        with open(path, "rb") as file:
+            for chunk in iter(lambda: file.read(_CHUNK), b""):
+                digest.update(chunk)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return digest.hexdigest() == one.sha256
+
+
+@contextlib.contextmanager
+def _words(folder: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise in_words(error, error.filename or folder) from error

@@ -1,0 +1,150 @@
+"""Opening a bundle: signed by a key that is known here, every file as it was, all in it that the declaration wants."""
+
+from __future__ import annotations
+
+import tarfile
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bundle._errors import BundleRefused, refused
+from atlantis_netcfg.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest
+from atlantis_netcfg.bundle.resolve import sha256_of
+from atlantis_netcfg.bundle.signing import signed_by
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.bundle.manifest import File, HostPart
+    from atlantis_netcfg.bundle.signing import Keys
+    from atlantis_netcfg.bundle.wish import HostWish
+
+__all__ = ["Bundle", "bytes_to_carry", "open_bundle"]
+
+_TAR_RECORD = 10240
+"""An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A bundle whose signature and files were found right."""
+
+    folder: Path
+    manifest: Manifest
+
+    def pack(self, host: str, wanted: Collection[str], archive: Path) -> int:
+        """Put the files with these SHA-256 into one tar archive, named by it; give the archive's bytes."""
+        files = {file.sha256: file for file in self.manifest.of(host).values() if file.sha256 in wanted}
+        with tarfile.open(archive, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for sha256, file in sorted(files.items(), key=lambda each: (each[1].size, each[0])):
+                member = tarfile.TarInfo(sha256)
+                member.size, member.mode = file.size, 0o644
+                with (self.folder / file.path).open("rb") as content:
+                    tar.addfile(member, content)
+        return archive.stat().st_size
+
+
+def bytes_to_carry(bundle: Bundle, host: str, there: Collection[str] = ()) -> int:
+    """Bytes that go over the link to a host, as one archive; `there`: SHA-256 of what its board already has.
+
+    Without `there` it is the most that it can be. What SSH adds (about 1 %) is not in it.
+    """
+    sizes = {file.sha256: file.size for file in bundle.manifest.of(host).values() if file.sha256 not in there}
+    if not sizes:
+        return 0
+    blocks = sum(512 + -(-size // 512) * 512 for size in sizes.values()) + 1024
+    return -(-blocks // _TAR_RECORD) * _TAR_RECORD
+
+
+def open_bundle(
+    folder: Path, keys: Keys, wishes: Sequence[HostWish] | None = None, *, accept: str | None = None
+) -> Bundle:
+    """Open a bundle for these hosts. Raises BundleRefused with everything that is wrong or missing.
+
+    `wishes` None: whatever is in it; nothing is held against the declaration. `accept`: the fingerprint of the key of
+    another computer, as a person has typed it.
+    """
+    bundle = Bundle(folder, _signed(folder, keys, accept))
+    manifest = bundle.manifest
+    hint = f"copy the bundle again, or make it anew: provision bundle site={manifest.site}"
+    found: list[tuple[str, str | None]] = [(words, hint) for words in _damage(folder, manifest)]
+    again = f"on a computer with internet: provision bundle site={manifest.site}"
+    found += [(words, again) for wish in wishes or () for words in _uncovered(manifest, wish)]
+    if found:
+        raise refused(found)
+    return bundle
+
+
+def _signed(folder: Path, keys: Keys, accept: str | None) -> Manifest:
+    try:
+        data, signature, public = ((folder / name).read_bytes() for name in (MANIFEST, SIGNATURE, KEY))
+    except OSError as error:
+        raise BundleRefused(
+            f"{folder} is no bundle, or not a whole one: {error.filename}: {error.strerror}",
+            hint="`provision bundle site=…` tells where it has put the bundle",
+        ) from error
+    fingerprint = signed_by(data, signature, public)
+    if fingerprint is None:
+        raise BundleRefused(
+            f"the manifest of {folder} is not what was signed: it was damaged, or changed by somebody",
+            hint="copy the bundle again, or make it anew",
+        )
+    if accept is not None and accept.replace(" ", "").upper() != fingerprint:
+        raise BundleRefused(
+            f"{folder} was signed by key {fingerprint}, and not by {accept}", hint="ask again who made it, and how"
+        )
+    if accept is None and not keys.accepts(fingerprint):
+        raise BundleRefused(
+            f"{folder} was signed on another computer, by key {fingerprint}",
+            hint="let whoever made it read you the key; if it is this one:"
+            f" provision bundle site=… check={folder} key=…",
+        )
+    manifest = read_manifest(data, f"{folder}/{MANIFEST}")
+    if manifest.key != fingerprint:
+        raise BundleRefused(f"the manifest of {folder} names another key than its own", hint="make the bundle anew")
+    if accept is not None:
+        keys.accept(fingerprint)
+    return manifest
+
+
+def _damage(folder: Path, manifest: Manifest) -> Iterator[str]:
+    for file in manifest.files:
+        if words := _wrong(folder / file.path, file):
+            yield f"{file.path}: {words}"
+
+
+def _wrong(path: Path, file: File) -> str:
+    try:
+        size = path.stat().st_size
+        if size != file.size:
+            return f"it has {size} bytes, and {file.size} were put there"
+        return "" if sha256_of(path) == file.sha256 else "its content is not what was put there"
+    except OSError as error:
+        return f"it cannot be read: {error.strerror or error}"
+
+
+def _uncovered(manifest: Manifest, wish: HostWish) -> Iterator[str]:
+    part = manifest.hosts.get(wish.host)
+    if part is None:
+        yield f"{wish.host}: the bundle was made for {', '.join(manifest.hosts) or 'no host'}"
+        return
+    expected = (wish.distribution or part.distribution, wish.codename or part.codename)
+    if expected != (part.distribution, part.codename):
+        yield f"{wish.host}: it is for {part.distribution} {part.codename}, and {' '.join(expected)} is declared"
+    for package in wish.packages:
+        has = part.packages.get(package.name)
+        installed = part.installed.get(package.name)
+        if not package.fits(has) and not package.fits(installed):
+            yield f"{wish.host}: package {package.asked}: {_other(has or installed)}"
+    yield from _libraries(part, wish)
+
+
+def _libraries(part: HostPart, wish: HostWish) -> Iterator[str]:
+    for library in wish.libraries:
+        held = [each.revision for each in part.libraries if each.url == library.url]
+        if library.revision not in held:
+            yield f"{wish.host}: {library.url} at {library.revision}: {_other(', '.join(held))}"
+
+
+def _other(has: str | None) -> str:
+    return f"the bundle has {has}" if has else "it is not in the bundle"

@@ -1,0 +1,216 @@
+"""Which packages a target lacks, and fetching them: apt(8) in a folder of its own, for any architecture, without root.
+
+Nothing of this computer's own apt is used but its programs and its proxy: not its sources, keys, lists or settings.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import unquote
+
+from atlantis_netcfg.bundle._errors import BundleRefused, refused
+from atlantis_netcfg.bundle.programs import program, run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.bundle.target import Target
+    from atlantis_netcfg.bundle.wish import HostWish, Wished
+
+__all__ = ["Fetched", "Root", "sha256_of"]
+
+_URI = re.compile(r"'(?P<uri>[^']+)' (?P<name>\S+) (?P<size>\d+) SHA256:(?P<sha256>[0-9a-f]{64})")
+_STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """A package file that is to be fetched."""
+
+    name: str
+    """In apt's folder of archives."""
+    size: int
+    sha256: str
+    uri: str
+
+
+@dataclass(frozen=True, slots=True)
+class Root:
+    """One target's apt; `lists` and `archives` may be shared between targets."""
+
+    folder: Path
+    lists: Path
+    archives: Path
+
+    @classmethod
+    def make(cls, folder: Path, shared: Path, target: Target, wish: HostWish) -> Root:
+        """Lay the folder out anew for the wish's sources; `shared` keeps what was fetched before."""
+        if re.search(r"[\s\"';]", str(folder)):
+            raise BundleRefused(
+                f"no work can be done in {folder}", hint="to=FOLDER: a folder without blanks in its name"
+            )
+        shutil.rmtree(folder, ignore_errors=True)
+        root = cls(folder, shared / "lists", shared / "archives")
+        etc = folder / "etc" / "apt"
+        inside = [etc / f"{name}.d" for name in ("sources.list", "preferences", "apt.conf", "trusted.gpg", "auth.conf")]
+        for each in (*inside, root.lists / "partial", root.archives / "partial", folder / "state", folder / "cache"):
+            each.mkdir(parents=True, exist_ok=True)
+        (folder / "status").write_bytes(target.status)
+        moved = {key.path: f"{folder}/keys{key.path}" for key in wish.keys}
+        for key in wish.keys:
+            place = folder / "keys" / key.path.lstrip("/")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(key.content)
+        for number, source in enumerate(wish.sources):
+            suffix = ".sources" if source.path.endswith(".sources") else ".list"
+            text = re.sub(r"/[^\s\],]+", lambda found: moved.get(found[0], found[0]), source.content)
+            text = re.sub(r"\bfile:(?=/)", "copy:", text)  # of file: nothing would be put into the folder of archives
+            (etc / "sources.list.d" / f"{number:03}{suffix}").write_text(text, encoding="utf-8")
+        for number, pin in enumerate(wish.pins):
+            (etc / "preferences.d" / f"{number:03}.pref").write_text(pin.content, encoding="utf-8")
+        (folder / "apt.conf").write_text(_settings(root, target) + _proxies(), encoding="utf-8")
+        return root
+
+    def update(self) -> None:
+        """Fetch the lists of the sources. Raises BundleRefused with what apt says of each."""
+        done = self._apt("update", "-o", "APT::Update::Error-Mode=any")
+        found = _complaints(done, "E:", "W:", "Err:")
+        # apt-get(8) ends with 0 where a list could not be fetched, unless it is new enough for the option above.
+        failed = done.returncode != 0 or any(line.startswith("Failed to fetch") for line in found)
+        if failed:
+            raise refused([(f"the lists of packages cannot be had: {line}", _hint(line)) for line in found or ["?"]])
+
+    def lacking(self, wished: Sequence[Wished]) -> tuple[Fetched, ...]:
+        """The package files that the target needs for these, dependencies included. Raises BundleRefused."""
+        if not wished:
+            return ()
+        arguments = ["install", "--print-uris", "-qq", "-o", "Acquire::ForceHash=SHA256"]
+        done = self._apt(*arguments, *_ALLOWED, *(each.asked for each in wished))
+        if done.returncode != 0:
+            found = _complaints(done, "E:") + _unmet(done)
+            hint = "correct the names or versions in the declaration, or the sources"
+            raise refused([(f"the packages cannot be resolved: {line}", hint) for line in found or ["?"]])
+        lines = done.stdout.decode(errors="replace").splitlines()
+        matches = [(line, _URI.fullmatch(line.strip())) for line in lines if line.startswith("'")]
+        bad = [line for line, match in matches if match is None]
+        if bad:
+            raise BundleRefused(f"a source tells no SHA-256 of its packages: {bad[0]}", hint="take another source")
+        return tuple(
+            Fetched(match["name"], int(match["size"]), match["sha256"], unquote(match["uri"]))
+            for _, match in matches
+            if match is not None
+        )
+
+    def has(self, file: Fetched) -> bool:
+        """Whether a file is there already, whole; one that is not is removed."""
+        path = self.archives / file.name
+        if not path.is_file():
+            return False
+        if path.stat().st_size == file.size and sha256_of(path) == file.sha256:
+            return True
+        path.unlink()
+        return False
+
+    def fetch(self, wished: Sequence[Wished], files: Sequence[Fetched], tell: Callable[[float], None]) -> None:
+        """Fetch what is not there yet; `tell` hears the share of it, 0 to 1. Raises BundleRefused."""
+        there = [self.has(file) for file in files]
+        if not all(there):
+            self._download([each.asked for each in wished], tell)
+        missing = [file.name for file in files if not self.has(file)]
+        if missing:
+            hint = "type the same again: what was fetched is kept"
+            raise refused([(f"{name} did not arrive as its source describes it", hint) for name in missing])
+
+    def _download(self, asked: list[str], tell: Callable[[float], None]) -> None:
+        arguments = ["install", "--download-only", "-q", "-o", "APT::Status-Fd=1", *_ALLOWED, *asked]
+        command = [program("apt-get"), *arguments]
+        said: list[str] = []
+        with subprocess.Popen(  # noqa: S603 - a program of the system, and names of packages
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env=self._environment(),
+        ) as process:
+            if process.stdout is None:
+                raise AssertionError("the output of apt-get is a pipe")
+            for line in process.stdout:
+                if match := _STATUS.match(line):
+                    tell(float(match["share"]) / 100)
+                elif line.startswith(("E: ", "W: ", "Err")):
+                    said.append(line.strip())
+        if process.returncode != 0:
+            hint = "type the same again: what was fetched is kept"
+            raise refused([(f"fetching failed: {line}", hint) for line in said or ["apt-get said nothing"]])
+
+    def _apt(self, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+        return run(["apt-get", *arguments], self._environment())
+
+    def _environment(self) -> dict[str, str]:
+        import os  # noqa: PLC0415 - shadowed nowhere else
+
+        return {**os.environ, "LC_ALL": "C.UTF-8", "APT_CONFIG": str(self.folder / "apt.conf")}
+
+
+_ALLOWED = ("-y", "--no-install-recommends", "--no-remove", "--allow-downgrades")
+"""As the module `packages` installs them."""
+
+
+def sha256_of(path: Path) -> str:
+    """Of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _settings(root: Root, target: Target) -> str:
+    places = {
+        "Dir": f"{root.folder}/",
+        "Dir::State": f"{root.folder}/state/",
+        "Dir::State::lists": f"{root.lists}/",
+        "Dir::State::status": f"{root.folder}/status",
+        "Dir::Cache": f"{root.folder}/cache/",
+        "Dir::Cache::archives": f"{root.archives}/",
+        "APT::Architecture": target.architecture,
+        "APT::Get::List-Cleanup": "false",
+        "APT::Sandbox::User": "root",
+        "APT::Keep-Downloaded-Packages": "true",
+        "Acquire::Languages": "none",
+        "Acquire::Retries": "3",
+        "Acquire::http::Timeout": "120",
+        "Acquire::https::Timeout": "120",
+        "Debug::NoLocking": "true",
+    }
+    rows = "".join(f'{name} "{value}";\n' for name, value in places.items())
+    return f'{rows}APT::Architectures {{ "{target.architecture}"; }};\n'
+
+
+def _proxies() -> str:
+    """How this computer's apt reaches the internet."""
+    said = run(["apt-config", "dump"]).stdout.decode(errors="replace").splitlines()
+    return "".join(f"{line}\n" for line in said if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
+
+
+def _complaints(done: subprocess.CompletedProcess[bytes], *marks: str) -> list[str]:
+    lines = (done.stdout + done.stderr).decode(errors="replace").splitlines()
+    return list(dict.fromkeys(line.split(":", 1)[1].strip() for line in lines if line.startswith(marks)))
+
+
+def _unmet(done: subprocess.CompletedProcess[bytes]) -> list[str]:
+    lines = done.stdout.decode(errors="replace").splitlines()
+    return [line.strip() for line in lines if line.startswith(" ") and "Depends:" in line]
+
+
+def _hint(line: str) -> str:
+    if "EXPKEYSIG" in line:
+        return "the key has expired: fetch the archive's new one, and name it in the declaration"
+    if "NO_PUBKEY" in line or "not signed" in line:
+        return "the key is not the one that signs this source: `keyring=FILE`, or `key_file` in the declaration"
+    return "is this computer online? `mirror=` names another archive"

@@ -1,0 +1,130 @@
+"""The key that signs the bundles of this computer, and signatures of others.
+
+One key a computer, kept in the state directory and not made anew with each bundle: a bundle that brings its own key
+could be signed by anybody, while a key that stays can be recognised. Bundles of another computer are taken once a
+person has accepted its fingerprint.
+
+Signatures are dated `SIGNED_AT`: gpgv(1) refuses a key or a signature from the future, and a board without a battery
+starts years in the past. When a bundle was really made stands in its manifest.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bundle._errors import BundleRefused
+from atlantis_netcfg.bundle.programs import run
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.paths import private_directory
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["SIGNED_AT", "Keys", "Signer", "signed_by"]
+
+SIGNED_AT = "20000101T000000"
+_NAME = "ATLANTIS bundles"
+_SECRET = "signing-key.asc"  # noqa: S105 - the name of a file
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """What is kept in `<state>/bundle`: this computer's key, and the fingerprints that a person has accepted."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, state: Path) -> Keys:
+        """Those in a state directory."""
+        return cls(state / "bundle")
+
+    def signer(self) -> Signer:
+        """This computer's key, made at first use."""
+        private_directory(self.folder)
+        place = self.folder / _SECRET
+        if not place.exists():
+            with _home() as home:
+                _gpg(home, "--passphrase", "", "--quick-generate-key", _NAME, "ed25519", "sign", "never")
+                write_atomically(place, _gpg(home, "--armor", "--export-secret-keys"))
+        secret = place.read_bytes()
+        with _home() as home:
+            _gpg(home, "--import", stdin=secret)
+            listed = _gpg(home, "--with-colons", "--list-keys").decode()
+            public = _gpg(home, "--export")
+        found = re.search(r"^fpr:+([0-9A-F]{40}):", listed, re.MULTILINE)
+        if found is None:
+            raise BundleRefused(f"{place} holds no key", hint="remove it: a new key is made, and made known again")
+        return Signer(found[1], public, secret)
+
+    def accepts(self, fingerprint: str) -> bool:
+        """Whether bundles signed by that key are taken here."""
+        return (self.folder / "accepted" / fingerprint).exists() or (
+            (self.folder / _SECRET).exists() and self.signer().fingerprint == fingerprint
+        )
+
+    def accept(self, fingerprint: str) -> None:
+        """Take bundles signed by that key from now on, on a person's word."""
+        folder = private_directory(private_directory(self.folder) / "accepted")
+        write_atomically(folder / fingerprint, b"")
+
+
+@dataclass(frozen=True, slots=True)
+class Signer:
+    """A key that can sign."""
+
+    fingerprint: str
+    public: bytes
+    """What `Signed-By` of apt takes."""
+    secret: bytes
+
+    def __repr__(self) -> str:
+        return f"Signer({self.fingerprint})"
+
+    def in_clear(self, text: str) -> bytes:
+        """A text with its signature, as apt's InRelease."""
+        return self._sign("--clear-sign", text.encode())
+
+    def beside(self, data: bytes) -> bytes:
+        """A signature for a file of its own."""
+        return self._sign("--detach-sign", data)
+
+    def _sign(self, how: str, data: bytes) -> bytes:
+        with _home() as home:
+            _gpg(home, "--import", stdin=self.secret)
+            return _gpg(home, "--digest-algo", "SHA512", "--armor", how, stdin=data)
+
+
+def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
+    """The fingerprint of the key that has signed these bytes; None: that is no signature of them by this key."""
+    with tempfile.TemporaryDirectory(prefix="atlantis-") as folder:
+        place = Path(folder)
+        for name, content in (("data", data), ("data.asc", signature), ("key.gpg", public)):
+            (place / name).write_bytes(content)
+        command = ["gpgv", "--homedir", folder, "--keyring", str(place / "key.gpg"), "--status-fd", "1"]
+        done = run([*command, str(place / "data.asc"), str(place / "data")])
+    valid = re.search(r"^\[GNUPG:\] VALIDSIG ([0-9A-F]{40}) ", done.stdout.decode(errors="replace"), re.MULTILINE)
+    return valid[1] if valid is not None and done.returncode == 0 else None
+
+
+@contextmanager
+def _home() -> Iterator[Path]:
+    """A folder for gpg(1), short enough for the socket of its agent, which ends with it."""
+    with tempfile.TemporaryDirectory(prefix="atlantis-gpg-", dir="/tmp") as folder:
+        try:
+            yield Path(folder)
+        finally:
+            run(["gpgconf", "--homedir", folder, "--kill", "all"])
+
+
+def _gpg(home: Path, *arguments: str, stdin: bytes | None = None) -> bytes:
+    options = ["--homedir", str(home), "--batch", "--no-tty", "--quiet", "--pinentry-mode", "loopback"]
+    done = run(["gpg", *options, "--faked-system-time", SIGNED_AT, *arguments], stdin=stdin)
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").strip().splitlines()
+        raise BundleRefused(f"gpg has refused: {said[-1] if said else 'without a word'}", hint="gpg --version")
+    return done.stdout

@@ -1,0 +1,85 @@
+"""What is on a host already: its dpkg status from a file, out of the vendor's image, or from the board itself."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import shlex
+import tempfile
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bundle import BundleRefused, Target, read_target
+from atlantis_netcfg.bundle.programs import run
+from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
+from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.layouts import find
+from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
+from atlantis_netcfg.site.model import Gateway, ImageLayout
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["from_board", "from_file", "from_image"]
+
+_STATUS = "/var/lib/dpkg/status"
+_ASKED = f"gzip -9c {_STATUS}"
+_PLACE = Path("/var/tmp")  # noqa: S108 - a private directory is made in it; /tmp may be this computer's memory
+
+
+def from_file(path: Path) -> Target:
+    """Read a copy of /var/lib/dpkg/status. Raises BundleRefused."""
+    try:
+        status = path.read_bytes()
+    except OSError as error:
+        raise BundleRefused(
+            f"{path} cannot be read: {error.strerror or error}", hint=f"`status=` names a copy of the board's {_STATUS}"
+        ) from error
+    return read_target(status, str(path))
+
+
+def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Target:
+    """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
+    if not image.is_file():
+        raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
+    device = host.device
+    declared = device.image.layout if isinstance(device, Gateway) and device.image is not None else ImageLayout.PLAIN
+    place = Path(os.environ.get("TMPDIR") or _PLACE)
+    with tempfile.TemporaryDirectory(prefix="atlantis-bundle-", dir=place) as folder:
+        copy = Path(folder) / "image"
+        expand(image, copy, checksum(image), tell)
+        root = Ext4(copy, find(copy, LAYOUTS[declared]).root)
+        root.recover()
+        status = root.read(_STATUS)
+    if status is None:
+        raise BundleRefused(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
+    return read_target(status, image.name)
+
+
+def from_board(declaration: Declaration, host: Host, request: Request) -> Target:
+    """Ask the board itself, by SSH. Raises BundleRefused; nothing is asked over a link that is paid by the byte."""
+    refuse_examples(declaration, rehearsed=request.rehearsed)
+    access = PARTS[ACCESS](declaration, host, request)
+    others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
+    if access.get("metered"):
+        raise BundleRefused(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
+    options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
+    key = ["-i", str(access["key"])] if access["key"] else []
+    words = [*options, *key, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
+    done = run(["ssh", *words])
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").strip().splitlines()
+        raise BundleRefused(
+            f"{host.name} was asked what is installed on it, and did not answer: {said[-1] if said else 'no word'}",
+            hint=others,
+        )
+    try:
+        status = gzip.decompress(done.stdout)
+    except (OSError, EOFError, zlib.error) as error:
+        raise BundleRefused(f"{host.name}: its answer was cut off", hint="type the same again") from error
+    return read_target(status, f"{host.name}:{_STATUS}")

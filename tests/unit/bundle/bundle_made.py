@@ -1,0 +1,88 @@
+"""A small bundle whose packages are nothing but bytes, for tests of opening and carrying."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.bundle import HostWish, Keys, Library, Manifest, Wished
+from atlantis_netcfg.bundle.manifest import File, HeldLibrary, HostPart, content_id
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.bundle.signing import Signer
+
+HOST = "coastal-gateway"
+LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")
+WISH = HostWish(
+    HOST,
+    (Wished("chrony", None), Wished("ros-foxy-ros-base", "0.9.2-1*"), Wished("locales", None)),
+    libraries=(LIBRARY,),
+    distribution="ubuntu",
+    codename="focal",
+)
+CONTENT = {
+    "pool/chrony_3.5_arm64.deb": b"chrony" * 300,
+    "pool/ros-foxy-ros-base_0.9.2-1focal_arm64.deb": b"ros" * 900,
+    f"hosts/{HOST}/repository/InRelease": b"index",
+    "sources/git/git.example.org/c4i/library.git/HEAD": b"ref: refs/heads/atlantis\n",
+}
+
+
+@pytest.fixture(scope="session")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
+    return Keys.of(tmp_path_factory.mktemp("state-of-bundles"))
+
+
+@pytest.fixture(scope="session")
+def signer(keys: Keys) -> Signer:
+    return keys.signer()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, signer: Signer) -> Path:
+    """A good bundle."""
+    made = tmp_path / "bundle"
+    for path, data in {**CONTENT, "key.gpg": signer.public}.items():
+        (made / path).parent.mkdir(parents=True, exist_ok=True)
+        (made / path).write_bytes(data)
+    sign(made, manifest(signer), signer)
+    return made
+
+
+def manifest(signer: Signer) -> Manifest:
+    contents = {**CONTENT, "key.gpg": signer.public}
+    files = tuple(
+        File(path=path, size=len(data), sha256=hashlib.sha256(data).hexdigest())
+        for path, data in sorted(contents.items())
+    )
+    held = {path.removeprefix(f"hosts/{HOST}/") if "hosts" in path else f"repository/{path}": path for path in CONTENT}
+    part = HostPart(
+        architecture="arm64",
+        distribution="ubuntu",
+        codename="focal",
+        wished={each.name: each.version for each in WISH.packages},
+        installed={"locales": "2.31"},
+        packages={"chrony": "3.5", "ros-foxy-ros-base": "0.9.2-1focal"},
+        libraries=(HeldLibrary(url=LIBRARY.url, revision=LIBRARY.revision, commit="0" * 40),),
+        held=held,
+    )
+    return Manifest(
+        id=content_id(files, {HOST: part}),
+        site="coastal",
+        made="2026-11-22T03:00:00+00:00",
+        tool="0",
+        revision="0" * 64,
+        key=signer.fingerprint,
+        files=files,
+        hosts={HOST: part},
+    )
+
+
+def sign(folder: Path, told: Manifest, signer: Signer) -> None:
+    """Put a manifest in place, and its signature."""
+    (folder / "manifest.json").write_bytes(told.encoded())
+    (folder / "manifest.json.asc").write_bytes(signer.beside(told.encoded()))

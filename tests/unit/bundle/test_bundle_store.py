@@ -1,0 +1,128 @@
+"""The board's end of carrying: what arrived whole counts, what is damaged does not, and older bundles give theirs."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import shutil
+import tarfile
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bundle_store import Held, Store
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ONE, TWO = "1" * 16, "2" * 16
+CONTENT = {f"repository/pool/{name}.deb": name.encode() * 5000 for name in ("a", "b", "c")}
+
+
+def held(content: dict[str, bytes]) -> tuple[Held, ...]:
+    return tuple(Held(path, len(data), hashlib.sha256(data).hexdigest()) for path, data in content.items())
+
+
+def archive(content: dict[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w", format=tarfile.USTAR_FORMAT) as tar:
+        for data in content.values():
+            member = tarfile.TarInfo(hashlib.sha256(data).hexdigest())
+            member.size = len(data)
+            tar.addfile(member, io.BytesIO(data))
+    return out.getvalue()
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(str(tmp_path / "lib" / "bundle"))
+
+
+def bring(store: Store, name: str, data: bytes, content: dict[str, bytes]) -> tuple[bool, int]:
+    """Upload something, and let the board look; whether the bundle is whole, and how many files are missing."""
+    store.settle(name, held(content), check=False)
+    with open(store.upload(name), "wb") as file:  # noqa: PTH123 - the store speaks of paths as text
+        file.write(data)
+    settled = store.settle(name, held(content), check=False)
+    return settled.ready, len(settled.missing)
+
+
+def test_a_bundle_is_put_together_once(store: Store, tmp_path: Path) -> None:
+    assert store.settle(ONE, None, check=False).known is False
+    assert len(store.settle(ONE, held(CONTENT), check=False).missing) == 3
+    assert bring(store, ONE, archive(CONTENT), CONTENT) == (True, 0)
+    for path, data in CONTENT.items():
+        assert (tmp_path / "lib" / "bundle" / ONE / path).read_bytes() == data
+    again = store.settle(ONE, None, check=False)
+    assert (again.ready, again.known, again.changes) == (True, True, ())
+
+
+@pytest.mark.parametrize("cut", [0, 100, 512, 6000, 12000, -1])
+def test_of_an_upload_that_was_cut_off_whole_files_count(store: Store, cut: int) -> None:
+    whole = archive(CONTENT)
+    arrived = whole[: cut if cut >= 0 else len(whole) - 3000]
+    ready, missing = bring(store, ONE, arrived, CONTENT)
+    files = min(len(arrived) // (512 + 5120), 3)
+    assert (ready, missing) == (files == 3, 3 - files)
+    rest = {path: data for path, data in CONTENT.items() if held({path: data})[0].sha256 in _missing(store)}
+    assert bring(store, ONE, archive(rest), CONTENT) == (True, 0)
+
+
+def _missing(store: Store) -> tuple[str, ...]:
+    return store.settle(ONE, held(CONTENT), check=False).missing
+
+
+def test_what_arrived_damaged_or_unasked_is_not_kept(store: Store, tmp_path: Path) -> None:
+    data = bytearray(archive({**CONTENT, "x": b"unasked"}))
+    data[600] ^= 1
+    assert bring(store, ONE, bytes(data), CONTENT) == (False, 1)
+    assert len(os.listdir(tmp_path / "lib" / "bundle" / ".store")) == 2  # noqa: PTH208
+
+
+def test_a_later_bundle_takes_what_is_there_and_the_older_goes(store: Store, tmp_path: Path) -> None:
+    bring(store, ONE, archive(CONTENT), CONTENT)
+    later = {**CONTENT, "repository/pool/a.deb": b"newer"}
+    assert len(store.settle(TWO, held(later), check=True).missing) == 1
+    assert bring(store, TWO, archive({"a": b"newer"}), later) == (True, 0)
+    names = {path.name for path in (tmp_path / "lib" / "bundle").iterdir()}
+    assert names == {TWO, ".store", ".incoming"}
+    assert len(list((tmp_path / "lib" / "bundle" / ".store").iterdir())) == 3
+
+
+def test_what_is_damaged_later_is_missing_again(store: Store, tmp_path: Path) -> None:
+    bring(store, ONE, archive(CONTENT), CONTENT)
+    (tmp_path / "lib" / "bundle" / ONE / "repository/pool/b.deb").write_bytes(b"short")
+    assert store.settle(ONE, None, check=True).ready is False
+    assert store.settle(ONE, None, check=False).missing == (held({"b": b"b" * 5000})[0].sha256,)
+    assert bring(store, ONE, archive({"b": b"b" * 5000}), CONTENT) == (True, 0)
+
+
+def test_a_cut_while_it_is_put_together_is_gone_over(store: Store, tmp_path: Path) -> None:
+    bring(store, ONE, archive(CONTENT), CONTENT)
+    place = tmp_path / "lib" / "bundle"
+    (place / ONE).rename(place / f".{ONE}.new")
+    (place / ".store" / ".new").write_bytes(b"half")
+    assert store.settle(ONE, held(CONTENT), check=False).ready
+    assert {path.name for path in place.iterdir()} == {ONE, ".store", ".incoming"}
+    assert len(list((place / ".store").iterdir())) == 3
+
+
+def test_looking_changes_nothing(store: Store, tmp_path: Path) -> None:
+    assert len(store.settle(ONE, held(CONTENT), check=True).missing) == 3
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_partners_sources_are_for_nobody_else(store: Store, tmp_path: Path) -> None:
+    content = {**CONTENT, "sources/git/git.example.org/x.git/HEAD": b"ref"}
+    bring(store, ONE, archive(content), content)
+    place = tmp_path / "lib" / "bundle" / ONE
+    assert [(place / name).stat().st_mode & 0o777 for name in ("sources", "repository")] == [0o700, 0o755]
+
+
+def test_a_full_disk_is_told_before_anything_is_sent(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: shutil._ntuple_diskusage(10**9, 10**9 - 10**6, 10**6))
+    with pytest.raises(Refused) as caught:
+        store.settle(ONE, held(CONTENT), check=False)
+    assert str(caught.value) == "the bundle needs 16 MB on the computer, and 1 MB are free"
