@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
     from .tree import Tree
 
-__all__ = ["Setting", "contradicting", "note"]
+__all__ = ["OF_ALL", "OF_AN_ACCOUNT", "OF_SYSTEMD", "Setting", "contradicting", "note", "settings"]
 
-_OF_ALL = (
+OF_ALL = (
     "/etc/environment",
     "/etc/environment.d/*.conf",
     "/etc/profile",
@@ -23,13 +23,13 @@ _OF_ALL = (
     "/etc/zsh/zshenv",
     "/etc/zsh/zshrc",
 )
-_OF_SYSTEMD = (
+OF_SYSTEMD = (
     "/etc/systemd/system.conf",
     "/etc/systemd/system.conf.d/*.conf",
     "/etc/systemd/system/*.service",
     "/etc/systemd/system/*.service.d/*.conf",
 )
-_OF_AN_ACCOUNT = (".profile", ".bash_profile", ".bash_login", ".bashrc", ".zshenv", ".zshrc", ".pam_environment")
+OF_AN_ACCOUNT = (".profile", ".bash_profile", ".bash_login", ".bashrc", ".zshenv", ".zshrc", ".pam_environment")
 _HOME = 5
 """Field of passwd(5)."""
 
@@ -50,7 +50,7 @@ def contradicting(tree: Tree, wanted: Mapping[str, str], ours: frozenset[str]) -
         setting
         for path in (_places(tree) if wanted else ())
         if path not in ours
-        for setting in _settings(path, (tree.read(path) or b"").decode(errors="replace"), wanted)
+        for setting in settings(path, (tree.read(path) or b"").decode(errors="replace"), wanted)
         if setting.value != wanted[setting.name]
     ]
 
@@ -65,15 +65,15 @@ def _places(tree: Tree) -> Iterator[str]:
     """Files that are there; links among them are read, since a shell reads them too."""
     accounts = (tree.read("/etc/passwd") or b"").decode(errors="replace").splitlines()
     homes = {fields[_HOME] for fields in (line.split(":") for line in accounts) if len(fields) > _HOME}
-    own = [f"{home}/{name}" for home in sorted(homes) if home.strip("/") for name in _OF_AN_ACCOUNT]
+    own = [f"{home}/{name}" for home in sorted(homes) if home.strip("/") for name in OF_AN_ACCOUNT]
     root = Path(tree.root)
-    for pattern in (*_OF_ALL, *_OF_SYSTEMD):
+    for pattern in (*OF_ALL, *OF_SYSTEMD):
         yield from (f"/{path.relative_to(root)}" for path in sorted(root.glob(pattern[1:])))
     yield from (path for path in own if tree.read(path) is not None)
 
 
-def _settings(path: str, text: str, names: Mapping[str, str]) -> Iterator[Setting]:
-    """As shells, pam_env and systemd write them; lines that begin with `#` or `;` are comments."""
+def settings(path: str, text: str, names: Mapping[str, str]) -> Iterator[Setting]:
+    """What a text sets of these, as shells, pam_env and systemd write it; lines with `#` or `;` first are comments."""
     pattern = re.compile(rf"(?:^|[\s;&\"'=])({'|'.join(map(re.escape, names))})(?:=|\s+DEFAULT=)[\"']?([^\s;&\"']*)")
     for number, line in enumerate(text.splitlines(), 1):
         if not line.lstrip().startswith(("#", ";")):

@@ -1,0 +1,180 @@
+"""The gateways of the site hold what the roles promise: files, packages, services, and what these really do.
+
+All answers come over one connection a computer. A gateway that does not answer, or shows another host key than the
+pinned one, is an error of each of its checks: nothing is known of it then.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.elsewhere import note, settings
+from checks.gateway_promises import BUILT, ENVIRONMENT, JOURNAL, LOCALE, SSHD
+
+if TYPE_CHECKING:
+    from checks.gateway_promises import Promises
+    from checks.gateway_reached import Answers
+
+CLOCK_S = 2.0
+"""Certificates and logs bear that; chrony holds it within milliseconds."""
+FREE, FREE_MB = 0.1, 300
+"""A new build and a new journal find room."""
+NOT_BY_INSTALL = ("static", "generated", "transient", "alias", "indirect", "enabled-runtime", "linked")
+"""States of unit files that start without `systemctl enable`."""
+SAME = {"challengeresponseauthentication": "kbdinteractiveauthentication", "prohibit-password": "without-password"}
+"""Words that `sshd -T` prints otherwise than they are written."""
+SIZES = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+def plan(promised: Promises) -> str:
+    return f"`provision site={promised.host.site} --plan` shows what differs"
+
+
+def test_declaration_is_complete(promised: Promises) -> None:
+    assert promised.lacking == {}, "; ".join(promised.lacking.values())
+
+
+def test_file(promised: Promises, path: str, answers: Answers) -> None:
+    found, wanted = answers.told["files"][path], promised.files[path]
+    assert found is not None, f"{path} is missing; {plan(promised)}"
+    assert found["kind"] == "file", f"{path} is a {found['kind']}"
+    assert found["sha256"] == wanted.sha256, f"{path} is not as declared; {plan(promised)}"
+    for key in ("mode", "owner", "group"):
+        declared = getattr(wanted, key)
+        assert declared in {None, found[key]}, f"{key} of {path} is {found[key]}, declared is {declared}"
+
+
+def test_link(promised: Promises, link: str, answers: Answers) -> None:
+    found = answers.told["files"][link] or {}
+    assert found.get("target") == promised.links[link], f"{link} does not lead to {promised.links[link]}"
+
+
+def test_what_is_taken_away(absent: str, promised: Promises, answers: Answers) -> None:
+    assert answers.told["files"][absent] is None, f"{absent} is still there; {plan(promised)}"
+
+
+def test_nothing_else_in(folder: str, promised: Promises, answers: Answers) -> None:
+    left = [path for path in answers.told["folders"][folder] if path not in promised.files]
+    assert left == [], f"an earlier declaration has left {', '.join(left)}; {plan(promised)}"
+
+
+def test_package(promised: Promises, package: str, answers: Answers) -> None:
+    found, wanted = answers.told["packages"].get(package), promised.packages[package]
+    assert found is not None, f"{package} is not installed, or only half"
+    assert wanted is None or fnmatchcase(found, wanted), f"{package} {found} is installed, declared is {wanted}"
+
+
+def test_unit(promised: Promises, unit: str, answers: Answers) -> None:
+    found, wanted = answers.told["units"][unit], promised.units[unit]
+    state, by = found.get("ActiveState", "unknown"), found.get("UnitFileState", "")
+    look = f"on the computer: `systemctl status {unit}`"
+    assert state != "failed", f"{unit} has failed; {look}"
+    if wanted.enabled is not None and by not in NOT_BY_INSTALL:
+        assert (by == "enabled") == wanted.enabled, (
+            f"{unit} is {by or 'not there'}, enabled is {wanted.enabled}; {look}"
+        )
+    if wanted.active is not None:
+        assert (state == "active") == wanted.active, f"{unit} is {state}, declared is active: {wanted.active}; {look}"
+
+
+def test_clock_is_right(promised: Promises, answers: Answers) -> None:
+    before, after = answers.between
+    off = max(before - answers.told["now"], answers.told["now"] - after, 0.0)
+    assert off <= CLOCK_S, f"the clocks of {promised.host.name} and of this computer are {off:.0f} s apart"
+
+
+def test_clock_follows_a_source(answers: Answers) -> None:
+    fields = answers.said("tracking").strip().split(",")
+    assert fields[-1] == "Normal", f"chrony says `{fields[-1]}`; on the computer: `chronyc sources`"
+    assert fields[0] != "7F7F0101", (
+        "the clock follows itself: no time server answers; on the computer: `chronyc sources`"
+    )
+
+
+def test_locale_is_there(promised: Promises, answers: Answers) -> None:
+    wanted = promised.settings(LOCALE).get("LANG", "C.UTF-8")
+    there = {_plain(name) for name in answers.said("locales").splitlines()}
+    assert _plain(wanted) in there, f"the locale {wanted} is not generated; on the computer: `locale-gen`"
+
+
+def _plain(locale: str) -> str:
+    return locale.lower().replace("-", "")
+
+
+def test_sshd_obeys(promised: Promises, answers: Answers) -> None:
+    in_force = dict(line.lower().split(" ", 1) for line in answers.said("sshd").splitlines() if " " in line)
+    for key, value in promised.settings(SSHD).items():
+        name, wanted = SAME.get(key.lower(), key.lower()), SAME.get(value.lower(), value.lower())
+        found = in_force.get(name)
+        assert found == wanted, (
+            f"sshd has {name} {found}, declared is {wanted}: another file in {SSHD} comes before ours"
+        )
+
+
+def test_firewall_is_the_declared_one(promised: Promises, answers: Answers) -> None:
+    loaded = answers.said("firewall")
+    assert "policy drop;" in loaded, f"what comes in is let in: `nft list table {promised.table}`"
+    assert loaded == answers.said("firewall_meant"), (
+        "the loaded rules are not those of the file: `systemctl reload nftables`"
+    )
+
+
+def test_card_has_room(answers: Answers) -> None:
+    for place, room in answers.told["room"].items():
+        free = f"{place}: {room['free_mb']:.0f} MB free ({room['free']:.0%}), {room['free_inodes']:.0%} of its inodes"
+        assert room["free"] >= FREE or room["free_mb"] >= 10 * FREE_MB, f"{free}: `apt-get clean` makes some"
+        assert room["free_mb"] >= FREE_MB, f"{free}: `apt-get clean` makes some"
+        assert room["free_inodes"] >= FREE, f"{free}: many small files, `du --inodes -x / | sort -n | tail`"
+
+
+def test_journal_is_bounded(promised: Promises, answers: Answers) -> None:
+    wanted = promised.settings(JOURNAL)
+    lines = [line.partition("=") for line in answers.said("journal").splitlines() if not line.startswith(("#", ";"))]
+    in_force = {key.strip(): value.strip() for key, _, value in lines}
+    for key, value in wanted.items():
+        assert in_force.get(key) == value, f"journald has {key}={in_force.get(key)}, declared is {value}"
+    used = re.search(r"([\d.]+)([KMGT]?)B? in the file system", answers.said("journal_usage"))
+    assert used is not None, "journald does not tell how much room it takes"
+    most = wanted["SystemMaxUse"]
+    taken = float(used[1]) * SIZES.get(used[2], 1)
+    assert taken <= 1.1 * float(most[:-1]) * SIZES[most[-1]], (
+        f"the journal takes {used[1]}{used[2]}, declared is {most}"
+    )
+
+
+def test_profile_is_in_force_for_people(promised: Promises, answers: Answers) -> None:
+    found = _variables(answers.said("login"))
+    for name, value in _variables(promised.text(ENVIRONMENT)).items():
+        assert found.get(name) == value, f"who logs in has {name}={found.get(name)}, declared is {value}"
+
+
+def test_profile_is_in_force_for(promised: Promises, reader: str, answers: Answers) -> None:
+    found = answers.told["environments"][reader]
+    for name, value in _variables(promised.text(ENVIRONMENT)).items():
+        if found is not None:
+            assert found.get(name) == value, f"{reader} has {name}={found.get(name)}, declared is {value}: restart it"
+
+
+def _variables(text: str) -> dict[str, str]:
+    return dict(line.split("=", 1) for line in text.splitlines() if "=" in line and not line.startswith("#"))
+
+
+def test_nothing_keeps_ros_at_home(promised: Promises, answers: Answers) -> None:
+    for line in answers.said("elsewhere").splitlines() if promised.alone else ():
+        path, _, rest = line.partition(":")
+        for found in settings(path, rest.partition(":")[2], promised.alone) if path not in promised.ours else ():
+            assert found.value == promised.alone[found.name], note(
+                found, "ROS 2 then sees nothing beyond this computer"
+            )
+
+
+def test_the_declared_library_is_in_use(promised: Promises, answers: Answers) -> None:
+    built = json.loads(answers.told["texts"][BUILT] or "{}")
+    for name in ("library", "examples"):
+        wanted = (promised.build or {}).get(name)
+        if wanted is not None:
+            found = (built.get(name) or {}).get("revision")
+            assert found == wanted["revision"], f"the {name} in use is {found}, declared is {wanted['revision']}"
