@@ -42,6 +42,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
         "Install ROS 2 on gateway computers from the declared archive, and let a listener hear a talker",
         {"pilot": Pilot, "site": Site, "device": Gateway},
     ),
+    "gateway_interop": (
+        "Build the interoperability library with its examples, and run the data gateway as a service",
+        {"pilot": Pilot, "site": Site, "device": Gateway},
+    ),
     "gateway_dds": (
         "Lay down the DDS profiles of gateway computers, and the environment that names the one in use",
         {"pilot": Pilot, "site": Site, "device": Gateway},

@@ -24,7 +24,7 @@ NOT_THEIRS = "a stand-in of the ATLANTIS toolkit, not the partners' library"
 NOT_REHEARSED = ("the interoperability library: small projects of ours are built in its place, and talk to nobody",)
 """What a run against stand-ins says nothing about."""
 
-LIBRARY, EXAMPLES, MESSAGES = "c4i/uv-interoperability", "c4i/uv-interoperability-example", "c4i/c4i-asset-msgs"
+LIBRARY, EXAMPLES, MESSAGES = "uv-interoperability", "uv-interoperability-example", "c4i-asset-msgs"
 _PACKAGE = """\
 # {about}
 cmake_minimum_required(VERSION 3.16)
@@ -112,7 +112,7 @@ Stamped telemetry(double value) {{ return {{0.0, value}}; }}
 
 @dataclass(frozen=True)
 class InteropProjects:
-    """The repositories in a folder that a git server may serve, below the partners' own names."""
+    """The repositories in a folder that a git server may serve, by the partners' own names."""
 
     folder: Path
 

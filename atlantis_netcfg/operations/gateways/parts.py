@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import gateway_ros2
 from atlantis_netcfg.operations.gateways._access import gateway_access
 from atlantis_netcfg.operations.gateways.dds import gateway_dds
@@ -26,8 +27,13 @@ def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str
     return gateway_dds(declaration, host).as_dict()
 
 
+def _interop(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
+    return gateway_interop(declaration, host).as_dict()
+
+
 PARTS: Mapping[str, Part] = {
     ACCESS: gateway_access,
     "gateway_ros2": _ros2,
+    "gateway_interop": _interop,
     "gateway_dds": _dds,
 }

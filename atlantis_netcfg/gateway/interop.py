@@ -1,0 +1,148 @@
+"""Part `gateway_interop`: the interoperability library with its examples, the data gateway as a service, and its test.
+
+The service lives as long as the VPN's interface: systemd starts it when that appears and ends it when that goes, for a
+participant of DDS which started before its interface had an address is never heard (facts 5.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step, Unit
+from atlantis_netcfg.render import environment
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Interop, Repository
+
+__all__ = ["PREFIX", "SERVICE", "VPN_INTERFACE", "GatewayInterop", "gateway_interop"]
+
+PREFIX = "/opt/atlantis/interop"
+SERVICE = "atlantis-data-gateway.service"
+VPN_INTERFACE = "tun0"
+"""Of OpenVPN on a gateway."""
+ENVIRONMENT = "/etc/atlantis/ros.env"
+"""Domain, middleware and profile: written by the part `gateway_dds`, which restarts the service when it changes."""
+USER = "atlantis-interop"
+
+_PACKAGES = ("ca-certificates", "cmake", "git")
+"""Besides the declared ones; the report leaves them out. colcon comes with ROS 2."""
+_TEST_S = 15
+_USER = "/usr/lib/sysusers.d/atlantis-interop.conf"
+_SOURCED = "/usr/local/lib/atlantis/interop.sh"
+_COMMAND = "/usr/local/lib/atlantis/data-gateway"
+_UNIT = f"/etc/systemd/system/{SERVICE}"
+_LOGS = "/etc/tmpfiles.d/atlantis-interop.conf"
+_BUILT = f"{PREFIX}/current/build.json"
+
+_UP_OR_DOWN = f"""\
+if [ -e {_UNIT} ]; then
+    systemctl --quiet is-active sys-subsystem-net-devices-{VPN_INTERFACE}.device || exit 0
+    exec systemctl --no-block start {SERVICE}
+fi
+rm -f /etc/systemd/system/*.wants/{SERVICE}
+systemctl daemon-reload
+exec systemctl stop {SERVICE}
+"""
+"""systemd starts the service with the interface; where that is up already, this does."""
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayInterop:
+    """What the role installs, builds, configures and tries. Without a declared library: what is taken away."""
+
+    packages: tuple[Package, ...] = ()
+    build: dict[str, Any] | None = None
+    """Parameters of the module `build`, without tokens."""
+    configuration: Configuration = field(default_factory=Configuration)
+    connection_test: dict[str, Any] | None = None
+    """Parameters of the module `connection_test`."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The parameters of its modules."""
+        packages = [{"name": package.name, "version": package.version} for package in self.packages]
+        return {
+            "packages": {"packages": packages},
+            "build": self.build,
+            "configure": self.configuration.as_dict(),
+            "connection_test": self.connection_test,
+        }
+
+
+def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:  # noqa: ARG001 - the same for every host
+    """Pure. The declaration is valid: where a library is built, there is a release of ROS 2."""
+    interop = declaration.pilot.gateways.interop
+    dds = declaration.pilot.dds
+    if interop is None or dds is None:
+        return GatewayInterop(configuration=_configuration(None, ""))
+    ros = f"/opt/ros/{dds.distribution.value}/setup.sh"
+    names = dict.fromkeys((*_PACKAGES, *interop.packages))
+    return GatewayInterop(
+        packages=tuple(Package(name) for name in names),
+        build={
+            "library": _repository(interop.library),
+            "examples": _repository(interop.examples),
+            "ros_setup": ros,
+            "prefix": PREFIX,
+        },
+        configuration=_configuration(interop, ros),
+        connection_test=_connection_test(interop),
+    )
+
+
+def _repository(repository: Repository | None) -> dict[str, str] | None:
+    return None if repository is None else {"url": repository.url, "revision": repository.revision}
+
+
+def _configuration(interop: Interop | None, ros: str) -> Configuration:
+    files: tuple[File, ...] = ()
+    if interop is not None:
+        files += (
+            File(_USER, f'u {USER} - "ATLANTIS data gateway" /var/lib/{USER}\n'),
+            # ROS writes a log for every process, and removes none.
+            File(_LOGS, f"d /var/log/{USER} 0750 {USER} {USER} 14d\n"),
+            File(_SOURCED, _render("interop.sh.j2", ros=ros), validate=("sh", "-n", "%s")),
+        )
+    if interop is not None and interop.service is not None:
+        command = _render("data-gateway.sh.j2", service=interop.service)
+        files += (
+            File(_COMMAND, command, mode="0755", validate=("sh", "-n", "%s"), hint=_NO_COMMAND),
+            File(_UNIT, _render("data-gateway.service.j2", service=interop.service)),
+        )
+    laid = {file.path for file in files}
+    units = (Unit(SERVICE, enabled=True, after=(_UNIT, _COMMAND, _SOURCED, _BUILT), wait=False),)
+    return Configuration(
+        files=files,
+        absent=tuple(path for path in (_UNIT, _COMMAND, _SOURCED, _LOGS) if path not in laid),
+        steps=(
+            Step("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
+            Step("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
+            Step("start the data gateway with the VPN, or take it away", ("sh", "-c", _UP_OR_DOWN), (_UNIT,)),
+        ),
+        units=units if _UNIT in laid else (),
+    )
+
+
+_NO_COMMAND = "look at `command` of `service:`: a quotation mark may be missing"
+
+
+def _render(template: str, **values: object) -> str:
+    names = {"prefix": PREFIX, "sourced": _SOURCED, "command": _COMMAND, "user": USER, "environment": ENVIRONMENT}
+    return environment().get_template(f"gateway/{template}").render(**names, interface=VPN_INTERFACE, **values)
+
+
+def _connection_test(interop: Interop) -> dict[str, Any] | None:
+    if interop.connection_test is None:
+        return None
+    examples = f"{PREFIX}/current/examples"
+    return {
+        "program": f"{examples}/build/{interop.connection_test.program}",
+        "config": f"{examples}/{interop.connection_test.config}",
+        "sourced": _SOURCED,
+        "environment": ENVIRONMENT,
+        "built": _BUILT,
+        "user": USER,
+        "interface": VPN_INTERFACE,
+        "seconds": _TEST_S,
+    }

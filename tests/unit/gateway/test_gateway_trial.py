@@ -1,0 +1,91 @@
+"""The connection test says no more than can be seen from the gateway."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.trial import Trial
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ADDRESS = Done(0, "3: tun0    inet 10.80.0.10/16 scope global tun0")
+TRIAL = Trial("/b/example-robot", "/b/c.yml", "/interop.sh", "/ros.env", "/b/build.json", "someone", "tun0", 15)
+
+
+@dataclass
+class Gateway:
+    root: Path
+    address: Done = ADDRESS
+    end: Done = field(default_factory=lambda: Done(124, "TEST_ROBOT\n"))
+    commands: list[list[str]] = field(default_factory=list)
+
+    def put(self, path: str, text: str) -> None:
+        place = self.root / path[1:]
+        place.parent.mkdir(exist_ok=True)
+        place.write_text(text)
+
+    def run(self, argv: list[str]) -> Done:
+        self.commands.append(argv)
+        return self.address if argv[0] == "ip" else self.end
+
+    def judge(self, *, check: bool = False) -> str:
+        told = TRIAL.judge(Tree(str(self.root)), check=check, run=self.run)
+        return f"{told.verdict}{'' if told.worth else ' (silent)'}: {told.words}"
+
+
+@pytest.fixture
+def gateway(tmp_path: Path) -> Gateway:
+    made = Gateway(tmp_path)
+    for path in (TRIAL.program, TRIAL.config, TRIAL.environment, TRIAL.built):
+        made.put(path, "one")
+    return made
+
+
+def test_what_runs_is_inconclusive_and_not_started_again(gateway: Gateway) -> None:
+    assert gateway.judge(check=True).startswith("SKIP (silent)")
+    assert not gateway.commands
+    assert gateway.judge().startswith(
+        "INCONCLUSIVE: INCONCLUSIVE: example-robot ran for 15 s without an error; whether"
+    )
+    assert "--uid=someone" in gateway.commands[-1]
+    assert "--property=EnvironmentFile=/ros.env" in gateway.commands[-1]
+    assert gateway.judge().startswith("SKIP (silent)")
+    for changed in (TRIAL.built, TRIAL.config, TRIAL.environment):
+        gateway.put(changed, "two")
+        assert gateway.judge().startswith("INCONCLUSIVE")
+        gateway.put(changed, "one")
+        gateway.judge()
+
+
+def test_what_ends_by_itself_is_inconclusive_too(gateway: Gateway) -> None:
+    gateway.end = Done(0, "")
+    assert "ended by itself, without an error" in gateway.judge()
+
+
+def test_an_error_fails_and_is_tried_again(gateway: Gateway) -> None:
+    gateway.end = Done(2, "starting\nerror: C4i does not answer\n")
+    with pytest.raises(Refused, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer") as caught:
+        gateway.judge()
+    assert "C4i" in caught.value.hint
+    gateway.end = Done(124, "")
+    assert gateway.judge().startswith("INCONCLUSIVE")
+
+
+@pytest.mark.parametrize("address", [Done(1, 'Device "tun0" does not exist.'), Done(0, "")])
+def test_without_the_vpn_it_is_not_started(gateway: Gateway, address: Done) -> None:
+    gateway.address = address
+    assert gateway.judge().startswith("SKIP: example-robot was not started: tun0, the VPN's interface, has no address")
+    assert len(gateway.commands) == 1
+
+
+def test_a_program_that_is_not_there_is_named(gateway: Gateway) -> None:
+    (gateway.root / "b/example-robot").unlink()
+    with pytest.raises(Refused, match="the build has no /b/example-robot"):
+        gateway.judge()
