@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import time
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.machine._errors import MachineFailed
-from atlantis_netcfg.machine._keeper import control_groups, remove_group
+from atlantis_netcfg.machine._keeper import control_groups, remove, remove_group
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -101,7 +100,7 @@ class Container:
         self._nspawn.wait(_END_S)
         for group in self._groups:
             remove_group(group)
-        shutil.rmtree(Path("/run/systemd/nspawn/propagate", self._name), ignore_errors=True)
+        remove(Path("/run/systemd/nspawn/propagate", self._name))
 
     def last_words(self) -> str:
         """The end of its console."""

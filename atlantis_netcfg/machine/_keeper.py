@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import fcntl
 import os
-import shutil
+import re
 import signal
 import subprocess
 import sys
@@ -23,7 +23,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-__all__ = ["PREFIX", "YARDS", "control_groups", "empty", "mounted", "remove_group", "sweep", "take_down", "unmount"]
+__all__ = [
+    "PREFIX",
+    "YARDS",
+    "control_groups",
+    "empty",
+    "mounted",
+    "remove",
+    "remove_group",
+    "sweep",
+    "take_down",
+    "unmount",
+]
 
 YARDS = Path("/run/atlantis/yards")
 """One folder for each yard: the file `owner`, locked as long as the owner lives, and what its machines mount."""
@@ -53,8 +64,8 @@ def take_down(yard: str) -> None:
     for name in _namespaces(yard):
         _quietly("ip", "netns", "delete", name)
     for left in _PROPAGATE.glob(f"{yard}*"):
-        shutil.rmtree(left, ignore_errors=True)
-    shutil.rmtree(YARDS / yard, ignore_errors=True)
+        remove(left)
+    remove(YARDS / yard)
 
 
 def _namespaces(yard: str) -> list[str]:
@@ -112,7 +123,8 @@ def _members(group: Path) -> list[int]:
 
 def mounted() -> list[str]:
     """Where something is mounted, in the order in which it was."""
-    return [line.split()[4] for line in Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines()]
+    lines = Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines()
+    return [re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), line.split()[4]) for line in lines]
 
 
 def unmount(folder: Path) -> None:
@@ -120,6 +132,11 @@ def unmount(folder: Path) -> None:
     for place in reversed(mounted()):
         if Path(place).is_relative_to(folder):
             _quietly("umount", "--lazy", place)
+
+
+def remove(folder: Path) -> None:
+    """Delete a folder, but nothing that is mounted in it after all."""
+    _quietly("rm", "-rf", "--one-file-system", str(folder))
 
 
 def _quietly(*words: str) -> None:

@@ -5,21 +5,20 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import os
-import shutil
+import shlex
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.machine._errors import MachineFailed
-from atlantis_netcfg.machine._keeper import mounted, unmount
-from atlantis_netcfg.machine._programs import asked
+from atlantis_netcfg.machine._keeper import remove, unmount
+from atlantis_netcfg.machine._programs import asked, program
 from atlantis_netcfg.paths import cache_dir
 
 if TYPE_CHECKING:
     import subprocess
     from collections.abc import Iterator
+    from pathlib import Path
 
 __all__ = ["TreeSpec", "tree"]
 
@@ -33,8 +32,10 @@ _HOOKS = (
     ': > "$1/etc/resolv.conf"',
     'echo "PasswordAuthentication no" > "$1/etc/ssh/sshd_config.d/atlantis.conf"',
 )
+# Each package of dpkg's would wait for the disk by itself; the tree is written out once, before it gets its name.
+_QUICK = ("--dpkgopt=force-unsafe-io", '--customize-hook=rm -f "$1/etc/dpkg/dpkg.cfg.d/99mmdebstrap"')
 _TOLD = 6
-"""How many of mmdebstrap's last lines are told when it fails."""
+"""How many of mmdebstrap's last lines are told when it fails; those of its own progress are not."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,9 @@ class TreeSpec:
 def tree(spec: TreeSpec, cache: Path | None = None) -> Path:
     """The unpacked root, built if it is missing: 25 s for the bare one, about 300 MB; MachineFailed if that fails.
 
-    `cache`: where trees are kept, `trees` in the user's cache if left out. Processes that want the same tree wait
-    for the one that builds it; what a killed build has left is thrown away by the next one.
+    `cache`: where trees are kept, and the packages that they were made from; `trees` in the user's cache if left out.
+    All of it may be deleted while no machine runs. Processes that want the same tree wait for the one that builds it;
+    what a killed build has left is thrown away by the next one. A proxy is taken from the environment (`http_proxy`).
     """
     place = cache_dir() / "trees" if cache is None else cache
     place.mkdir(parents=True, exist_ok=True)
@@ -83,13 +85,14 @@ def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
     _remove(half)
     done = _mmdebstrap(spec, half, lock)
     if done.returncode:
-        said = done.stderr.strip().splitlines()[-_TOLD:]
+        _remove(half)
+        said = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_TOLD:]
         raise MachineFailed(
             f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {done.returncode}:\n"
             + "\n".join(f"  {line}" for line in said),
             hint=f"check that this computer reaches {spec.mirror or 'http://deb.debian.org/debian'}, then try again",
         )
-    os.sync()
+    program("sync", "--file-system", str(half))
     half.rename(made)
 
 
@@ -99,13 +102,26 @@ def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedPr
     mirror = [] if spec.mirror is None else [spec.mirror]
     include = f"--include={','.join(spec.wanted)}"
     kind = ("--mode=root", "--format=directory", "--variant=minbase")
-    return asked(("mmdebstrap", *kind, include, *hooks, spec.release, str(half), *mirror), keep=(lock,))
+    debs = _kept_debs(half.parent / "debs")
+    return asked(("mmdebstrap", *kind, include, *_QUICK, *debs, *hooks, spec.release, str(half), *mirror), keep=(lock,))
+
+
+def _kept_debs(debs: Path) -> tuple[str, ...]:
+    """How mmdebstrap is told to fetch a package once for all trees; apt fetches again what does not fit its list."""
+    debs.mkdir(exist_ok=True)
+    place, inside = shlex.quote(str(debs)), "/var/cache/apt/archives"
+    return (
+        *("--skip=download/empty", "--skip=essential/unlink"),
+        *(f'--setup-hook=mkdir -p "$1"{inside}', f"--setup-hook=sync-in {place} {inside}"),
+        f"--customize-hook=sync-out {inside} {place}",
+    )
 
 
 def _remove(half: Path) -> None:
-    """Throw away what a killed build has left; its mounts first, which lead into this computer's own /dev."""
+    """Throw away what a killed build has left; its mounts first, which show this computer's own /proc and /sys."""
     unmount(half)
-    if any(Path(place).is_relative_to(half) for place in mounted()):
-        raise MachineFailed(f"a build that was killed has left mounts: {half}", hint=f"umount --recursive {half}/*")
+    remove(half)
     if half.exists():
-        shutil.rmtree(half)
+        raise MachineFailed(
+            f"what a build that was killed has left cannot be removed: {half}", hint="restart the computer"
+        )

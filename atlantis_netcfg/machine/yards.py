@@ -124,7 +124,7 @@ class Yard:
         check: bool = True,
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
-        """Run a program of this computer in the yard's network; `check`: MachineFailed unless it ends with 0."""
+        """Run a program of this computer, with its powers, in the yard's network; `check`: see `Machine.run`."""
         done = asked((*self.prefix(), *words), text=input, timeout_s=timeout_s)
         if check and done.returncode:
             raise MachineFailed(f"{' '.join(words)}: ended with {done.returncode}: {done.stderr.strip()}")

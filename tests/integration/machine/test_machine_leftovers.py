@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
 
-from atlantis_netcfg.machine import yard
+from atlantis_netcfg.machine import TreeSpec, tree, yard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -110,6 +110,24 @@ def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, g
     assert left(third.name) == []
     assert gateway.state(settled=True) == "running"
     assert owner.process.poll() is None
+
+
+def test_a_killed_build_is_thrown_away_but_not_what_is_mounted_in_it(
+    bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert bare.is_dir()  # machines run here
+    half, ours = tmp_path / "a cache" / f"{TreeSpec().key()}.half", tmp_path / "ours"
+    (half / "proc").mkdir(parents=True)
+    ours.mkdir()
+    (ours / "kept").write_text("kept\n")
+    subprocess.run(["mount", "--bind", ours, half / "proc"], check=True)
+    (tmp_path / "mmdebstrap").write_text(f"#!/bin/sh\nmkdir '{half}'\n")
+    (tmp_path / "mmdebstrap").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    made = tree(TreeSpec(), tmp_path / "a cache")
+    assert list(made.iterdir()) == []
+    assert (ours / "kept").read_text() == "kept\n"
+    assert str(ours) not in Path("/proc/self/mountinfo").read_text()
 
 
 def test_a_stopped_machine_is_gone_before_its_yard(gateway: Machine, ground: Yard) -> None:

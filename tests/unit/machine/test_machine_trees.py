@@ -21,7 +21,7 @@ mkdir "$target" && echo "$@" > "$target/words" && echo once >> "$BUILDS"
 """
 REFUSED = """\
 #!/bin/sh
-for line in 1 2 3 4 5 6 7; do echo "I: step $line" >&2; done
+for line in 1 2 3 4 5 6 7; do echo "I: step $line" >&2; echo "Get:$line" >&2; done
 echo "E: Unable to locate package no-such-package" >&2
 exit 25
 """
@@ -102,7 +102,7 @@ def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -
         tree(TreeSpec(packages=("no-such-package",)), tmp_path / "cache")
     assert str(caught.value) == (
         "no Debian bookworm for machines could be built: mmdebstrap ended with 25:\n"
-        "  I: step 3\n  I: step 4\n  I: step 5\n  I: step 6\n  I: step 7\n"
+        "  Get:3\n  Get:4\n  Get:5\n  Get:6\n  Get:7\n"
         "  E: Unable to locate package no-such-package"
     )
     assert caught.value.hint == "check that this computer reaches http://deb.debian.org/debian, then try again"
