@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from .apt_costs import costs_of, in_words, refuse_if_full, to_install
+from .apt_costs import bytes_of_lists, costs_of, in_words, refuse_if_full, to_install
 from .apt_sources import check_key
 from .apt_words import of_install, of_update, others
 from .dpkg import fits, half_done, installed, wait_for_others
@@ -141,13 +141,36 @@ class Converge:
         self.apt.ready()
         self.sources.write()
         missing = self._missing(installed(self.apt) if left else before)
-        if missing or not self.sources.updated:
+        if (missing or not self.sources.updated) and not self._lists_do(missing):
+            self._afford_lists()
             self._update()
         if left or missing:
             self._mend(missing)
         if missing:
             self._refuse_unknown(missing)
             self._act(self._install(missing), list(missing))
+
+    def _lists_do(self, missing: Mapping[str, str | None]) -> bool:
+        """Whether what is counted need not be spent on lists: those that are there have all that is missing."""
+        if self.wanted.limit_bytes is None or not self.sources.updated:
+            return False
+        known = self._known(missing)
+        return all(any(fits(one, version) for one in known.get(name, ())) for name, version in missing.items())
+
+    def _afford_lists(self) -> None:
+        limit = self.wanted.limit_bytes
+        size = bytes_of_lists(self.apt) if self.apt.bundle is None else 0
+        if limit is not None and (size is None or size > limit):
+            self.sources.take_back()
+            told = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {in_words(size)}"
+            raise self._too_dear(f"the lists of packages have to be fetched first: {told}")
+
+    def _too_dear(self, what: str) -> Refused:
+        why = f" ({self.wanted.limit_words})" if self.wanted.limit_words else ""
+        return Refused(
+            f"{what}; {in_words(self.wanted.limit_bytes or 0)} are agreed{why}. Nothing was downloaded for it",
+            "type the same with --accept-cost; or bring the packages: `provision bundle site=…`, then `--offline`",
+        )
 
     def _update(self) -> None:
         """Bring apt's lists up to date; where our sources do not work, they are taken back."""
@@ -191,11 +214,7 @@ class Converge:
 
     def _refuse_unknown(self, missing: Mapping[str, str | None]) -> None:
         """Say which packages or versions no source has, and which versions there are."""
-        known: dict[str, list[str]] = {}
-        for line in self.apt.cache("madison", *missing).said.splitlines():
-            words = [word.strip() for word in line.split("|")]
-            if len(words) > 1:
-                known.setdefault(words[0], []).append(words[1])
+        known = self._known(missing)
         without = [name for name in missing if name not in known]
         if without:
             raise Refused(
@@ -208,6 +227,15 @@ class Converge:
                     f"{name} {version} is not to be had; there is {', '.join(dict.fromkeys(known[name]))}",
                     "declare one of these, or take the version out of the declaration; a bundle keeps old ones",
                 )
+
+    def _known(self, missing: Mapping[str, str | None]) -> dict[str, list[str]]:
+        """The versions that the lists have."""
+        known: dict[str, list[str]] = {}
+        for line in self.apt.cache("madison", *missing).said.splitlines() if missing else ():
+            words = [word.strip() for word in line.split("|")]
+            if len(words) > 1:
+                known.setdefault(words[0], []).append(words[1])
+        return known
 
     def _install(self, missing: Mapping[str, str | None]) -> list[str]:
         exact = [f"{name}={version}" if version else name for name, version in missing.items()]
@@ -231,12 +259,7 @@ class Converge:
         costs = costs_of(self.apt, arguments, packages)
         limit = self.wanted.limit_bytes
         if limit is not None and costs.download > limit:
-            why = f" ({self.wanted.limit_words})" if self.wanted.limit_words else ""
-            raise Refused(
-                f"{len(packages)} packages of {in_words(costs.download)} would be downloaded, {in_words(limit)} are "
-                f"agreed{why}; nothing was downloaded but the lists of packages",
-                "type the same with --accept-cost; or bring them: `provision bundle site=…`, then `--offline`",
-            )
+            raise self._too_dear(f"{len(packages)} packages of {in_words(costs.download)} would be downloaded")
         refuse_if_full(self.apt, costs)
         self.outcome.download_bytes += costs.download
 

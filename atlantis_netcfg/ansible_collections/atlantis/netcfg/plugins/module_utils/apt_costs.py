@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from .apt_run import Apt
 
-__all__ = ["Costs", "costs_of", "in_words", "refuse_if_full", "to_install"]
+__all__ = ["Costs", "bytes_of_lists", "costs_of", "in_words", "refuse_if_full", "to_install"]
 
 _ARCHIVES = "/var/cache/apt/archives"
 _SPARE_BYTES = 32 * 1024 * 1024
@@ -47,6 +47,20 @@ def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Co
     shown = apt.cache("show", "--no-all-versions", *(f"{name}={version}" for name, version in packages.items()))
     kilobytes = sum(int(size) for size in re.findall(r"^Installed-Size: (\d+)", shown.said, re.MULTILINE))
     return Costs(download, kilobytes * 1024)
+
+
+def bytes_of_lists(apt: Apt) -> int | None:
+    """What an update may download at most, by what the sources said of themselves last; None: nobody knows yet."""
+    folder = apt.tree.at(apt.lists)
+    names = os.listdir(folder) if os.path.isdir(folder) else []
+    found = 0
+    for name in names:
+        if name.endswith("InRelease"):
+            told = (apt.tree.read(f"{apt.lists}/{name}") or b"").decode(errors="replace")
+            for index in set(re.findall(rf"(\S+/binary-{apt.architecture}/Packages)(?:\.\w+)?$", told, re.MULTILINE)):
+                sizes = re.findall(rf"^ [0-9a-f]{{64}} +(\d+) {re.escape(index)}(?:\.\w+)?$", told, re.MULTILINE)
+                found += min((int(size) for size in sizes), default=0)
+    return found or None
 
 
 def refuse_if_full(apt: Apt, costs: Costs) -> None:

@@ -1,0 +1,177 @@
+"""The module `packages` on a real Debian with systemd, by SSH: hindrances are told, what was cut off is finished."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import subprocess
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from gateway_role import NAME, PLAYBOOK, ROOT
+from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
+
+from atlantis_netcfg.machine.standins import Archive, StandIn, publish
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
+
+    from atlantis_netcfg.machine import Machine, Yard
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+
+ADHOC = PLAYBOOK.removesuffix("-playbook")
+SOURCE, KEYRING = "/etc/apt/sources.list.d/own.sources", "/usr/share/keyrings/own.gpg"
+SLOW = StandIn("slow", "1.0", postinst="touch /run/slow; while [ -e /srv/slow ]; do sleep 0.1; done")
+LARGE = StandIn("large", "1.0", padding_kb=6000)
+PACKAGES = (StandIn("one", "1.0"), StandIn("one", "2.0"), SLOW, LARGE)
+
+
+@dataclass
+class Board:
+    """A gateway, an archive that it reaches, and the module run on it as Ansible runs it."""
+
+    gateway: Machine
+    key: Key
+    folder: Path
+    serve: Callable[[Archive], str]
+    url: str = ""
+    archive: Archive | None = None
+
+    def publish(self, name: str, packages: tuple[StandIn, ...] = PACKAGES, **how: Any) -> None:  # noqa: ANN401
+        self.archive = publish(self.folder / name, packages, codename="bookworm", **how)
+        self.url = self.serve(self.archive)
+
+    def command(self, *names: str, check: bool = False, **more: object) -> list[str]:
+        assert self.archive is not None
+        source = f"Types: deb\nURIs: {self.url}\nSuites: bookworm\nComponents: main\nSigned-By: {KEYRING}\n"
+        asked: dict[str, object] = {
+            "packages": [dict(zip(("name", "version"), name.split("="), strict=False)) for name in names],
+            "sources": [{"path": SOURCE, "content": source}],
+            "keys": [
+                {
+                    "path": KEYRING,
+                    "content_base64": base64.b64encode(self.archive.key).decode(),
+                    "fingerprint": self.archive.fingerprint,
+                },
+            ],
+            "expected": {"codename": "bookworm", "distribution": "debian"},
+            **more,
+        }
+        how = {
+            "ansible_host": "127.0.0.1",
+            "ansible_port": self.gateway.port,
+            "ansible_user": "root",
+            "ansible_ssh_private_key_file": str(self.key.file),
+            "ansible_ssh_common_args": f"-o UserKnownHostsFile={known_hosts(self.folder, self.gateway)}",
+        }
+        words = ["-m", "atlantis.netcfg.packages", "-a", json.dumps(asked), "-e", json.dumps(how)]
+        return [ADHOC, "-i", f"{NAME},", NAME, *words, *(["--check"] if check else [])]
+
+    def run(self, *names: str, check: bool = False, **more: object) -> dict[str, Any]:
+        environment = os.environ | {
+            "ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"),
+            "ANSIBLE_CALLBACK_RESULT_FORMAT": "json",
+        }
+        words = self.command(*names, check=check, **more)
+        done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
+        assert "=> {" in done.stdout, done.stdout + done.stderr
+        told: dict[str, Any] = json.loads(done.stdout[done.stdout.index("=> {") + 3 :])
+        return told
+
+    def start(self, *names: str) -> subprocess.Popen[bytes]:
+        environment = os.environ | {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg")}
+        return subprocess.Popen(
+            self.command(*names), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+
+    def wait_for(self, path: str) -> None:
+        until = time.monotonic() + 60
+        while self.gateway.run(f"test -e {path}", check=False).returncode:
+            assert time.monotonic() < until, f"{path} never came"
+            time.sleep(0.1)
+
+
+@pytest.fixture
+def board(ground: Yard, machine: Start, technician: Key, tmp_path: Path) -> Board:  # noqa: F811 - fixtures
+    made = Board(machine(NAME), technician, tmp_path, lambda archive: ground.serve(archive.folder))
+    made.gateway.run("rm -f /etc/apt/sources.list /etc/apt/sources.list.d/*")
+    return made
+
+
+def test_exactly_what_is_declared_comes_and_the_second_run_finds_nothing_to_do(board: Board) -> None:
+    board.publish("archive")
+    planned = board.run("one=1.0", check=True)
+    assert board.gateway.run(f"ls {SOURCE}", check=False).stdout == ""
+    first = board.run("one=1.0")
+    assert planned["changes"] == first["changes"] == [f"file {KEYRING}", f"file {SOURCE}", "package one 1.0"]
+    assert first["versions"] == {"one": "1.0"}
+    assert board.run("one=1.0")["changes"] == []
+    assert board.run("one")["changes"] == []
+    board.gateway.run("apt-mark hold one")
+    assert "somebody holds one at 1.0; declared is 2.0" in board.run("one=2.0")["msg"]
+    board.gateway.run("apt-mark unhold one")
+    assert board.run("one=2.0", check=True)["changes"] == board.run("one=2.0")["changes"] == ["package one 2.0"]
+    assert "one 3* is not to be had; there is 2.0, 1.0" in board.run("one=3*")["msg"]
+    dear = board.run("large", limit_bytes=100_000, limit_words="satellite, by the byte")
+    assert "1 packages of 6.1 MB would be downloaded; 100 kB are agreed (satellite, by the byte)" in dear["msg"]
+    assert "--accept-cost" in dear["hint"]
+
+
+def test_a_power_cut_while_a_package_is_set_up_is_finished_by_the_next_run(board: Board) -> None:
+    board.publish("archive")
+    board.gateway.put("/srv/slow", "")
+    with board.start("slow", "one") as running:
+        board.wait_for("/run/slow")
+        board.gateway.power_cut()
+        running.kill()
+    board.gateway.power_on()
+    assert "half-configured" in board.gateway.run("dpkg-query -W -f '${db:Status-Status} ' slow").stdout
+    board.gateway.run("rm /srv/slow")
+    again = board.run("slow", "one")
+    assert "package slow was half installed, finished" in again["changes"]
+    assert again["versions"].keys() == {"slow", "one"}
+    assert board.run("slow", "one")["changes"] == []
+    assert board.gateway.run("dpkg --audit").stdout == ""
+
+
+def test_another_one_at_work_is_named_and_waited_for(board: Board) -> None:
+    board.publish("archive")
+    board.gateway.put("/srv/slow", "")
+    with board.start("slow") as running:
+        board.wait_for("/run/slow")
+        told = board.run("one", wait_s=1)
+        assert "another program is installing packages for more than 1 s: process" in told["msg"]
+        assert "apt-get" in told["msg"]
+        board.gateway.run("rm /srv/slow")
+        assert running.wait(timeout=60) == 0
+    assert "package one 2.0" in board.run("one")["changes"]
+
+
+def test_a_full_disk_is_told_before_and_while_and_the_next_run_ends(
+    ground: Yard,  # noqa: F811 - a fixture
+    machine: Start,  # noqa: F811 - a fixture
+    technician: Key,  # noqa: F811 - a fixture
+    tmp_path: Path,
+) -> None:
+    gateway = machine(NAME, disk_mb=64)
+    gateway.run("rm -f /etc/apt/sources.list /etc/apt/sources.list.d/*")
+    board = Board(gateway, technician, tmp_path, lambda archive: ground.serve(archive.folder))
+    board.publish("archive")
+    gateway.run("mkdir /srv/room; dd if=/dev/zero of=/srv/room/taken bs=1M count=22 status=none")
+    told = board.run("large")
+    assert "the disk of the computer is too full" in told["msg"]
+    gateway.fill_disk()
+    told = board.run("large")
+    assert "full" in told["msg"]
+    assert "df -h" in told["hint"]
+    gateway.free_disk()
+    gateway.run("rm -r /srv/room")
+    assert board.run("large")["versions"] == {"large": "1.0"}
+    assert board.run("large")["changes"] == []
