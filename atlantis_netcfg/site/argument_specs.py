@@ -38,6 +38,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
         "Bring 4G units of other makes than MikroTik to what is declared of their SIM, or check it",
         {"pilot": Pilot, "site": Site, "device": LteRouter},
     ),
+    "gateway_base": (
+        "Give gateway computers their locale, name, time, SSH by key, firewall, bounded journal and watchdog",
+        {"pilot": Pilot, "site": Site, "device": Gateway},
+    ),
     "gateway_ros2": (
         "Install ROS 2 on gateway computers from the declared archive, and let a listener hear a talker",
         {"pilot": Pilot, "site": Site, "device": Gateway},

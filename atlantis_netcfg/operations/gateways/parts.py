@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from atlantis_netcfg.gateway.interop import gateway_interop
+from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.ros2 import gateway_ros2
 from atlantis_netcfg.operations.gateways._access import gateway_access
 from atlantis_netcfg.operations.gateways.dds import gateway_dds
@@ -23,6 +24,10 @@ def _ros2(declaration: Declaration, host: Host, _request: Request) -> Mapping[st
     return gateway_ros2(declaration, host).as_dict()
 
 
+def _base(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
+    return gateway_base(declaration, host).as_dict()
+
+
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
     return gateway_dds(declaration, host).as_dict()
 
@@ -33,6 +38,7 @@ def _interop(declaration: Declaration, host: Host, _request: Request) -> Mapping
 
 PARTS: Mapping[str, Part] = {
     ACCESS: gateway_access,
+    "gateway_base": _base,
     "gateway_ros2": _ros2,
     "gateway_interop": _interop,
     "gateway_dds": _dds,

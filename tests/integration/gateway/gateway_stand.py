@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 SPEC = TreeSpec(
     packages=(
         *("cmake", "colcon", "g++", "git", "libyaml-cpp-dev", "make"),  # the interop library is built
-        *("curl", "gnupg", "locales"),  # sources of packages, and their language
+        *("chrony", "fake-hwclock", "locales"),  # every gateway has them
+        *("curl", "gnupg"),  # sources of packages
         "nftables",
     )
 )

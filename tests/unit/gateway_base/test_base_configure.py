@@ -281,7 +281,7 @@ def test_a_damaged_stamp_costs_one_more_run(computer: Computer) -> None:
 
 
 def test_the_journal_of_the_computer_holds_no_contents() -> None:
-    module, told = object.__new__(Module), []
+    module, told = object.__new__(Module), list[str]()
     module.params = {"files": [{"path": "/a/b", "secret_content": "first hush\nsecond hush\n"}]}
     module.log = told.append
     module._log_invocation()
