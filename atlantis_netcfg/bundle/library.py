@@ -81,7 +81,7 @@ def _fetch(  # noqa: PLR0913, PLR0917 - a step of a walk
     _git(bare, _SILENT, *_SMALL, *words)
     (bare / "FETCH_HEAD").unlink(missing_ok=True)
     gathered.of[key].add(place)
-    for inner, inside in _submodules(mirror, url, commit):
+    for inner, inside in _submodules(mirror, url, commit, library.url):
         if depth == _DEPTH:
             raise BundleRefused(f"the submodules of {library.url} lead round in a circle", hint="ask its makers")
         _fetch(gathered, key, work, library, inner, inside, depth + 1)
@@ -120,8 +120,11 @@ def _bring(mirror: Path, url: str, revision: str, environment: dict[str, str]) -
     return commit
 
 
-def _submodules(mirror: Path, url: str, commit: str) -> Iterator[tuple[str, str]]:
-    """Address and commit of each submodule. Raises BundleRefused where a repository does not say where one is."""
+def _submodules(mirror: Path, url: str, commit: str, home: str) -> Iterator[tuple[str, str]]:
+    """Address and commit of each submodule; those by SSH on the server of `home` are there by HTTPS as well.
+
+    Raises BundleRefused where a repository does not say where one is.
+    """
     tree = _git(mirror, _SILENT, "ls-tree", "-r", "-z", commit)
     commits = {row.split("\t", 1)[1]: row.split()[2] for row in tree.split("\0") if row.startswith("160000 ")}
     if not commits:
@@ -150,12 +153,22 @@ def _submodules(mirror: Path, url: str, commit: str) -> Iterator[tuple[str, str]
         inner = places.get(path, "")
         if inner.startswith(("./", "../")):
             inner = urljoin(f"{url}/", inner).rstrip("/")
+        inner = _by_https(inner, home)
         if urlsplit(inner).scheme not in {"http", "https"}:
             where = f"is at `{inner}`, which needs an account" if inner else "has no address in .gitmodules"
             raise BundleRefused(
                 f"the submodule {path} of {url} {where}", hint="the partner has to give it an https address"
             )
         yield inner, inside
+
+
+def _by_https(url: str, home: str) -> str:
+    """What git on the board makes of an address, by insteadOf."""
+    server = urlsplit(home)
+    for start in (f"git@{server.hostname}:", f"ssh://git@{server.hostname}/"):
+        if url.startswith(start):
+            return f"{server.scheme}://{server.netloc}/{url.removeprefix(start)}"
+    return url
 
 
 def _place(url: str) -> str:

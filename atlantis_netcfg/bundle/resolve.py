@@ -90,10 +90,10 @@ class Root:
         """The package files that the target needs for these, dependencies included. Raises BundleRefused."""
         if not wished:
             return ()
-        arguments = ["install", "--print-uris", "-qq", "-o", "Acquire::ForceHash=SHA256"]
+        arguments = ["install", "--print-uris", "-q", "-o", "Acquire::ForceHash=SHA256"]
         done = self._apt(*arguments, *_ALLOWED, *(each.asked for each in wished))
         if done.returncode != 0:
-            found = _complaints(done, "E:") + _unmet(done)
+            found = _unmet(done) or _complaints(done, "E:")
             hint = "correct the names or versions in the declaration, or the sources"
             raise refused([(f"the packages cannot be resolved: {line}", hint) for line in found or ["?"]])
         lines = done.stdout.decode(errors="replace").splitlines()
