@@ -17,10 +17,15 @@ __all__ = ["ENVIRONMENT", "LOGIN", "GatewayDds", "gateway_dds"]
 
 ENVIRONMENT = "/etc/atlantis/ros.env"
 """What services take as their `EnvironmentFile=`."""
-LOGIN = "/etc/profile.d/atlantis-ros.sh"
-"""The same for people who log in; `~/.bashrc` stays theirs."""
+LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
+"""The same for people who log in; `~/.bashrc` stays theirs.
+
+Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
+"""
 _READERS = ("atlantis-data-gateway.service",)
-"""Units that read a profile when they start, and keep it. Where one does not run, there is nothing to restart."""
+"""Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
+VPN is not waited for.
+"""
 _NARROWS = {"ROS_LOCALHOST_ONLY": "0"}
 """Releases since Iron still obey it where it is set."""
 
@@ -45,7 +50,7 @@ class GatewayDds:
                 "files": [{"path": path, "content": content} for path, content in self.files.items()],
                 "absent": [path for path in (ENVIRONMENT, LOGIN) if path not in self.files],
                 "only": [FOLDER],
-                "units": [{"name": name, "after": read or [ENVIRONMENT]} for name in _READERS],
+                "units": [{"name": name, "after": read or [ENVIRONMENT], "wait": False} for name in _READERS],
             },
             "elsewhere": {"variables": dict(self.alone), "ours": [ENVIRONMENT, LOGIN]},
         }

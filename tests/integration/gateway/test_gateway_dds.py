@@ -48,7 +48,7 @@ def test_profiles_come_change_and_go_and_what_hinders_them_is_told(stand: Stand)
     files = {change.removeprefix("file ") for change in laid["changes"] if change.startswith("file ")}
     assert files == {
         "/etc/atlantis/ros.env",
-        "/etc/profile.d/atlantis-ros.sh",
+        "/etc/profile.d/atlantis-rosenv.sh",
         *(
             f"/etc/atlantis/dds/{link}/{name}"
             for link in LINKS

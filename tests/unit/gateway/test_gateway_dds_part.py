@@ -57,6 +57,7 @@ def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
     (reader,) = configure["units"]
     assert reader == {
         "name": "atlantis-data-gateway.service",
+        "wait": False,
         "after": [
             *(f"/etc/atlantis/dds/satellite/{name}" for name in ("cyclonedds.xml", "fastdds.xml", "ros.env")),
             ENVIRONMENT,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NAME = "ROS_LOCALHOST_ONLY"
 PASSWD = "root:x:0:0:root:/root:/bin/bash\nodroid:x:1000:1000::/home/odroid:/bin/sh\nnobody:x:1:1::/:/bin/false\n"
-OURS = "/etc/profile.d/atlantis-ros.sh"
+OURS = "/etc/profile.d/atlantis-rosenv.sh"
 
 
 def found(root: Path, path: str, text: str) -> list[Setting]:
