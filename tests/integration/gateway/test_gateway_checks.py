@@ -1,0 +1,111 @@
+"""The gateway suite of `checks/` on a real Debian: green where all is as promised; every check sees its own breach."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import pytest
+from gateway_role import NAME, ROOT, Stand
+from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+
+FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
+"""A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
+CHRONYC = "/usr/local/sbin/chronyc"
+FOLLOWS = "#!/bin/sh\necho 0A400101,10.64.1.1,3,1,0,0,0,0,0,0,0,0,0,Normal\n"
+"""In place of chronyc: no time server answers in a yard."""
+READER = "/run/systemd/system/atlantis-data-gateway.service"
+SERVICE = "[Service]\nEnvironmentFile=/etc/atlantis/ros.env\nEnvironment=LATE=1\nExecStart=/bin/sleep infinity\n"
+DDS = "/etc/atlantis/dds"
+
+BREACHES = {
+    "echo Etc/UTC >/etc/timezone": "test_file[coastal-gateway:/etc/timezone]",
+    f"chmod 0600 {DDS}/4g/ros.env": f"test_file[coastal-gateway:{DDS}/4g/ros.env]",
+    f"rm {DDS}/4g/fastdds.xml": f"test_file[coastal-gateway:{DDS}/4g/fastdds.xml]",
+    "ln -sf /usr/share/zoneinfo/UTC /etc/localtime": "test_link[coastal-gateway:/etc/localtime]",
+    "mkdir -p /etc/systemd/system.conf.d; touch /etc/systemd/system.conf.d/atlantis-watchdog.conf": (
+        "test_what_is_taken_away[coastal-gateway:/etc/systemd/system.conf.d/atlantis-watchdog.conf]"
+    ),
+    f"touch {DDS}/old.xml": f"test_nothing_else_in[coastal-gateway:{DDS}]",
+    "dpkg --force-all --remove tzdata": "test_package[coastal-gateway:tzdata]",
+    "systemctl stop chrony": "test_unit[coastal-gateway:chrony.service]",
+    "systemctl disable nftables": "test_unit[coastal-gateway:nftables.service]",
+    f"rm {CHRONYC}": "test_clock_follows_a_source[coastal-gateway]",
+    "localedef --delete-from-archive en_US.utf8": "test_locale_is_there[coastal-gateway]",
+    "echo PasswordAuthentication yes >/etc/ssh/sshd_config.d/00-a.conf": "test_sshd_obeys[coastal-gateway]",
+    "nft add rule inet atlantis input tcp dport 8080 accept": ("test_firewall_is_the_declared_one[coastal-gateway]"),
+    "printf '[Journal]\\nSystemMaxUse=9G\\n' >/etc/systemd/journald.conf.d/zz.conf": (
+        "test_journal_is_bounded[coastal-gateway]"
+    ),
+    "echo export ROS_DOMAIN_ID=9 >/etc/profile.d/zz.sh": "test_profile_is_in_force_for_people[coastal-gateway]",
+    f"sed -i s/LATE/ROS_DOMAIN_ID/ {READER}; sed -i /EnvironmentFile/d {READER};"
+    " systemctl daemon-reload; systemctl restart atlantis-data-gateway": (
+        "test_profile_is_in_force_for[coastal-gateway:atlantis-data-gateway.service]"
+    ),
+    "echo ROS_LOCALHOST_ONLY=1 >>/etc/environment": "test_nothing_keeps_ros_at_home[coastal-gateway]",
+}
+"""What somebody does on the computer, and the check that sees it."""
+OTHER_KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
+ROOM = "test_card_has_room[coastal-gateway]"
+
+
+@pytest.fixture
+def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F811 - fixtures
+    """A gateway that two roles have brought to what is declared; the data gateway runs on it."""
+    made = Stand(machine(NAME, disk_mb=2000), technician, tmp_path, ["gateway_base", "gateway_dds"])
+    made.declare({"gateways": {"ros2": None, "interop": None}})
+    made.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
+    made.gateway.put(READER, SERVICE)
+    made.gateway.run("systemctl daemon-reload")
+    done = made.run()
+    assert done["hint"] is None, done["message"]
+    assert made.run()["changes"] == []
+    made.gateway.put(CHRONYC, FOLLOWS, mode="0755")
+    made.gateway.run("systemctl start atlantis-data-gateway")
+    return made
+
+
+def checked(stand: Stand, *words: str) -> dict[str, str]:
+    """Run the suite as a technician does; give the check and its words of all that did not pass."""
+    config, report = stand.folder / "ssh_config", stand.folder / "report.xml"
+    config.write_text(
+        f"Host {NAME}\n HostName 127.0.0.1\n Port {stand.gateway.port}\n User root\n IdentityFile {stand.key.file}\n"
+        f" IdentitiesOnly yes\n UserKnownHostsFile {stand.known}\n"
+    )
+    command = [sys.executable, "-m", "pytest", "checks/test_gateways.py", "--site", "coastal", f"--ssh-config={config}"]
+    command += ["--inventory", str(stand.inventory), "-p", "no:cacheprovider", f"--junitxml={report}", *words]
+    subprocess.run(command, cwd=ROOT, env=os.environ, capture_output=True, check=False)
+    cases = ET.parse(report).getroot().iter("testcase")  # noqa: S314 - our own file
+    return {
+        case.attrib["name"]: found.attrib.get("message", "") + (found.text or "")
+        for case in cases
+        for found in (*case.iter("failure"), *case.iter("error"))
+    }
+
+
+def test_every_check_sees_its_own_breach_and_no_other(stand: Stand) -> None:
+    assert checked(stand) == {}
+    for breach in BREACHES:
+        stand.gateway.run(breach)
+    stand.gateway.fill_disk(leave_kb=150_000)
+    seen = checked(stand)
+    assert seen.keys() == {*BREACHES.values(), ROOM}
+    assert all(words.startswith("AssertionError: ") for words in seen.values())
+    sshd = seen["test_sshd_obeys[coastal-gateway]"]
+    assert "sshd has passwordauthentication yes, declared is no: another file in /etc/ssh/sshd_config.d/" in sshd
+
+    stand.known.write_text(f"{NAME} {OTHER_KEY}\n")
+    unknown = checked(stand, "-k", "room or chrony")
+    assert len(unknown) == 4
+    assert all("coastal-gateway was not reached: Host key verification failed" in words for words in unknown.values())
+    assert all("`ssh-keygen -R coastal-gateway`" in words for words in unknown.values())
