@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.dds import FOLDER, ProfileView, profile_views, profiles
+from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 
 Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
 """
-_READERS = ("atlantis-data-gateway.service",)
+_READERS = (SERVICE,)
 """Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
 VPN is not waited for.
 """
