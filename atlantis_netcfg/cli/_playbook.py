@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.events import Subscriber
-    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations import Mode, Request
 
 __all__ = ["Ended", "Outcome", "Told", "play"]
 
@@ -63,7 +63,7 @@ def play(  # noqa: PLR0913 - one call, from one place
         variables = Path(folder) / "request.json"
         asked = request.model_copy(update={"events_fd": writer})
         variables.write_text(json.dumps({"atlantis_request": asked.model_dump(mode="json")}), encoding="utf-8")
-        command = _command(playbook, inventory, limit, variables)
+        command = _command(playbook, inventory, limit, variables, request.mode)
         with subprocess.Popen(  # noqa: S603 - our own interpreter and playbook
             command,
             env=_environment(checkout),
@@ -85,13 +85,14 @@ def play(  # noqa: PLR0913 - one call, from one place
     return outcome
 
 
-def _command(playbook: Path, inventory: Path, limit: Sequence[str], variables: Path) -> list[str]:
+def _command(playbook: Path, inventory: Path, limit: Sequence[str], variables: Path, mode: Mode) -> list[str]:
     return [
         *(sys.executable, "-m", "ansible", "playbook"),
         *("--inventory", str(inventory)),
         *("--limit", ",".join(limit)),
         *("--extra-vars", f"@{variables}"),
         *("--skip-tags", "recap"),
+        *(("--check", "--diff") if mode.reads_only else ()),
         str(playbook),
     ]
 

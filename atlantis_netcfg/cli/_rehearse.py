@@ -43,9 +43,9 @@ def _again(opened: Session, twins: Rehearsal) -> Iterator[Pass]:
     """Run again over each bearer; a device whose site lacks it is left at its own."""
     sites = opened.declaration.sites
     units = {host.name for host in opened.hosts if is_unit(host)}
-    for name in dict.fromkeys([LAN.name, *(one.name for host in opened.asked for one in sites[host.site].bearers)]):
-        via = {host.name: name for host in opened.asked if name in {LAN.name, *_names(opened, host.site)}}
-        for host in opened.asked:
+    for name in dict.fromkeys([LAN.name, *(one.name for host in opened.contacted for one in sites[host.site].bearers)]):
+        via = {host.name: name for host in opened.contacted if name in {LAN.name, *_names(opened, host.site)}}
+        for host in opened.contacted:
             twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
         for device, result in opened.perform(Mode.APPLY, via=via).devices.items():
             if device in via or device in units or result.get("other_end") in via:

@@ -12,16 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, STREAM, UNPROTECTED
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pays
-from atlantis_netcfg.cli._playbook import play
+from atlantis_netcfg.cli._playbook import Outcome, play
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.costs import beforehand, gate
-from atlantis_netcfg.operations.handled import handled
+from atlantis_netcfg.operations.gateways import is_gateway
+from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
 from atlantis_netcfg.operations.vault import decrypter
@@ -54,6 +55,8 @@ class Session:
     """Rollback: the run before which the devices were as they shall be again."""
     restore: str | None = None
     """Restore: the run that has read back what the device shall be."""
+    offline: Path | None = None
+    """A bundle, which gateways take everything from."""
 
     @property
     def rehearsed(self) -> bool:
@@ -97,11 +100,13 @@ class Session:
             mode=mode,
             rehearsed=self.rehearsed,
             targets=self.rehearsal.targets if self.rehearsal else {},
+            standins=self.rehearsal.gateways.standins if self.rehearsal else None,
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
             back_to=self.back_to,
             restore=self.restore,
+            offline=self.offline,
             unprotected=self._says(UNPROTECTED),
             accept_cost=self._says(ACCEPT_COST),
             command=shlex.join(["provision", *sys.argv[1:]]),
@@ -124,7 +129,11 @@ class Session:
         request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
         with progress(quiet=self.as_json) as notify:
             names = [host.name for host in (*self.asked, *self._declared(mode))]
-            outcome = play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
+            outcome = (
+                play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
+                if names
+                else Outcome()
+            )
         return RunReport(
             site=self.site,
             rehearsed=self.rehearsed,
@@ -132,8 +141,9 @@ class Session:
             not_handled={
                 host.name: host.device.kind
                 for host in self.hosts
-                if not handled(host) and host.name not in outcome.devices
+                if not handled(host) and host.name not in outcome.devices and host.name not in self.left_out
             },
+            left_out=self.left_out,
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(dict.fromkeys(outcome.runs.values())),
         )
@@ -155,13 +165,27 @@ class Session:
         return accepted if words else request
 
     def _declared(self, mode: Mode) -> tuple[Host, ...]:
-        """The hosts that a plan or a change goes over beside the engine's: 4G units of other makes, and terminals.
+        """What a plan or a change goes over beside the engine's hosts: 4G units of other makes, terminals, gateways.
 
         To a terminal nothing is sent: the evidence of what is declared of it is looked at.
         """
-        if mode not in (Mode.PLAN, Mode.APPLY, Mode.RESUME) or self.back_to is not None or self.restore is not None:
+        if mode is Mode.BACKUP or self.back_to is not None or self.restore is not None:
             return ()
-        return tuple(host for host in self.hosts if is_unit(host) or (is_terminal(host) and mode is not Mode.RESUME))
+        gateways = [host for host in self.hosts if is_gateway(host) and host.name not in self.left_out]
+        if mode is Mode.DRIFT:
+            return tuple(gateways)
+        others = [host for host in self.hosts if is_unit(host) or (is_terminal(host) and mode is not Mode.RESUME)]
+        return (*others, *gateways)
+
+    @property
+    def contacted(self) -> tuple[Host, ...]:
+        """The hosts of a rehearsal that stand behind a bearer: what the engine handles, and the gateways."""
+        return (*self.asked, *(host for host in self.hosts if is_gateway(host) and host.name not in self.left_out))
+
+    @property
+    def left_out(self) -> Mapping[str, str]:
+        """The hosts of a rehearsal that nothing stands for here, and why."""
+        return self.rehearsal.left_out if self.rehearsal is not None else {}
 
     def _says(self, flag: Flag) -> bool:
         """Whether a flag was given that not every command has."""
@@ -261,18 +285,22 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     if site is None:
         site = arguments.word("site")
     hosts = choose(declaration, site, only)
-    _require_handled(hosts, declared=arguments.command.name in {DEFAULT, "links"})
+    _require_handled(hosts, arguments.command.name)
     with ExitStack() as stack:
         twins = None
         if rehearse:
             from atlantis_netcfg.operations.rehearsal import rehearsal
 
-            twins = stack.enter_context(rehearsal(declaration, hosts, via))
+            with progress(quiet=arguments.flag(JSON.name)) as notify:
+                twins = stack.enter_context(rehearsal(declaration, hosts, via, notify))
         yield Session(arguments, declaration, site, hosts, twins, paths.state_dir(), via)
 
 
-def _require_handled(hosts: tuple[Host, ...], *, declared: bool) -> None:
-    """Refuse where no role has anything to do; `declared`: it also looks at what the engine does not handle."""
-    if not any(handled(host) or (declared and (is_terminal(host) or is_unit(host))) for host in hosts):
+def _require_handled(hosts: tuple[Host, ...], command: str) -> None:
+    """Refuse where no role has anything to do; some commands also look at what the engine does not handle."""
+    also = [is_terminal, is_unit] if command in {DEFAULT, "links"} else []
+    if command in {DEFAULT, "drift"}:
+        also.append(is_gateway)
+    if not any(takes(host) for host in hosts for takes in (handled, *also)):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
         raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")

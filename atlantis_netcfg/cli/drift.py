@@ -62,14 +62,18 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _report(opened: Session, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
-    from atlantis_netcfg.operations.kinds import handled
     from atlantis_netcfg.report.drift import DriftReport
 
     return DriftReport(
         site=opened.site,
         rehearsed=opened.rehearsed,
         devices=devices,
-        not_handled={host.name: host.device.kind for host in opened.hosts if not handled(host)},
+        not_handled={
+            host.name: host.device.kind
+            for host in opened.hosts
+            if host.name not in devices and host.name not in opened.left_out
+        },
+        left_out=opened.left_out,
         unfinished=_unfinished(opened),
     )
 

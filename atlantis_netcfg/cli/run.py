@@ -19,6 +19,8 @@ from atlantis_netcfg.cli._arguments import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.errors import ExitCode
 
@@ -36,6 +38,7 @@ COMMAND = Command(
     flags=(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
+        Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE"),
         Flag("yes", "do not ask before changing devices"),
         ACCEPT_COST,
         UNPROTECTED,
@@ -51,7 +54,9 @@ def run(arguments: Arguments) -> ExitCode:
     """Plan, ask, apply, read back."""
     from atlantis_netcfg.cli._session import session
 
+    bundle = _bundle(arguments)
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
+        opened.offline = bundle
         if arguments.flag("plan"):
             report = opened.plan()
         elif opened.rehearsal is not None:
@@ -61,3 +66,18 @@ def run(arguments: Arguments) -> ExitCode:
         else:
             report = opened.change(ask=not arguments.flag("yes"))
     return opened.close(report)
+
+
+def _bundle(arguments: Arguments) -> Path | None:
+    """The bundle that was named. Raises UsageError where it cannot be used."""
+    from pathlib import Path
+
+    from atlantis_netcfg.errors import UsageError
+
+    named = arguments.value("offline")
+    if named is not None and arguments.flag("rehearse"):
+        raise UsageError(
+            "`--offline` with `--rehearse`: the gateways of a rehearsal are not the systems that a bundle is made for",
+            hint="leave one of them out; `--plan` shows what would be taken from the bundle",
+        )
+    return Path(named).absolute() if named is not None else None

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.events import ignore
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import ports_of
+from atlantis_netcfg.operations.gateways import RehearsedGateways, rehearsed_gateways
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit, not_rehearsed
 from atlantis_netcfg.operations.members import members_of
@@ -40,6 +42,7 @@ from atlantis_netcfg.twin import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
@@ -66,20 +69,33 @@ class Rehearsal:
     twins: SpawnedSite
     units: Mapping[str, EmulatedUnit] = field(default_factory=dict)
     """4G units that are not RouterOS."""
+    gateways: RehearsedGateways = field(default_factory=RehearsedGateways)
+
+    @property
+    def left_out(self) -> Mapping[str, str]:
+        """Hosts that nothing stands for on this computer, and why."""
+        return self.gateways.left_out
 
     def export(self, name: str) -> str:
-        """What the twin's own `/export` says now; of a 4G unit, what it is set to."""
+        """What the twin's own `/export` says now; of a 4G unit, what it is set to; of a gateway, its files."""
+        if name in self.gateways.machines:
+            return self.gateways.export(name)
         if name in self.units:
             return self.units[name].export()
         return str(self.twins.do(name, "export"))
 
     def relink(self, host: Host, bearer: Bearer) -> None:
         """Put the twin of a host behind another bearer."""
+        if host.name in self.gateways.machines:
+            self.gateways.relink(host.name, bearer)
+            return
         self.twins.do(host.name, "link", **link(bearer, host).model_dump())
 
 
 @contextmanager
-def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None = None) -> Iterator[Rehearsal]:
+def rehearsal(
+    declaration: Declaration, hosts: Sequence[Host], via: str | None = None, notify: Subscriber = ignore
+) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
     asked = {host.name for host in hosts}
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
@@ -87,6 +103,7 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
     with (
         tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
         emulated_units(others, Path(folder)) as units,
+        rehearsed_gateways(declaration, hosts, Path(folder) / "gateways", notify) as gateways,
         spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - asked), Path(folder)) as twins,
     ):
         targets = {
@@ -100,8 +117,10 @@ def rehearsal(declaration: Declaration, hosts: Sequence[Host], via: str | None =
             for name, ready in twins.ready.items()
         }
         radio = _RADIO_NOT_REHEARSED if any(managed(declaration, host).hardware.radios for host in emulated) else ()
-        targets |= {name: unit.target for name, unit in units.items()}
-        yield Rehearsal(targets, (*NOT_REHEARSED, *radio, *not_rehearsed(others)), twins, units)
+        targets |= {**{name: unit.target for name, unit in units.items()}, **gateways.targets}
+        routers = NOT_REHEARSED if emulated else ()
+        untold = (*routers, *radio, *not_rehearsed(others), *gateways.not_rehearsed)
+        yield Rehearsal(targets, untold, twins, units, gateways)
 
 
 def site_spec(

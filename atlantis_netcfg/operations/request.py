@@ -14,7 +14,7 @@ from atlantis_netcfg.paths import state_dir
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "Target", "consent"]
+__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "StandIns", "Target", "consent"]
 
 ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
@@ -75,6 +75,21 @@ class Target(_Data):
     """A gateway: file with the private key that opens it."""
 
 
+class StandIns(_Data):
+    """Rehearsal: what takes the place of servers that a gateway fetches from."""
+
+    archive: str
+    """Address of a signed archive with packages of ROS' names."""
+    key: str
+    """Its public key, base64."""
+    fingerprint: str
+    codename: str
+    """Of the system that the archive is for, and that the gateways of the rehearsal have."""
+    distribution: str
+    repositories: str
+    """Address below which the last part of each declared repository's address is served."""
+
+
 class Request(_Data):
     """Everything that the declaration does not say about a run."""
 
@@ -84,6 +99,7 @@ class Request(_Data):
     rehearsed: bool = False
     targets: dict[str, Target] = {}
     """Rehearsal: host name to twin; a device without a twin is not contacted."""
+    standins: StandIns | None = None
     via: dict[str, str] = {}
     """Host name to the bearer in use, where it differs from the declared one."""
     plans: dict[str, str] | None = None
@@ -94,6 +110,8 @@ class Request(_Data):
     """Not what is declared is wanted, but what the devices were before this run."""
     restore: str | None = None
     """Not what is declared is wanted, but what this run has read back; the device may be a replacement."""
+    offline: Path | None = None
+    """A bundle: gateways take packages and sources from it, and from nowhere else."""
     unprotected: bool = False
     """A person has said that devices may be changed although nothing would take the change back."""
     accept_cost: bool = False

@@ -31,6 +31,14 @@ class DriftReport:
     """Device name to its kind, for what no role handles yet."""
     unfinished: Mapping[str, str] = field(default_factory=dict)
     """Device name to the run that left its outcome open."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Rehearsal: device name to why nothing stands for it here."""
+
+    @property
+    def skipped(self) -> Mapping[str, str]:
+        """Device name to why it was not compared."""
+        untold = {name: f"not handled yet ({_kind(kind)})" for name, kind in self.not_handled.items()}
+        return {**{name: f"not rehearsed: {why}" for name, why in self.left_out.items()}, **untold}
 
     @property
     def exit(self) -> ExitCode:
@@ -48,10 +56,7 @@ class DriftReport:
             "exit": int(self.exit),
             "devices": {
                 **{name: self._device(name, result) for name, result in self.devices.items()},
-                **{
-                    name: {"verdict": "SKIP", "message": f"not handled yet ({_kind(kind)})"}
-                    for name, kind in self.not_handled.items()
-                },
+                **{name: {"verdict": "SKIP", "message": why} for name, why in self.skipped.items()},
             },
             "errors": [
                 {"device": name, "message": result["message"], "hint": result["hint"]}
@@ -82,8 +87,7 @@ class DriftReport:
             if result["comparison"] is not None:
                 yield from drift_lines(result["comparison"]).splitlines()
             yield ""
-        for name, kind in self.not_handled.items():
-            yield f"{name}: not handled yet ({_kind(kind)})"
+        yield from (f"{name}: {why}" for name, why in self.skipped.items())
         if self.rehearsed:
             yield "rehearsed on emulated devices as they are after `provision adopt`: nothing real was read"
 

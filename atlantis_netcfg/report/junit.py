@@ -29,10 +29,10 @@ def junit(report: DriftReport) -> bytes:
     root = ET.Element("testsuites", name=f"drift of {report.site}")
     for name, result in report.devices.items():
         root.append(_suite(name, result))
-    for name, kind in report.not_handled.items():
+    for name, why in report.skipped.items():
         suite = ET.SubElement(root, "testsuite", name=name)
         case = ET.SubElement(suite, "testcase", name=_READ, classname=name, time="0")
-        ET.SubElement(case, "skipped", message=f"not handled yet ({kind.replace('_', ' ')})")
+        ET.SubElement(case, "skipped", message=_clean(why))
         _count(suite)
     _total(root)
     ET.indent(root)

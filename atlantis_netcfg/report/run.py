@@ -56,6 +56,8 @@ class RunReport:
     """Device name to its kind, for what no role handles yet."""
     not_rehearsed: tuple[str, ...] = ()
     runs: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Rehearsal: device name to why nothing stands for it here."""
 
     @property
     def exit(self) -> ExitCode:
@@ -77,6 +79,7 @@ class RunReport:
             "runs": list(self.runs),
             "devices": {
                 **{name: self._device(name, result) for name, result in self.devices.items()},
+                **{name: {"status": "not rehearsed", "message": why} for name, why in self.left_out.items()},
                 **{name: {"status": "not handled yet", "kind": kind} for name, kind in self.not_handled.items()},
             },
             "errors": [
@@ -111,6 +114,7 @@ class RunReport:
                     yield from self._bill(one.result)
             yield from (f"  {'':<18} note: {note}" for note in result["notes"])
             yield from (f"  {'':<18} drift: {drift['message']}" for drift in result["drift"])
+        yield from (f"  {name:<18} not rehearsed: {why}" for name, why in self.left_out.items())
         for name, kind in self.not_handled.items():
             yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
         if self.rehearsed:
@@ -131,6 +135,6 @@ def _left(one: Pass) -> str:
 def _cost(result: Mapping[str, Any]) -> str:
     trips = result["round_trips"]
     if not trips:
-        return ""
+        return f" ({result['seconds']:.1f} s)" if result["seconds"] else ""
     size = sum(result["bytes"].values()) / 1000
     return f" ({trips} round trips, {size:.1f} kB, {result['seconds']:.1f} s)"

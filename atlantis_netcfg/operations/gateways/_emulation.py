@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from ipaddress import IPv4Interface
@@ -12,8 +13,13 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg import machine
 from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.gateway.interop import gateway_interop
+from atlantis_netcfg.machine import standins
+from atlantis_netcfg.machine.standins.git_server import serve_git
+from atlantis_netcfg.machine.standins.interop import InteropProjects
 from atlantis_netcfg.operations.gateways._access import is_gateway
-from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.operations.request import StandIns, Target
 from atlantis_netcfg.site.model import Gateway
 
 if TYPE_CHECKING:
@@ -24,23 +30,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["TREE", "RehearsedGateways", "rehearsed_gateways"]
+__all__ = ["RehearsedGateways", "rehearsed_gateways", "tree_spec"]
 
-TREE = machine.TreeSpec(
-    packages=(
-        "ca-certificates",
-        "cmake",
-        "colcon",
-        "g++",
-        "git",
-        "gnupg",
-        "libyaml-cpp-dev",
-        "locales",
-        "make",
-        "nftables",
-    )
-)
-"""Debian's own packages that gateways ask for: a rehearsal has no network to fetch them from."""
+_CODENAME = machine.TreeSpec().release
 _STATE = (
     "find /etc /opt /usr/local /var/lib/atlantis /var/lib/dpkg -xdev -type f -printf '%p %s %T@\\n' 2>/dev/null | sort"
 )
@@ -55,6 +47,7 @@ class RehearsedGateways:
     targets: Mapping[str, Target] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Host name to why nothing stands for it."""
+    standins: StandIns | None = None
     not_rehearsed: tuple[str, ...] = ()
 
     def export(self, name: str) -> str:
@@ -82,21 +75,71 @@ def rehearsed_gateways(
         return
     for host in gateways:
         notify(Event(host.name, Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"))
-    root = machine.tree(TREE)
+    root = machine.tree(tree_spec(declaration, gateways))
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
     with ExitStack() as stack:
         ground = stack.enter_context(machine.yard(folder))
         machines = {host.name: _started(ground, declaration, host, root, public) for host in gateways}
         targets = {name: _target(one, folder) for name, one in machines.items()}
-        yield RehearsedGateways(machines, targets, not_rehearsed=machine.NOT_REHEARSED)
+        served = _served(stack, ground, declaration, folder)
+        told = (
+            _CLOCK,
+            *(line for line in machine.NOT_REHEARSED if not line.startswith("the clock:")),
+            *(standins.NOT_REHEARSED if served is not None else ()),
+        )
+        yield RehearsedGateways(machines, targets, standins=served, not_rehearsed=told)
+
+
+def tree_spec(declaration: Declaration, gateways: Sequence[Host]) -> machine.TreeSpec:
+    """Name the Debian packages that these gateways ask for; a rehearsal has no network to fetch them from.
+
+    Packages of ROS come from the stand-ins, at their own place in the run.
+    """
+    asked = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl"}
+    for host in gateways:
+        asked |= {one.name for one in gateway_base(declaration, host).packages}
+        asked |= {one.name for one in gateway_interop(declaration, host).packages}
+    return machine.TreeSpec(packages=tuple(sorted(asked)))
+
+
+def _served(stack: ExitStack, ground: machine.Yard, declaration: Declaration, folder: Path) -> StandIns | None:
+    """Serve stand-ins for the archive of ROS and for the partners' repositories; None: no ROS is declared."""
+    pilot = declaration.pilot
+    if pilot.dds is None or pilot.gateways.ros2 is None:
+        return None
+    packages = standins.ros_packages(pilot.dds.distribution.value)
+    archive = standins.publish(folder / "archive", packages, codename=_CODENAME)
+    repositories = ""
+    if (interop := pilot.gateways.interop) is not None:
+        projects = InteropProjects(folder / "git")
+        projects.release(interop.library.revision)
+        if interop.examples is not None:
+            projects.release_examples(interop.examples.revision)
+        token = interop.library.token.reveal() if interop.library.token is not None else None
+        repositories = stack.enter_context(serve_git(folder / "git", ground.listen(), token)).url
+    return StandIns(
+        archive=ground.serve(archive.folder),
+        key=base64.b64encode(archive.key).decode(),
+        fingerprint=archive.fingerprint,
+        codename=_CODENAME,
+        distribution="debian",
+        repositories=repositories,
+    )
+
+
+_CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 
 def _started(ground: machine.Yard, declaration: Declaration, host: Host, root: Path, public: str) -> machine.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, Gateway)  # noqa: S101 - `is_gateway` has said so
     own = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
-    return ground.start(host.name, root, address=str(own), gateway=str(lan.gateway), keys=(public,))
+    started = ground.start(host.name, root, address=str(own), gateway=str(lan.gateway), keys=(public,))
+    started.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
+    started.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
+    started.run("systemctl daemon-reload")
+    return started
 
 
 def _target(one: machine.Machine, folder: Path) -> Target:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["GatewayResult"]
 
+_MENU = "roles"
+_NO_PAST = "a gateway keeps no record of its changes"
 _PROTECTION = "files whole or not at all; the network under a timer that takes its change back; the firewall likewise"
 
 
@@ -24,7 +27,7 @@ class GatewayResult:
     """What its tasks have told so far."""
 
     name: str
-    plan_only: bool = False
+    mode: Mode = Mode.APPLY
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     shown: list[str] = field(default_factory=list)
@@ -42,7 +45,7 @@ class GatewayResult:
         self.changes += [str(change) for change in told.get("changes") or (task,)]
         self.shown += _differences(told.get("diff"))
         if self.status is Status.UNCHANGED:
-            self.status = Status.PLANNED if self.plan_only else Status.CHANGED
+            self.status = self._changed
 
     def failed(self, task: str, told: Mapping[str, Any], status: Status) -> None:
         """Take why a task failed."""
@@ -57,8 +60,11 @@ class GatewayResult:
         if self.failure is None:
             return
         self.failure, self.hint = None, None
-        done = Status.PLANNED if self.plan_only else Status.CHANGED
-        self.status = done if self.changes else Status.UNCHANGED
+        self.status = self._changed if self.changes else Status.UNCHANGED
+
+    @property
+    def _changed(self) -> Status:
+        return {Mode.PLAN: Status.PLANNED, Mode.DRIFT: Status.DRIFTED}.get(self.mode, Status.CHANGED)
 
     @property
     def exit(self) -> ExitCode:
@@ -73,7 +79,28 @@ class GatewayResult:
             return f"{self.failure} (after {count})" if self.changes else self.failure
         if self.status is Status.UNCHANGED:
             return "as declared, nothing to change"
-        return f"{count} to make" if self.plan_only else f"{count} made"
+        if self.mode is Mode.DRIFT:
+            return f"{len(self.changes)} things differ" if len(self.changes) > 1 else "1 thing differs"
+        return f"{count} to make" if self.mode is Mode.PLAN else f"{count} made"
+
+    def _comparison(self) -> dict[str, Any]:
+        """The changes that a run would make, in the words of drift; whose they are and since when, no gateway tells."""
+        unsaid: dict[str, Any] = {
+            "owner": "declared",
+            "mark": "",
+            "row": "",
+            "fields": [],
+            "since": "unknown",
+            "history": None,
+        }
+        return {
+            "menus": [_MENU],
+            "confirmed": None,
+            "differences": [
+                {**unsaid, "menu": _MENU, "subject": change, "kind": "changed", "why_unknown": _NO_PAST, "counts": True}
+                for change in self.changes
+            ],
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data, with every key of a device's result."""
@@ -84,10 +111,10 @@ class GatewayResult:
             "message": self.message,
             "hint": self.hint,
             "planned": len(self.changes),
-            "confirmed": 0 if self.plan_only or self.failure is not None else len(self.changes),
+            "confirmed": 0 if self.mode.reads_only or self.failure is not None else len(self.changes),
             "diff": "\n".join(lines),
             "drift": [],
-            "comparison": None,
+            "comparison": self._comparison() if self.mode is Mode.DRIFT and self.failure is None else None,
             "notes": list(dict.fromkeys(self.notes)),
             "estimate": None,
             "plan_hash": hashlib.sha256("\n".join(lines).encode()).hexdigest(),

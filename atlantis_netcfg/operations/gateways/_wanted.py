@@ -10,12 +10,16 @@ from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.gateways import _watch
 from atlantis_netcfg.operations.gateways._access import is_gateway
-from atlantis_netcfg.operations.gateways.parts import PARTS
+from atlantis_netcfg.operations.gateways._fetching import bundle_of, fetching, narrowed
+from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
+
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
 
@@ -32,4 +36,23 @@ def perform(
         refuse_examples(declaration, rehearsed=asked.rehearsed)
         gate(declaration, gateways, asked)
         _watch.refuse()
-        return {"per_host": {host.name: PARTS[part](declaration, host, asked) for host in gateways}}
+        if part == ACCESS:
+            _open_bundle(declaration, gateways, asked)
+        bundle = bundle_of(asked.offline)
+        return {
+            "per_host": {
+                host.name: narrowed(
+                    PARTS[part](declaration, host, asked), fetching(declaration, host, asked, bundle), bundle
+                )
+                for host in gateways
+            }
+        }
+
+
+def _open_bundle(declaration: Declaration, gateways: Sequence[Host], request: Request) -> None:
+    """Hold the bundle against the declaration, before anything starts. Raises BundleRefused with all that it lacks."""
+    if request.offline is None:
+        return
+    from atlantis_netcfg.operations import bundling  # noqa: PLC0415 - most runs have no bundle
+
+    bundling.opened(declaration, gateways, request.offline, request)

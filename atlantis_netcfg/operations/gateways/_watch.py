@@ -56,7 +56,8 @@ class Watch:
 
     def begin(self, hosts: Sequence[str]) -> None:
         """Lock the sites of these hosts and open their journals; a plan needs neither. What fails a task raises."""
-        request = self.request.model_copy(update={"mode": Mode.PLAN}) if self.plan_only else self.request
+        reads = self.plan_only and not self.request.mode.reads_only
+        request = self.request.model_copy(update={"mode": Mode.PLAN}) if reads else self.request
         try:
             declaration = load(self.inventory)
             gateways = [declaration.hosts[name] for name in hosts if is_gateway(declaration.hosts[name])]
@@ -69,7 +70,7 @@ class Watch:
             self.close()
             return
         self._sites = {host.name: host.site for host in gateways}
-        self._results = {name: GatewayResult(name, plan_only=self.plan_only) for name in self._sites}
+        self._results = {name: GatewayResult(name, request.mode) for name in self._sites}
 
     def started(self, host: str, task: str) -> None:
         """A task begins on a host."""
@@ -93,7 +94,7 @@ class Watch:
         """The host does not answer: before its first change it is as it was, later nobody knows."""
         if host in self._results:
             result = self._results[host]
-            known = self.plan_only or not result.changes
+            known = result.mode.reads_only or not result.changes
             result.failed(task, told, Status.LEFT_AS_FOUND if known else Status.UNKNOWN)
             result.hint = result.hint or "look at its power and its cable, then type the same again"
 

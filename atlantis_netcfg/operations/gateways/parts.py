@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.ros2 import gateway_ros2
+from atlantis_netcfg.gateway.interop import gateway_interop
+from atlantis_netcfg.gateway.ros2 import StandIn, gateway_ros2
+from atlantis_netcfg.gateway.ros_key import ArchiveKey
 from atlantis_netcfg.operations.gateways._access import gateway_access
 from atlantis_netcfg.operations.gateways.dds import gateway_dds
 from atlantis_netcfg.operations.request import Request
@@ -20,8 +22,22 @@ Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]
 ACCESS = "gateway_access"
 
 
-def _ros2(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
-    return gateway_ros2(declaration, host).as_dict()
+def _ros2(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+    served = request.standins if request.rehearsed else None
+    if served is None:
+        return gateway_ros2(declaration, host).as_dict()
+    key = ArchiveKey(base64.b64decode(served.key), served.fingerprint)
+    stand_in = StandIn(served.archive, key, served.codename, served.distribution)
+    return gateway_ros2(declaration, host, stand_in).as_dict()
+
+
+def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+    wanted = gateway_interop(declaration, host).as_dict()
+    served = request.standins if request.rehearsed else None
+    if served is not None and wanted["build"] is not None:
+        for repository in filter(None, (wanted["build"]["library"], wanted["build"]["examples"])):
+            repository["url"] = f"{served.repositories}/{repository['url'].rpartition('/')[2]}"
+    return wanted
 
 
 def _base(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
@@ -30,10 +46,6 @@ def _base(declaration: Declaration, host: Host, _request: Request) -> Mapping[st
 
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
     return gateway_dds(declaration, host).as_dict()
-
-
-def _interop(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
-    return gateway_interop(declaration, host).as_dict()
 
 
 PARTS: Mapping[str, Part] = {

@@ -118,7 +118,7 @@ class Quay:
         """Leave the bridge alone where a command is about the site; the engine's runs, which take `only=`."""
         runs = {"drift", "backup", "rollback", "site=coastal"}
         named = any(word.startswith(("only=", "--limit")) for word in typed)
-        return () if typed[0] not in runs or named or not self.alone else (f"only={ROUTER},coastal-gateway",)
+        return () if typed[0] not in runs or named or not self.alone else (f"only={ROUTER}",)
 
     def json(self, *typed: str, code: int) -> dict[str, Any]:
         told: dict[str, Any] = json.loads(self.provision(*typed, "--json", code=code).stdout)

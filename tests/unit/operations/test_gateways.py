@@ -13,7 +13,10 @@ import pytest
 from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.journal import SiteBusy, Store
 from atlantis_netcfg.operations.gateways import Watch, _watch, perform
-from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.gateways._fetching import fetching, narrowed
+from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
+from atlantis_netcfg.report.drift import drift_lines
+from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -201,3 +204,58 @@ def test_the_site_is_held_until_the_end(watch: Watch, tmp_path: Path) -> None:
     watch.end(set())
     with lock:
         assert True
+
+
+def test_drift_is_what_a_run_would_change(tmp_path: Path, listener: Listener) -> None:
+    request = Request(state=tmp_path, rehearsed=True, mode=Mode.DRIFT, events_fd=listener.writer)
+    watch = Watch(SHIPPED, request, plan_only=True)
+    watch.begin([HOST])
+    watch.started(HOST, "Configure")
+    watch.ok(HOST, "Configure", FILE)
+    watch.end(set())
+    result = outcome(listener)
+    assert (result["status"], result["exit"]) == ("drifted", int(ExitCode.CHECKS_FAILED))
+    assert result["message"] == "2 things differ"
+    assert drift_lines(result["comparison"]).splitlines()[:3] == [
+        *("  roles", "    changed  file /etc/a", "             declared"),
+    ]
+
+
+def test_over_a_link_that_is_paid_by_the_byte_nothing_is_fetched_unasked(tmp_path: Path) -> None:
+    declaration = load(SHIPPED)
+    vessel, testbed = declaration.hosts["te4sea-gateway"], declaration.hosts[HOST]
+    asked = Request(state=tmp_path)
+    assert fetching(declaration, testbed, asked, None) == {}
+    dear = fetching(declaration, vessel, asked, None)
+    assert dear == {"limit_bytes": 0, "limit_words": "over 4g of te4sea, which is paid by the byte"}
+    paid = fetching(declaration, vessel, asked.model_copy(update={"accept_cost": True}), None)
+    assert paid["limit_bytes"] == 5_000_000
+    assert fetching(declaration, vessel, asked.model_copy(update={"rehearsed": True}), None) == {}
+
+
+def test_with_a_bundle_everything_comes_from_it(tmp_path: Path) -> None:
+    declaration = load(SHIPPED)
+    asked = Request(state=tmp_path)
+    how = fetching(declaration, declaration.hosts["te4sea-gateway"], asked, "b1")
+    wanted = narrowed({"packages": {"packages": []}, "build": {"prefix": "/opt"}, "configure": {}}, how, "b1")
+    assert wanted["packages"] == {"packages": [], "offline": "/var/lib/atlantis/bundle/b1/repository"}
+    assert wanted["build"] == {"prefix": "/opt", "offline": "/var/lib/atlantis/bundle/b1/sources"}
+    assert narrowed({"packages": None, "build": None}, how, "b1") == {"packages": None, "build": None}
+
+
+def test_stand_ins_take_the_place_of_servers_in_a_rehearsal_only(tmp_path: Path) -> None:
+    served = StandIns(
+        archive="http://10.64.1.1:1",
+        key="AA==",
+        fingerprint="F" * 40,
+        codename="bookworm",
+        distribution="debian",
+        repositories="http://10.64.1.1:2",
+    )
+    told = ask(tmp_path, "gateway_ros2", rehearsed=True, standins=served)[HOST]["packages"]
+    assert told["expected"]["codename"] == "bookworm"
+    assert "http://10.64.1.1:1" in told["sources"][0]["content"]
+    built = ask(tmp_path, "gateway_interop", rehearsed=True, standins=served)[HOST]["build"]
+    assert built["library"]["url"] == "http://10.64.1.1:2/uv-interoperability.git"
+    assert built["examples"]["url"] == "http://10.64.1.1:2/uv-interoperability-example.git"
+    assert "token" not in str(built)

@@ -76,3 +76,10 @@ def test_a_person_reads_cost_passes_and_what_is_left_out() -> None:
         "  sat                not handled yet (satellite terminal)",
         "  not rehearsed: tides",
     ]
+
+
+def test_a_person_reads_why_a_device_was_not_rehearsed() -> None:
+    report = RunReport("coastal", True, {"r": result(ExitCode.DONE, "kept")}, left_out={"gw": "not root"})
+    assert "  gw                 not rehearsed: not root" in report.as_text().splitlines()
+    assert report.as_json()["devices"]["gw"] == {"status": "not rehearsed", "message": "not root"}
+    assert report.exit is ExitCode.DONE

@@ -10,7 +10,7 @@ short_description: Bring files, steps and units of a computer to what is declare
 description:
   - Writes files atomically, all of them validated before the first one takes its place.
   - Runs steps, and restarts units, when what is in the files that they depend on is not what they last succeeded with.
-    That is noted in C(/var/lib/atlantis/applied): a run that was killed at any moment is completed by the next.
+    That is noted in C(/var/lib/atlantis/applied), so that the next run completes one that was killed at any moment.
   - In check mode it tells exactly what it would do; programs that are not installed yet validate nothing then.
 options:
   directories:
