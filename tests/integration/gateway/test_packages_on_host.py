@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -135,7 +136,7 @@ def test_a_power_cut_while_a_package_is_set_up_is_finished_by_the_next_run(board
     assert "half-configured" in board.gateway.run("dpkg-query -W -f '${db:Status-Status} ' slow").stdout
     board.gateway.run("rm /srv/slow")
     again = board.run("slow", "one")
-    assert "package slow was half installed, finished" in again["changes"]
+    assert "package slow was half installed, mended" in again["changes"]
     assert again["versions"].keys() == {"slow", "one"}
     assert board.run("slow", "one")["changes"] == []
     assert board.gateway.run("dpkg --audit").stdout == ""
@@ -175,3 +176,36 @@ def test_a_full_disk_is_told_before_and_while_and_the_next_run_ends(
     gateway.run("rm -r /srv/room")
     assert board.run("large")["versions"] == {"large": "1.0"}
     assert board.run("large")["changes"] == []
+
+
+def test_what_a_power_cut_has_spoilt_is_mended(board: Board) -> None:
+    board.publish("archive")
+    assert board.run("one=1.0", "slow")["versions"].keys() == {"one", "slow"}
+    for line in (
+        "apt-get -qq --download-only install one",
+        "cd /var/cache/apt/archives && head -c $(stat -c %s one_2.0_all.deb) /dev/zero >zeros",
+        "cd /var/cache/apt/archives && mv zeros one_2.0_all.deb",
+        "for list in /var/lib/apt/lists/*_Packages; do echo nothing >$list; done",
+        "sed -i '/^Package: slow$/,/^$/ s/^Status: .*/Status: install reinstreq half-installed/' /var/lib/dpkg/status",
+        "sed -i '/^Package: slow$/,/^$/ s/^Package: .*/Package: vanished/' /var/lib/dpkg/status",
+    ):
+        board.gateway.run(line)
+    mended = board.run("one=2.0")
+    assert mended["changes"] == ["package vanished was half installed, mended", "package one 2.0"]
+    assert board.run("one=2.0")["changes"] == []
+    assert board.gateway.run("dpkg --audit").stdout == ""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("after_s", [0.8 + 0.2 * step for step in range(16)])
+def test_a_power_cut_at_any_time_is_finished_by_the_next_run(board: Board, after_s: float) -> None:
+    board.publish("archive")
+    with board.start("slow", "one", "large") as running:
+        with suppress(subprocess.TimeoutExpired):
+            running.wait(timeout=after_s)
+        board.gateway.power_cut()
+        running.kill()
+    board.gateway.power_on()
+    assert board.run("slow", "one", "large")["versions"].keys() == {"slow", "one", "large"}
+    assert board.run("slow", "one", "large")["changes"] == []
+    assert board.gateway.run("dpkg --audit").stdout == ""

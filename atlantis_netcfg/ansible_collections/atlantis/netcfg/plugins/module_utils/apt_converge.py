@@ -80,14 +80,19 @@ class Converge:
         left = half_done(self.apt, before)
         missing = self._missing(before)
         files = [*self.sources.changed, *self.sources.in_the_way]
-        self.outcome.changes += [f"package {package.name} was half installed, finished" for package in left]
+        self.outcome.changes += [f"package {package.name} was half installed, mended" for package in left]
         self.outcome.changes += [f"file {path}" for path in files]
         if check:
             self._forecast(missing, ready=not files and not left)
-        elif left or files or missing or not self.sources.updated:
+        elif left or files or missing or self._stale:
             self._converge(left, before)
         self._tell(before, check=check)
         return self.outcome
+
+    @property
+    def _stale(self) -> bool:
+        """Whether apt's lists are to be brought up to date although nothing is missing; not from a bundle."""
+        return self.apt.bundle is None and not self.sources.updated
 
     def _preflight(self) -> None:
         self._refuse_another_system()
@@ -141,7 +146,7 @@ class Converge:
         self.apt.ready()
         self.sources.write()
         missing = self._missing(installed(self.apt) if left else before)
-        if (missing or not self.sources.updated) and not self._lists_do(missing):
+        if (missing or self._stale) and not self._lists_do(missing):
             self._afford_lists()
             self._update()
         if left or missing:
@@ -202,7 +207,12 @@ class Converge:
         One of `missing` that cannot be set up may yet be replaced by the version that is declared.
         """
         for package in half_done(self.apt, installed(self.apt)):
-            if package.damaged and self.apt.get("-s", "--yes", "--reinstall", "install", package.name).code:
+            if not package.damaged:
+                continue
+            again = [*_INSTALL, "--reinstall", "install", package.name]
+            if self.apt.get("-s", "--yes", *again).code == 0:
+                self._act(again, [package.name])
+            else:
                 self.apt.run("dpkg", "--remove", "--force-remove-reinstreq", package.name)
         left = half_done(self.apt, installed(self.apt))
         if left or self.apt.get("check").code:
@@ -270,7 +280,7 @@ class Converge:
             still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]
             if still:
                 raise Refused(
-                    f"apt says that all went well, but {', '.join(still)} is not as declared",
+                    f"apt says that all went well, but {', '.join(dict.fromkeys(still))} is not as declared",
                     "`dpkg --audit` and `apt-cache policy` on the computer show what is wrong",
                 )
         for name, package in after.items():

@@ -68,6 +68,8 @@ def installed(apt: Apt) -> dict[str, Package]:
         )
     found: dict[str, Package] = {}
     for line in told.said.splitlines():
+        if line.count("\t") != _FIELDS.count("\\t"):
+            continue  # a warning about an entry, between the entries
         name, architecture, wanted, flag, state, version = line.split("\t")
         if architecture in (own, "all") or name not in found:
             found[name] = Package(name, version, wanted, flag == "reinstreq", state)
