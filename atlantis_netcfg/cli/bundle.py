@@ -48,14 +48,16 @@ def run(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg import paths
-    from atlantis_netcfg.operations.bundling import gateways_of
+    from atlantis_netcfg.operations.bundling import gateways_of, has_tokens
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vault import decrypter
     from atlantis_netcfg.site import load
 
     named, check = arguments.optional("inventory"), arguments.optional("check")
     inventory = Path(named) if named else paths.checkout() / "inventory"
-    declaration = load(inventory, decrypt=None if check else decrypter())
+    declaration = load(inventory)
+    if check is None and has_tokens(declaration):
+        declaration = load(inventory, decrypt=decrypter())
     hosts = gateways_of(declaration, arguments.word("site"), arguments.many("only"))
     request = Request()
     if check is not None:

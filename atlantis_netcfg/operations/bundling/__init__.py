@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from atlantis_netcfg.operations.bundling._make import Asked, made, opened
-from atlantis_netcfg.operations.bundling._wish import gateways_of, wish_of
+from atlantis_netcfg.operations.bundling._wish import gateways_of, has_tokens, wish_of
 
-__all__ = ["Asked", "gateways_of", "made", "opened", "wish_of"]
+__all__ = ["Asked", "gateways_of", "has_tokens", "made", "opened", "wish_of"]

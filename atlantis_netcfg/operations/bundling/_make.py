@@ -20,6 +20,7 @@ from atlantis_netcfg.bundle import (
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.bundling._target import from_board, from_file, from_image
 from atlantis_netcfg.operations.bundling._wish import wish_of
+from atlantis_netcfg.operations.examples import refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -49,7 +50,8 @@ class Asked:
 
 
 def made(asked: Asked, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
-    """Make the bundle; `sized` hears how much is fetched before it is. Raises BundleRefused, ImageRefused."""
+    """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
+    refuse_examples(asked.declaration, rehearsed=False)
     purposes = tuple(_purpose(asked, host, notify) for host in asked.hosts)
     order = Order(asked.site, asked.declaration.revision, purposes, asked.place, asked.image)
 

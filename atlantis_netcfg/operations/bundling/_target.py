@@ -15,7 +15,6 @@ from atlantis_netcfg.bundle.programs import run
 from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
 from atlantis_netcfg.image.ext4 import Ext4
 from atlantis_netcfg.image.layouts import find
-from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
 from atlantis_netcfg.site.model import Gateway, ImageLayout
 
@@ -63,7 +62,6 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Tar
 
 def from_board(declaration: Declaration, host: Host, request: Request) -> Target:
     """Ask the board itself, by SSH. Raises BundleRefused; nothing is asked over a link that is paid by the byte."""
-    refuse_examples(declaration, rehearsed=request.rehearsed)
     access = PARTS[ACCESS](declaration, host, request)
     others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
     if access.get("metered"):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Repository
 
-__all__ = ["gateways_of", "wish_of"]
+__all__ = ["gateways_of", "has_tokens", "wish_of"]
 
 
 def gateways_of(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
@@ -66,12 +66,19 @@ def _all(told: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, 
     return (row for part in told for row in part.get(name) or ())
 
 
-def _libraries(declaration: Declaration, *, tokens: bool) -> tuple[Library, ...]:
+def has_tokens(declaration: Declaration) -> bool:
+    """Whether the library is read by a token, for which the declaration has to be loaded with its secrets."""
+    return any(one.token is not None for one in _repositories(declaration))
+
+
+def _repositories(declaration: Declaration) -> tuple[Repository, ...]:
     interop = declaration.pilot.gateways.interop
-    if interop is None:
-        return ()
-    declared = (interop.library, interop.examples)
-    return tuple(_library(one, tokens=tokens) for one in declared if one is not None)
+    declared = (interop.library, interop.examples) if interop is not None else ()
+    return tuple(one for one in declared if one is not None)
+
+
+def _libraries(declaration: Declaration, *, tokens: bool) -> tuple[Library, ...]:
+    return tuple(_library(one, tokens=tokens) for one in _repositories(declaration))
 
 
 def _library(repository: Repository, *, tokens: bool) -> Library:

@@ -1,0 +1,89 @@
+"""What the parts of a gateway say that they install and build is what a bundle is made of."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.bundle import Key, Library, Source, Wished
+from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.operations.bundling import gateways_of, has_tokens, wish_of
+from atlantis_netcfg.operations.gateways.parts import PARTS
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.operations.gateways.parts import Part
+    from atlantis_netcfg.site import Declaration
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(ROOT / "inventory")
+
+
+def part(told: Mapping[str, Any]) -> Part:
+    return lambda _declaration, _host, _request: told
+
+
+SOURCE = {"path": "/etc/apt/sources.list.d/ros.list", "content": "deb http://192.0.2.1 focal main\n"}
+PIN = {"path": "/etc/apt/preferences.d/ros", "content": "Package: *\n"}
+KEY = {"path": "/usr/share/keyrings/ros.gpg", "content_base64": base64.b64encode(b"key").decode(), "fingerprint": "0"}
+
+
+def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> None:
+    host = declaration.hosts["coastal-gateway"]
+    parts = {
+        "base": part({"packages": {"packages": [{"name": "chrony", "version": None}, {"name": "locales"}]}}),
+        "ros": part(
+            {
+                "packages": {
+                    "packages": [{"name": "ros-base", "version": "1*"}, {"name": "locales"}],
+                    "sources": [SOURCE],
+                    "keys": [KEY],
+                    "pins": [PIN],
+                    "expected": {"distribution": "ubuntu", "codename": "focal"},
+                }
+            }
+        ),
+        "none": part({"packages": None, "build": None}),
+    }
+    wish = wish_of(declaration, host, Request(state=tmp_path), parts=parts)
+    assert wish.packages == (Wished("chrony", None), Wished("locales", None), Wished("ros-base", "1*"))
+    assert (wish.sources, wish.pins) == ((Source(**SOURCE),), (Source(**PIN),))
+    assert wish.keys == (Key(KEY["path"], b"key"),)
+    assert (wish.distribution, wish.codename) == ("ubuntu", "focal")
+
+
+def test_the_library_and_its_examples_are_wished_for(declaration: Declaration, tmp_path: Path) -> None:
+    interop = declaration.pilot.gateways.interop
+    assert interop is not None
+    assert interop.examples is not None
+    assert has_tokens(declaration)
+    host = declaration.hosts["coastal-gateway"]
+    sealed = wish_of(declaration, host, Request(state=tmp_path), parts={}).libraries
+    assert sealed == tuple(Library(one.url, one.revision) for one in (interop.library, interop.examples))
+    opened = wish_of(declaration, host, Request(state=tmp_path), parts={}, tokens=True).libraries
+    assert [one.token for one in opened] == ["EXAMPLE-interop-token"] * 2
+    assert "token" not in repr(opened)
+
+
+def test_what_is_declared_can_be_wished_for(declaration: Declaration, tmp_path: Path) -> None:
+    others = {name: each for name, each in PARTS.items() if name != "gateway_ros2"}  # it needs the archive's key
+    request = Request(state=tmp_path)
+    for host in gateways_of(declaration, "all"):
+        wish = wish_of(declaration, host, request, parts=others)
+        told = [each(declaration, host, request).get("packages") or {} for each in others.values()]
+        assert {one.name for one in wish.packages} == {row["name"] for one in told for row in one.get("packages", ())}
+
+
+def test_a_site_without_gateways_has_no_bundle(declaration: Declaration) -> None:
+    with pytest.raises(NothingMatched, match="site `scc`: no gateway computer is among these hosts"):
+        gateways_of(declaration, "scc")
