@@ -1,5 +1,6 @@
-"""What apt says, in a technician's words. Every file of golden/apt was said by apt 2.6.2, in one of these situations.
+"""What apt says, in a technician's words.
 
+Every file of golden/apt was said in that situation, by apt 2.6.2 where its name tells no other one.
 Its first line tells how apt was asked and how it ended, then comes what it said, then what we make of it.
 """
 

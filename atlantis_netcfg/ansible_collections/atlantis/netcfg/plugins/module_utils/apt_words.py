@@ -43,6 +43,11 @@ _COMPUTER = (
         "let it come to its end, and type the same again",
     ),
     _Row(
+        r"Unable to (?:acquire|lock) .*(?:lock|directory).*?(?P<lock>/[^\s),]+).*another process",
+        "another program is installing packages: it holds {lock}",
+        "let it come to its end (`ps -ef | grep -e apt -e dpkg` shows it), and type the same again",
+    ),
+    _Row(
         r"(?:gpgv, gpgv2 or gpgv1|apt-key|sqv).*(?:required for verification|not.*installed|No such file)",
         "apt cannot check signatures: gpgv is not on the computer",
         "install gpgv from the system's own medium",
@@ -68,7 +73,7 @@ _SOURCES = (
         "put the renewed key into the declaration (`key_file`); if it is good for years yet, the clock is wrong",
     ),
     _Row(
-        r"(?:GPG error: |signature verification.*: )" + _SOURCE + r": .*NO_PUBKEY (?P<key>[0-9A-F]+)",
+        r"(?:GPG error: |signature verification.*: )" + _SOURCE + r": .*(?:NO_PUBKEY|Missing key) (?P<key>[0-9A-F]+)",
         "{url} {suite} is signed by the key {key}, and that is not the key that is declared for it",
         "ask who keeps the archive whether it has a new key; put that one into the declaration (`key_file`)",
     ),
