@@ -29,7 +29,7 @@ while read -r key equals value; do
 done < {SYSCTL}
 """
 _OBEYS = f"""\
-told="$(sshd -T -C user=root,host=localhost,addr=127.0.0.1)" || exit 1
+told="$(sshd -T -C user=root,host=localhost,addr=127.0.0.1,laddr=127.0.0.1,lport=22)" || exit 1
 case "$told" in *"passwordauthentication no"*) exit 0 ;; esac
 echo "sshd does not read {SSHD}: begin /etc/ssh/sshd_config with the line"
 echo "Include /etc/ssh/sshd_config.d/*.conf"
