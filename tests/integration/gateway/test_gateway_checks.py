@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
@@ -94,7 +95,10 @@ def checked(stand: Stand, *words: str) -> dict[str, str]:
 
 
 def test_every_check_sees_its_own_breach_and_no_other(stand: Stand) -> None:
+    before, after = replace(stand.gateway.traffic), stand.gateway.traffic
     assert checked(stand) == {}
+    assert after.connections == before.connections + 1
+    assert after.up_bytes + after.down_bytes < before.up_bytes + before.down_bytes + 30_000
     for breach in BREACHES:
         stand.gateway.run(breach)
     stand.gateway.fill_disk(leave_kb=150_000)
