@@ -79,6 +79,7 @@ _EXAMPLES = {
         about=NOT_THEIRS,
         name="uv_interoperability_example",
         body="""\
+include(more.cmake OPTIONAL)
 find_package(uv_interoperability REQUIRED)
 find_package(yaml-cpp REQUIRED)
 add_executable(example-robot src/robot.cpp)
@@ -127,7 +128,7 @@ class InteropProjects:
         return self._commit(LIBRARY, files, tag, {"c4i-asset-msgs": messages})
 
     def release_examples(self, tag: str, files: Mapping[str, str] | None = None) -> str:
-        """Commit a release of the examples under `tag`, `files` in place of theirs; gives the commit."""
+        """Commit a release of the examples under `tag`; `files` replace or join theirs, `more.cmake` is included."""
         return self._commit(EXAMPLES, {**_EXAMPLES, **(files or {})}, tag)
 
     def branch(self, name: str) -> None:

@@ -83,8 +83,16 @@ class Stand:
         return result
 
     def _command(self, events: int, words: Sequence[str]) -> list[str]:
+        # `role/file` stands for other tasks of the role than its main ones.
         tasks = [
-            {"name": f"Role {role}", "ansible.builtin.import_role": {"name": role, "rolespec_validate": False}}
+            {
+                "name": f"Role {role}",
+                "ansible.builtin.import_role": {
+                    "name": role.partition("/")[0],
+                    "tasks_from": role.partition("/")[2] or "main",
+                    "rolespec_validate": False,
+                },
+            }
             for role in self.roles
         ]
         play = [{"hosts": "gateways", "gather_facts": False, "tasks": tasks}]

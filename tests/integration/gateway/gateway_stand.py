@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 SPEC = TreeSpec(
     packages=(
-        *("cmake", "colcon", "g++", "git", "libyaml-cpp-dev", "make"),  # the interop library is built
+        *("ca-certificates", "cmake", "colcon", "g++", "git", "libyaml-cpp-dev", "make"),  # builds the library
+        *("python3-colcon-cmake", "python3-colcon-recursive-crawl"),  # what colcon finds and builds
         *("chrony", "fake-hwclock", "locales"),  # every gateway has them
         *("curl", "gnupg"),  # sources of packages
         "nftables",
