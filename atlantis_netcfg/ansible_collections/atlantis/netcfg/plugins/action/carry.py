@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 _PLACE = "/var/tmp"  # noqa: S108 - a private file is made in it; /tmp may be this computer's memory
 
 
+_MEGABYTE = 1_000_000
+
+
 class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
     """One host; a bundle that is there already costs one round trip."""
 
@@ -103,7 +106,8 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
 def _told(bundle: Bundle, told: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
     words = "carried" if sent else "to carry"
-    changes = [f"bundle {bundle.manifest.id}: {carried / 1e6:.1f} MB {words}"] if carried else []
+    size = f"{carried / 1e6:.1f} MB" if carried >= _MEGABYTE else f"{carried / 1000:.0f} kB"
+    changes = [f"bundle {bundle.manifest.id}: {size} {words}"] if carried else []
     changes += told["changes"]
     return {
         "changed": bool(changes),
