@@ -22,6 +22,8 @@ pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
 FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
 """A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
+ACCOUNT = "odroid"
+"""Becomes root by sudo, as on the vendor's image."""
 CHRONYC = "/usr/local/sbin/chronyc"
 FOLLOWS = "#!/bin/sh\necho 0A400101,10.64.1.1,3,1,0,0,0,0,0,0,0,0,0,Normal\n"
 """In place of chronyc: no time server answers in a yard."""
@@ -65,6 +67,9 @@ def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F8
     """A gateway that two roles have brought to what is declared; the data gateway runs on it."""
     made = Stand(machine(NAME, disk_mb=2000), technician, tmp_path, ["gateway_base", "gateway_dds"])
     made.declare({"gateways": {"ros2": None, "interop": None}})
+    made.declare({"ssh": {"user": ACCOUNT}}, f"host_vars/{NAME}.yml", "device")
+    made.gateway.run(f"useradd --create-home {ACCOUNT}; cp -r /root/.ssh ~{ACCOUNT}; chown -R {ACCOUNT}: ~{ACCOUNT}")
+    made.gateway.put("/etc/sudoers.d/test", f"{ACCOUNT} ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
     made.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
     made.gateway.put(READER, SERVICE)
     made.gateway.run("systemctl daemon-reload")
@@ -80,8 +85,8 @@ def checked(stand: Stand, *words: str) -> dict[str, str]:
     """Run the suite as a technician does; give the check and its words of all that did not pass."""
     config, report = stand.folder / "ssh_config", stand.folder / "report.xml"
     config.write_text(
-        f"Host {NAME}\n HostName 127.0.0.1\n Port {stand.gateway.port}\n User root\n IdentityFile {stand.key.file}\n"
-        f" IdentitiesOnly yes\n UserKnownHostsFile {stand.known}\n"
+        f"Host {NAME}\n HostName 127.0.0.1\n Port {stand.gateway.port}\n User {ACCOUNT}\n"
+        f" IdentityFile {stand.key.file}\n IdentitiesOnly yes\n UserKnownHostsFile {stand.known}\n"
     )
     command = [sys.executable, "-m", "pytest", "checks/test_gateways.py", "--site", "coastal", f"--ssh-config={config}"]
     command += ["--inventory", str(stand.inventory), "-p", "no:cacheprovider", f"--junitxml={report}", *words]
