@@ -105,11 +105,13 @@ def who_answers(ground: Yard, stand: Stand) -> dict[str, bool]:  # noqa: F811 - 
 
 
 def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Yard, tmp_path: Path) -> None:  # noqa: F811
-    """The technician works from 192.0.2.1, which the site does not admit; then the board's image is odd."""
+    """The technician works from 192.0.2.1, which the site does not admit, as root or by sudo; then sshd is odd."""
     ground.own("192.0.2.1/24")
     stand = made(machine, technician, tmp_path, address="192.0.2.10/24", gateway="192.0.2.1")
+    stand.gateway.run("useradd -m odroid && cp -r /root/.ssh /home/odroid/ && chown -R odroid: /home/odroid/.ssh")
+    stand.gateway.put("/etc/sudoers.d/odroid", "odroid ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
     before = said(stand, "nft list ruleset; cat /etc/hostname /etc/hosts /etc/locale.gen")
-    for words in (["--check"], []):
+    for stand.variables, words in (({}, ["--check"]), ({"ansible_user": "odroid", "ansible_become": True}, [])):
         refused = stand.run(*words)
         assert refused["status"] == "left-as-found"
         assert "you work from 192.0.2.1, which could not log in afterwards" in refused["message"]
