@@ -1,0 +1,132 @@
+"""A gateway is brought to all that is declared of it from a bundle alone, on a vessel without internet."""
+
+from __future__ import annotations
+
+import functools
+import json
+import socket
+import threading
+from dataclasses import dataclass, replace
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from typing import TYPE_CHECKING
+
+import pytest
+from gateway_role import NAME, Stand
+from gateway_stand import gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
+
+from atlantis_netcfg.bundle import Keys, Order, Purpose, make, open_bundle, read_target
+from atlantis_netcfg.machine.standins import Archive, StandIn, publish, ros_packages
+from atlantis_netcfg.machine.standins.git_server import GitServer, serve_git
+from atlantis_netcfg.machine.standins.interop import EXAMPLES, LIBRARY, make_interop
+from atlantis_netcfg.operations.bundling import wish_of
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
+
+    from atlantis_netcfg.bundle import Manifest
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+ROLES = ["gateway_base", "gateway_ros2", "gateway_interop", "gateway_dds"]
+FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
+"""A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
+TOKEN = "EXAMPLE-token-of-the-voyage"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_arguments: object) -> None:
+        """Requests are apt's business."""
+
+
+@dataclass
+class Voyage(Stand):
+    """A gateway whose runs take a bundle."""
+
+    @property
+    def request(self) -> Request:
+        return Request(state=self.folder / "state", rehearsed=True)
+
+    def _command(self, events: int, words: Sequence[str]) -> list[str]:
+        command = super()._command(events, words)
+        told = json.loads((self.folder / "variables.json").read_text())
+        told["atlantis_request"]["offline"] = str(self.folder / "bundle")
+        (self.folder / "variables.json").write_text(json.dumps(told))
+        return command
+
+    def pack(self) -> Manifest:
+        """What the laptop does ashore."""
+        declaration = load(self.inventory)
+        wish = wish_of(declaration, declaration.hosts[NAME], self.request, tokens=True)
+        status = (gateway_tree() / "var/lib/dpkg/status").read_bytes()
+        target = replace(read_target(status, "tree"), distribution="ubuntu", codename="focal")
+        order = Order("coastal", declaration.revision, (Purpose(wish, target, None),), self.folder / "bundle")
+        keys = Keys.of(self.request.state)
+        made = make(order, keys.signer(), lambda _words, _share: None, lambda _size: None)
+        assert open_bundle(self.folder / "bundle", keys, [wish]).manifest == made
+        return made
+
+
+@pytest.fixture
+def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, Archive, str]]:
+    """The partners' git server and ROS' archive; no machine reaches them."""
+    projects = make_interop(tmp_path / "served", "v1")
+    more = [StandIn(name, "1.0") for name in ("build-essential", "gpsd", "python3-colcon-ros")]
+    archive = publish(tmp_path / "archive", [*ros_packages("foxy"), *more], codename="focal")
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(archive.folder)))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    with serve_git(projects.folder, socket.create_server(("127.0.0.1", 0)), TOKEN) as git:
+        yield git, archive, f"http://127.0.0.1:{server.server_address[1]}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+@pytest.fixture
+def voyage(
+    machine: Start,  # noqa: F811 - fixtures
+    technician: Key,  # noqa: F811
+    tmp_path: Path,
+    ashore: tuple[GitServer, Archive, str],
+) -> Voyage:
+    git, archive, mirror = ashore
+    stand = Voyage(machine(NAME), technician, tmp_path, ROLES)
+    (stand.inventory / "keys").mkdir(exist_ok=True)
+    (stand.inventory / "keys" / "stand-in.gpg").write_bytes(archive.key)
+    ros2 = {"origin": "snapshot", "mirror": mirror, "key_file": "stand-in.gpg"}
+    library, examples = (
+        {"url": f"{git.url}/{name}.git", "revision": "v1", "token": TOKEN} for name in (LIBRARY, EXAMPLES)
+    )
+    packages = ["libyaml-cpp-dev", "g++", "make"]
+    stand.declare(
+        {"gateways": {"ros2": ros2, "interop": {"library": library, "examples": examples, "packages": packages}}}
+    )
+    stand.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
+    stand.gateway.run("rm -f /etc/os-release /etc/apt/sources.list /etc/apt/sources.list.d/*; ip route del default")
+    stand.gateway.put("/etc/os-release", "ID=ubuntu\nVERSION_CODENAME=focal\n")
+    stand.gateway.run("systemctl daemon-reload")
+    return stand
+
+
+def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple[GitServer, Archive, str]) -> None:
+    manifest = voyage.pack()
+    asked = len(ashore[0].requests)
+    planned = voyage.run("--check")
+    assert planned["status"] == "planned", planned["message"]
+    assert planned["changes"][0].startswith(f"bundle {manifest.id}: ")
+    assert planned["changes"][0].endswith(" kB to carry")
+    assert voyage.gateway.run("ls /var/lib/atlantis/bundle", check=False).stdout == ""
+    done = voyage.run()
+    assert (done["status"], done["hint"]) == ("changed", None), done
+    assert f"bundle {manifest.id} put together" in done["changes"]
+    assert any(change.startswith("package ros-foxy-ros-base") for change in done["changes"])
+    assert voyage.gateway.run("readlink /opt/atlantis/interop/current").stdout.startswith("builds/")
+    again = voyage.run()
+    assert (again["changes"], again["status"]) == ([], "unchanged"), again
+    assert len(ashore[0].requests) == asked
+    seen = voyage.gateway.run(f"grep -rlF {TOKEN} /var/lib/atlantis /etc /opt /var/log", check=False)
+    assert (seen.returncode, seen.stdout) == (1, "")
