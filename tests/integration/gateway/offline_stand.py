@@ -99,6 +99,8 @@ class Quay:
             "ansible_ssh_args": "",  # no connection outlives a run that is killed
             "atlantis_request": {"offline": str(self.folder / name), "state": str(self.folder / "state")},
         }
+        if "ansible_become" in self.variables:
+            play[0]["become"] = True
         for file, value in (("play.yml", play), ("variables.json", variables | self.variables)):
             (self.folder / file).write_text(json.dumps(value))
         program = str(Path(sys.executable).with_name("ansible-playbook"))

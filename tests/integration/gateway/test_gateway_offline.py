@@ -86,3 +86,18 @@ def test_what_is_damaged_on_the_board_is_sent_again(quay: Quay) -> None:
     assert code == 0, said
     assert told(said)["carried_bytes"] == 10_240
     assert "changed=0" in quay.run(install(PACKAGES))[1]
+
+
+def test_an_ordinary_account_carries_it_too_and_a_metered_link_is_asked_for(quay: Quay) -> None:
+    quay.gateway.run("useradd -m odroid && cp -r /root/.ssh /home/odroid && chown -R odroid /home/odroid")
+    quay.gateway.put("/etc/sudoers.d/odroid", "odroid ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
+    quay.bundle(PACKAGES)
+    quay.variables |= {"ansible_user": "odroid", "ansible_become": True, "gateway_reached": {"metered": "4g"}}
+    code, said = quay.run()
+    assert code == 2
+    assert "of the bundle would go over 4g, which is paid by the byte" in said
+    quay.variables["atlantis_accept_cost"] = True
+    code, said = quay.run(install(PACKAGES))
+    assert code == 0, said
+    assert quay.gateway.run("stat -c '%U %a' /var/lib/atlantis/bundle/.incoming").stdout == "odroid 700\n"
+    assert "changed=0" in quay.run(install(PACKAGES))[1]

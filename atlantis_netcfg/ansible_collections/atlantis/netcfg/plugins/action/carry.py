@@ -3,7 +3,9 @@
 It opens the bundle, asks the board, and sends what is missing as one archive. When the link breaks, what has arrived
 whole is kept, and the next time the rest is sent. In check mode nothing is sent.
 
-Arguments: `bundle`, its folder on this computer; `state`, the state directory where it is not the usual one.
+Arguments: `bundle`, its folder on this computer; `state`, the state directory where it is not the usual one; `metered`,
+the name of the link where that is paid by the byte: nothing is sent over it unless `accept_cost` says that a person
+agrees, or Ansible's variable `atlantis_accept_cost`.
 
 Results: `path` on the board, `repository` and `sources` below it, `ready`, `carried_bytes`, `changes`; in check mode
 `ready` is false where the bundle is not there yet, and `carried_bytes` is what would be sent.
@@ -35,7 +37,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     TRANSFERS_FILES = False
     _supports_check_mode = True
     _supports_async = False
-    _VALID_ARGS = frozenset({"bundle", "state"})
+    _VALID_ARGS = frozenset({"bundle", "state", "metered", "accept_cost"})
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Ask, send, and let the board put it together."""
@@ -76,6 +78,18 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         answer: dict[str, Any] = self._execute_module("atlantis.netcfg.bundle", arguments, task_vars=variables)
         return answer
 
+    def _refuse_unpaid(self, size: int, variables: dict[str, Any]) -> None:
+        """Hold that a person pays for what goes over a metered link."""
+        from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
+
+        metered = self._task.args.get("metered")
+        if metered and not consent(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
+            raise AnsibleActionFail(
+                f"{_size(size)} of the bundle would go over {metered}, which is paid by the byte,"
+                " and nobody has agreed to pay: nothing was sent\n"
+                "type the same with `--accept-cost`, or go over another link: `via=lan`"
+            )
+
     def _send(
         self, bundle: Bundle, host: str, told: dict[str, Any], variables: dict[str, Any]
     ) -> tuple[int, dict[str, Any]]:
@@ -87,15 +101,21 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         size = bytes_to_carry(bundle, host, there)
         if self._task.check_mode:
             return size, told
-        with tempfile.NamedTemporaryFile(prefix="atlantis-carry-", dir=_PLACE) as archive:
-            bundle.pack(host, wanted, Path(archive.name))
-            try:
+        self._refuse_unpaid(size, variables)
+        try:
+            with tempfile.NamedTemporaryFile(prefix="atlantis-carry-", dir=_PLACE) as archive:
+                bundle.pack(host, wanted, Path(archive.name))
                 self._connection.put_file(archive.name, told["upload"])
-            except AnsibleError as error:
-                raise AnsibleActionFail(
-                    f"the link to {host} broke while {size / 1e6:.1f} MB of the bundle were carried: {error}\n"
-                    "type the same again: what has arrived is kept, and only the rest is sent"
-                ) from error
+        except AnsibleError as error:
+            raise AnsibleActionFail(
+                f"the link to {host} broke while {_size(size)} of the bundle were carried: {error}\n"
+                "type the same again: what has arrived is kept, and only the rest is sent"
+            ) from error
+        except OSError as error:
+            raise AnsibleActionFail(
+                f"what is to be carried cannot be put together in {_PLACE}: {error.strerror or error}\n"
+                f"make room for {_size(size)} there, on this computer"
+            ) from error
         answer = self._ask(bundle, host, variables)
         if not answer.get("failed") and not answer["ready"]:
             raise AnsibleActionFail(
@@ -104,10 +124,13 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         return size, answer
 
 
+def _size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1000:.0f} kB"
+
+
 def _told(bundle: Bundle, told: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
     words = "carried" if sent else "to carry"
-    size = f"{carried / 1e6:.1f} MB" if carried >= _MEGABYTE else f"{carried / 1000:.0f} kB"
-    changes = [f"bundle {bundle.manifest.id}: {size} {words}"] if carried else []
+    changes = [f"bundle {bundle.manifest.id}: {_size(carried)} {words}"] if carried else []
     changes += told["changes"]
     return {
         "changed": bool(changes),
