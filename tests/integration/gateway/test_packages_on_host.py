@@ -31,7 +31,8 @@ ADHOC = PLAYBOOK.removesuffix("-playbook")
 SOURCE, KEYRING = "/etc/apt/sources.list.d/own.sources", "/usr/share/keyrings/own.gpg"
 SLOW = StandIn("slow", "1.0", postinst="touch /run/slow; while [ -e /srv/slow ]; do sleep 0.1; done")
 LARGE = StandIn("large", "1.0", padding_kb=6000)
-PACKAGES = (StandIn("one", "1.0"), StandIn("one", "2.0"), SLOW, LARGE)
+BROKEN = (StandIn("broken", "1.0", postinst="echo no such bus >&2; exit 3"), StandIn("broken", "2.0"))
+PACKAGES = (StandIn("one", "1.0"), StandIn("one", "2.0"), SLOW, LARGE, *BROKEN)
 
 
 @dataclass
@@ -123,6 +124,17 @@ def test_exactly_what_is_declared_comes_and_the_second_run_finds_nothing_to_do(b
     dear = board.run("large", limit_bytes=100_000, limit_words="satellite, by the byte")
     assert "1 packages of 6.1 MB would be downloaded; 100 kB are agreed (satellite, by the byte)" in dear["msg"]
     assert "--accept-cost" in dear["hint"]
+
+
+def test_a_package_that_cannot_be_set_up_is_told_and_replaced_by_a_better_one(board: Board) -> None:
+    board.publish("archive")
+    assert board.run("one")["changes"][-1] == "package one 2.0"
+    told = board.run("broken=1.0")
+    assert "broken could not be set up" in told["msg"]
+    assert told["msg"].endswith("no such bus")
+    assert told["changes"] == ["package broken 1.0 (half-configured)"]
+    assert "package broken 2.0" in board.run("broken=2.0")["changes"]
+    assert board.run("broken=2.0")["changes"] == []
 
 
 def test_a_power_cut_while_a_package_is_set_up_is_finished_by_the_next_run(board: Board) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from .apt_costs import bytes_of_lists, costs_of, in_words, refuse_if_full, to_install
+from .apt_run import refuse_another_system
 from .apt_sources import check_key
 from .apt_words import of_install, of_update, others
 from .dpkg import fits, half_done, installed, wait_for_others
@@ -72,6 +72,8 @@ class Converge:
         self.wanted = wanted
         self.clock = clock
         self.outcome = Outcome()
+        self._before: dict[str, Package] | None = None
+        """What was there when the first change was made."""
 
     def run(self, *, check: bool) -> Outcome:
         """Look, and unless it is only a check, do what is missing. Raises Refused."""
@@ -89,33 +91,27 @@ class Converge:
         self._tell(before, check=check)
         return self.outcome
 
+    def done(self) -> list[str]:
+        """What a run that failed has changed nevertheless."""
+        if self._before is None:
+            return []
+        packages = [
+            f"package {name} {package.version} ({package.state})"
+            for name, package in installed(self.apt).items()
+            if self._before.get(name) != package
+        ]
+        return [*(f"file {path}" for path in self.sources.was), *packages]
+
     @property
     def _stale(self) -> bool:
         """Whether apt's lists are to be brought up to date although nothing is missing; not from a bundle."""
         return self.apt.bundle is None and not self.sources.updated
 
     def _preflight(self) -> None:
-        self._refuse_another_system()
+        wanted = self.wanted
+        refuse_another_system(self.apt, wanted.distribution, wanted.codename, wanted.architectures)
         notes = [check_key(key, self.clock()) for key in self.wanted.keys]
         self.outcome.notes += [note for note in notes if note is not None]
-
-    def _refuse_another_system(self) -> None:
-        text = (self.apt.tree.read("/etc/os-release") or b"").decode(errors="replace")
-        pairs = (line.partition("=") for line in text.splitlines())
-        told = {name: value.strip().strip('"') for name, _, value in pairs}
-        is_now = (told.get("ID", "?"), told.get("VERSION_CODENAME", "?"))
-        wanted = (self.wanted.distribution or is_now[0], self.wanted.codename or is_now[1])
-        if is_now != wanted:
-            raise Refused(
-                f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(wanted)}",
-                "make a card with the right system (`provision image`), or declare the release that fits this one",
-            )
-        own = self.apt.architecture
-        if self.wanted.architectures and own not in self.wanted.architectures:
-            raise Refused(
-                f"the computer is {own}; what is declared exists for {', '.join(self.wanted.architectures)}",
-                "declare another release or source",
-            )
 
     def _missing(self, packages: dict[str, Package]) -> dict[str, str | None]:
         """The declared packages that are not there in their version. A held one is none of ours to change."""
@@ -141,13 +137,16 @@ class Converge:
 
     def _converge(self, left: Sequence[Package], before: dict[str, Package]) -> None:
         wait_for_others(self.apt.tree, self.apt.wait_s)
+        self._before = before
         if left:
             self.apt.run("dpkg", "--configure", "-a", "--force-confdef", "--force-confold")
         self.apt.ready()
         self.sources.write()
         missing = self._missing(installed(self.apt) if left else before)
-        if (missing or self._stale) and not self._lists_do(missing):
+        if missing and not self._lists_do(missing):
             self._afford_lists()
+            self._update()
+        elif self._stale and self.wanted.limit_bytes is None:
             self._update()
         if left or missing:
             self._mend(missing)
@@ -179,10 +178,10 @@ class Converge:
 
     def _update(self) -> None:
         """Bring apt's lists up to date; where our sources do not work, they are taken back."""
-        self._drop_lists(only_empty=True)
+        self.apt.drop_lists(only_empty=True)
         done = self.apt.update()
         if any(words in done.said for words in _DAMAGED_LISTS):
-            self._drop_lists(only_empty=False)
+            self.apt.drop_lists(only_empty=False)
             done = self.apt.update()
         urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
         why = of_update(done.said, done.code, urls, self.apt.architecture)
@@ -192,14 +191,6 @@ class Converge:
         self.outcome.notes += others(done.said, urls)
         if self.apt.bundle is None:
             self.sources.note()
-
-    def _drop_lists(self, *, only_empty: bool) -> None:
-        """Remove lists that a power cut has left empty or damaged: apt takes those that it has for good ones."""
-        folder = self.apt.tree.at(self.apt.lists)
-        for entry in os.scandir(folder) if os.path.isdir(folder) else ():
-            whole = entry.is_file() and entry.name != "lock"
-            if whole and (not only_empty or entry.stat().st_size == 0):
-                os.unlink(entry.path)
 
     def _mend(self, missing: Collection[str]) -> None:
         """Finish what dpkg alone could not: packages that need others, or that were cut off while being unpacked.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .refused import Refused
@@ -51,12 +52,11 @@ def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Co
 
 def bytes_of_lists(apt: Apt) -> int | None:
     """What an update may download at most, by what the sources said of themselves last; None: nobody knows yet."""
-    folder = apt.tree.at(apt.lists)
-    names = os.listdir(folder) if os.path.isdir(folder) else []
+    folder = Path(apt.tree.at(apt.lists))
     found = 0
-    for name in names:
-        if name.endswith("InRelease"):
-            told = (apt.tree.read(f"{apt.lists}/{name}") or b"").decode(errors="replace")
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if path.name.endswith("InRelease"):
+            told = path.read_text(errors="replace")
             for index in set(re.findall(rf"(\S+/binary-{apt.architecture}/Packages)(?:\.\w+)?$", told, re.MULTILINE)):
                 sizes = re.findall(rf"^ [0-9a-f]{{64}} +(\d+) {re.escape(index)}(?:\.\w+)?$", told, re.MULTILINE)
                 found += min((int(size) for size in sizes), default=0)
@@ -67,9 +67,9 @@ def refuse_if_full(apt: Apt, costs: Costs) -> None:
     """Raise Refused where the disk cannot take it; places of one file system count together."""
     needed: dict[int, tuple[str, int]] = {}
     for place, size in (("/usr", costs.room + _SPARE_BYTES), (_ARCHIVES, costs.download)):
-        real = apt.tree.at(place)
-        if os.path.isdir(real):
-            device = os.stat(real).st_dev
+        real = Path(apt.tree.at(place))
+        if real.is_dir():
+            device = real.stat().st_dev
             first, sum_before = needed.get(device, (place, 0))
             needed[device] = (first, sum_before + size)
     for place, size in needed.values():

@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 import subprocess
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from .refused import Refused
 
 if TYPE_CHECKING:
+    from typing import Sequence
+
     from .tree import Tree
 
-__all__ = ["Apt", "Output", "bundle_of"]
+__all__ = ["Apt", "Output", "bundle_of", "refuse_another_system"]
 
 _FOLDER = "/var/lib/atlantis/apt"
 _KEY = "atlantis.gpg"
@@ -48,6 +51,27 @@ def bundle_of(tree: Tree, folder: str) -> str:
                 "copy the bundle to the computer again",
             )
     return f"deb [signed-by={folder}/{_KEY}] file:{quote(folder)} ./\n"
+
+
+def refuse_another_system(
+    apt: Apt, distribution: str | None, codename: str | None, architectures: Sequence[str]
+) -> None:
+    """Raise Refused where the computer runs another system than all this is made for; None: any is good."""
+    text = (apt.tree.read("/etc/os-release") or b"").decode(errors="replace")
+    pairs = (line.partition("=") for line in text.splitlines())
+    told = {name: value.strip().strip("'\"") for name, _, value in pairs}
+    is_now = (told.get("ID", "?"), told.get("VERSION_CODENAME", "?"))
+    wanted = (distribution or is_now[0], codename or is_now[1])
+    if is_now != wanted:
+        raise Refused(
+            f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(wanted)}",
+            "make a card with the right system (`provision image`), or declare the release that fits this one",
+        )
+    if architectures and apt.architecture not in architectures:
+        raise Refused(
+            f"the computer is {apt.architecture}; what is declared exists for {', '.join(architectures)}",
+            "declare another release or source",
+        )
 
 
 class Apt:
@@ -114,6 +138,13 @@ class Apt:
             with os.fdopen(handle, "rb") as file:
                 said = file.read().decode(errors="replace").replace("\r", "\n")
         return Output(code, said)
+
+    def drop_lists(self, *, only_empty: bool) -> None:
+        """Remove lists that a power cut has left empty or damaged: apt takes those that it has for good ones."""
+        folder = Path(self.tree.at(self.lists))
+        for path in folder.iterdir() if folder.is_dir() else ():
+            if path.is_file() and path.name != "lock" and (not only_empty or path.stat().st_size == 0):
+                path.unlink()
 
     def _options(self) -> list[str]:
         settings = {

@@ -133,6 +133,7 @@ class Sources:
                 self.tree.remove(path)
             else:
                 self.tree.write(path, content)
+        self.was.clear()
 
     def note(self) -> None:
         """Note that the lists were updated with these files."""

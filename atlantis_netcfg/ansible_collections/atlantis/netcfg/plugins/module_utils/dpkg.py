@@ -8,6 +8,7 @@ import struct
 import time
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .refused import Refused
@@ -80,7 +81,7 @@ def half_done(apt: Apt, packages: dict[str, Package]) -> list[Package]:
     """What an interrupted dpkg left behind; a journal that was not merged counts for the package `dpkg`."""
     left = [package for package in packages.values() if package.state in _UNFINISHED or package.damaged]
     try:
-        journal = any(name.isdigit() for name in os.listdir(apt.tree.at("/var/lib/dpkg/updates")))
+        journal = any(path.name.isdigit() for path in Path(apt.tree.at("/var/lib/dpkg/updates")).iterdir())
     except OSError:
         journal = False
     return left or ([packages["dpkg"]] if journal and "dpkg" in packages else [])
@@ -110,7 +111,7 @@ def wait_for_others(tree: Tree, wait_s: float, sleep: Callable[[float], None] = 
 def _holder(tree: Tree, lock: str) -> str | None:
     """Who holds a lock of fcntl(2), if anybody does; such locks end with their process, whatever file is left."""
     try:
-        with open(tree.at(lock), "rb+") as file:
+        with Path(tree.at(lock)).open("rb+") as file:
             asked = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
             kind, _, _, _, pid = struct.unpack(_FLOCK, fcntl.fcntl(file, fcntl.F_GETLK, asked))
     except OSError:
@@ -120,8 +121,8 @@ def _holder(tree: Tree, lock: str) -> str | None:
 
 def _command(pid: int) -> str:
     try:
-        with open(f"/proc/{pid}/cmdline", "rb") as file:
-            words = file.read().replace(b"\0", b" ").decode(errors="replace").strip()
+        told = Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return ""
+    words = told.replace(b"\0", b" ").decode(errors="replace").strip()
     return f" ({words})" if words else ""

@@ -67,7 +67,9 @@ options:
       - It is a flat repository, C(InRelease), C(Packages) and the packages, with its key in C(atlantis.gpg).
     type: path
   limit_bytes:
-    description: More is not downloaded. The lists of packages are not counted.
+    description:
+      - More is not downloaded, neither packages nor lists of them; lists that are there are used then. Without lists
+        nobody knows what they cost, and nothing is downloaded.
     type: int
   limit_words:
     description: Why; the link in use and what it costs.
@@ -154,6 +156,7 @@ def main() -> None:
     asked = module.params
     expected = asked["expected"] or {}
     tree = Tree()
+    converge = None
     try:
         keys = [key_of(key) for key in asked["keys"]]
         texts = {file["path"]: file["content"].encode() for file in [*asked["pins"], *asked["sources"]]}
@@ -168,9 +171,11 @@ def main() -> None:
             asked["limit_words"],
         )
         diffs = {path: sources.before_and_after(path) for path in [*sources.changed, *sources.in_the_way]}
-        outcome = Converge(Apt(tree, asked["offline"], asked["wait_s"]), sources, wanted).run(check=module.check_mode)
+        converge = Converge(Apt(tree, asked["offline"], asked["wait_s"]), sources, wanted)
+        outcome = converge.run(check=module.check_mode)
     except Refused as why:
-        module.fail_json(msg=why.message, hint=why.hint, changes=[])
+        done = converge.done() if converge is not None else []
+        module.fail_json(msg=why.message, hint=why.hint, changes=done, changed=bool(done))
         return
     module.exit_json(
         changed=bool(outcome.changes),
