@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree as ET
 
 import pytest
-from gateway_role import NAME, ROOT, Stand
+from gateway_role import NAME, Stand
 from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+from gateway_suite import checked
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,40 +78,22 @@ def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F8
     return made
 
 
-def checked(stand: Stand, *words: str) -> dict[str, str]:
-    """Run the suite as a technician does; give the check and its words of all that did not pass."""
-    config, report = stand.folder / "ssh_config", stand.folder / "report.xml"
-    config.write_text(
-        f"Host {NAME}\n HostName 127.0.0.1\n Port {stand.gateway.port}\n User {ACCOUNT}\n"
-        f" IdentityFile {stand.key.file}\n IdentitiesOnly yes\n UserKnownHostsFile {stand.known}\n"
-    )
-    command = [sys.executable, "-m", "pytest", "checks/test_gateways.py", "--site", "coastal", f"--ssh-config={config}"]
-    command += ["--inventory", str(stand.inventory), "-p", "no:cacheprovider", f"--junitxml={report}", *words]
-    subprocess.run(command, cwd=ROOT, env=os.environ, capture_output=True, check=False)
-    cases = ET.parse(report).getroot().iter("testcase")  # noqa: S314 - our own file
-    return {
-        case.attrib["name"]: found.attrib.get("message", "") + (found.text or "")
-        for case in cases
-        for found in (*case.iter("failure"), *case.iter("error"))
-    }
-
-
 def test_every_check_sees_its_own_breach_and_no_other(stand: Stand) -> None:
     before, after = replace(stand.gateway.traffic), stand.gateway.traffic
-    assert checked(stand) == {}
+    assert checked(stand, user=ACCOUNT) == {}
     assert after.connections == before.connections + 1
     assert after.up_bytes + after.down_bytes < before.up_bytes + before.down_bytes + 30_000
     for breach in BREACHES:
         stand.gateway.run(breach)
     stand.gateway.fill_disk(leave_kb=150_000)
-    seen = checked(stand)
+    seen = checked(stand, user=ACCOUNT)
     assert seen.keys() == {*BREACHES.values(), ROOM}
     assert all(words.startswith("AssertionError: ") for words in seen.values())
     sshd = seen["test_sshd_obeys[coastal-gateway]"]
     assert "sshd has passwordauthentication yes, declared is no: another file in /etc/ssh/sshd_config.d/" in sshd
 
     stand.known.write_text(f"{NAME} {OTHER_KEY}\n")
-    unknown = checked(stand, "-k", "room or chrony")
+    unknown = checked(stand, "-k", "room or chrony", user=ACCOUNT)
     assert len(unknown) == 4
     assert all("coastal-gateway was not reached: Host key verification failed" in words for words in unknown.values())
     assert all("`ssh-keygen -R coastal-gateway`" in words for words in unknown.values())

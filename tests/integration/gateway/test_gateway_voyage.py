@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 from gateway_role import NAME, Stand
 from gateway_stand import gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_suite import checked
 
 from atlantis_netcfg.bundle import Keys, Order, Purpose, make, open_bundle, read_target
 from atlantis_netcfg.machine.standins import Archive, StandIn, publish, ros_packages
@@ -130,3 +131,4 @@ def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple
     assert len(ashore[0].requests) == asked
     seen = voyage.gateway.run(f"grep -rlF {TOKEN} /var/lib/atlantis /etc /opt /var/log", check=False)
     assert (seen.returncode, seen.stdout) == (1, "")
+    assert checked(voyage).keys() == {f"test_clock_follows_a_source[{NAME}]"}, "no time server is in the yard"
