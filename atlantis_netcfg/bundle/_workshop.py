@@ -58,7 +58,7 @@ class Workshop:
             elif inside not in known:
                 path.unlink()
         os.sync()
-        place, old = self.place, self.place.with_name(f".{self.place.name}.old")
+        place, old = self.place, _aside(self.place)
         shutil.rmtree(old, ignore_errors=True)
         if place.exists():
             place.rename(old)
@@ -85,8 +85,15 @@ def workshop(place: Path) -> Iterator[Workshop]:
         raise BundleRefused(f"there is no folder {place.parent}", hint="make it first")
     made = Workshop(place, place.with_name(f".{place.name}.part"))
     with _translated(place), _alone(made.folder):
+        if _aside(place).exists() and not place.exists():
+            _aside(place).rename(place)  # cut off while the new one was to take its place
         made.work.mkdir(parents=True, exist_ok=True)
         yield made
+
+
+def _aside(place: Path) -> Path:
+    """Where an earlier bundle is while the new one takes its place."""
+    return place.with_name(f".{place.name}.old")
 
 
 def _empty(place: Path) -> bool:

@@ -70,6 +70,14 @@ def test_its_repository_is_signed_by_the_key_of_the_manifest(laptop: Laptop) -> 
         check=True,
     )
     assert f"VALIDSIG {manifest.key} 2000-01-01" in checked.stdout
+    home = laptop.folder / "home"
+    home.mkdir(mode=0o700)
+    gpg = ["gpg", "--homedir", str(home), "--batch", "--no-autostart", "--faked-system-time", "20120101T000000"]
+    subprocess.run([*gpg, "--import", str(laptop.folder / "key.gpg")], check=True, capture_output=True)
+    past = subprocess.run(
+        [*gpg, "--verify", str(repository / "InRelease")], check=False, capture_output=True, text=True
+    )
+    assert (past.returncode, "Good signature" in past.stderr) == (0, True), past.stderr
     listed = lzma.decompress((repository / "Packages.xz").read_bytes()).decode()
     assert "Filename: ./pool/chrony_3.5_arm64.deb\n" in listed
     assert "trusted" not in (repository / "InRelease").read_text()
@@ -102,6 +110,28 @@ def test_an_interrupted_bundle_goes_on_from_what_is_right(laptop: Laptop, monkey
     manifest = laptop.make(wish)
     assert laptop.sizes[1].to_fetch == size
     assert open_bundle(laptop.place, laptop.keys, [wish]).manifest == manifest
+
+
+def test_a_cut_while_the_new_bundle_takes_its_place_loses_nothing(laptop: Laptop) -> None:
+    wish = laptop.wish(laptop.archive(PACKAGES), "chrony")
+    laptop.make(wish)
+    laptop.place.rename(laptop.folder / ".bundle.old")
+    laptop.make(wish)
+    assert laptop.sizes[1].to_fetch == 0
+    assert not (laptop.folder / ".bundle.old").exists()
+
+
+def test_a_stick_without_hard_links_will_do(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
+    wish = laptop.wish(laptop.archive(PACKAGES), "chrony")
+    laptop.make(wish)
+    monkeypatch.setattr("os.link", _refused)
+    laptop.make(wish)
+    assert laptop.sizes[1].to_fetch == 0
+    assert open_bundle(laptop.place, laptop.keys, [wish]).folder == laptop.place
+
+
+def _refused(*_arguments: object) -> None:
+    raise PermissionError(1, "Operation not permitted")
 
 
 def _killed(*_arguments: object) -> None:
