@@ -236,6 +236,23 @@ def test_a_full_card_a_killed_laptop_and_a_power_cut_lose_nothing(interop: Inter
     assert "v1" in interop.says()
 
 
+@pytest.mark.campaign
+def test_a_gap_of_the_satellite_is_waited_through(interop: Interop) -> None:
+    gateway = interop.stand.gateway
+    gateway.put("/usr/local/share/ca-certificates/forge.crt", interop.authority)
+    interop.on("update-ca-certificates; touch /var/tmp/hold")
+    hold = 'execute_process(COMMAND sh -c "while [ -e /var/tmp/hold ]; do sleep 0.2; done")\n'
+    interop.projects.release_examples("slow", {"more.cmake": hold})
+    interop.declare("v1", "slow")
+    gateway.link(delay_s=0.35, rate_up_bps=352_000, rate_down_bps=704_000)
+    running = begin(interop)
+    gateway.link(up=False)
+    interop.on("sleep 30; rm /var/tmp/hold; sleep 40")
+    gateway.link(delay_s=0.35, rate_up_bps=352_000, rate_down_bps=704_000)
+    assert running.wait() == 0
+    assert "v1" in interop.says()
+
+
 SCAN = (
     "while [ -e /tmp/scan ]; do cat /proc/[0-9]*/cmdline /proc/[0-9]*/environ 2>/dev/null"
     ' | tr "\\0" "\\n" | grep -a CAN[A]RY >>/tmp/seen; done'

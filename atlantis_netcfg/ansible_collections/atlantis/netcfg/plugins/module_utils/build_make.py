@@ -83,6 +83,7 @@ class Make:
                     f"what was built does not run: {program} does not find {line.split()[0].rstrip(':')}",
                     "the partner who made it can read this; the build in use stays as it was",
                 )
+        shutil.rmtree(os.path.join(self.folder, "tmp"), ignore_errors=True)
         self.say(f"{len(programs)} programs and libraries find what they need")
 
     def _run(self, what: str, where: str, command: str, *, sourced: bool = False) -> None:

@@ -215,7 +215,7 @@ class Build:
             hint = outcome["hint"]
             return Refused(outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway")
         return Refused(
-            f"the build of {plan.words} was cut off: the gateway lost its power, or somebody stopped it",
+            f"the build of {plan.words} was cut off: the gateway lost its power, or the build was ended there",
             f"type the same again: it goes on with what it has fetched; all that was said: {log} on the gateway",
         )
 

@@ -1,0 +1,86 @@
+"""Building: the steps of the report with a colcon that is played here, and a look at what came of them."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make import Make
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_words import CardFull
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MODULE = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make"
+BUILDS = "mkdir -p install/package build log; echo 'export SOURCED=yes' >install/setup.sh"
+
+
+@pytest.fixture
+def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
+    for name in ("bin", "library", "examples/build"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "log").touch()
+    (tmp_path / "ros.sh").write_text("export ROS_DISTRO=foxy\n")
+    monkeypatch.setattr(f"{MODULE}._PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    return Make(str(tmp_path), str(tmp_path / "ros.sh"), 2, str(tmp_path / "log"), lambda _: None)
+
+
+def colcon(folder: Path, script: str) -> None:
+    program = folder / "bin/colcon"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+
+
+def test_the_library_is_built_in_the_environment_of_ros_with_as_many_jobs(make: Make, tmp_path: Path) -> None:
+    colcon(tmp_path, f"{BUILDS}; echo $ROS_DISTRO $MAKEFLAGS $TMPDIR $*")
+    make.library()
+    assert f"foxy -j2 {tmp_path}/{'tmp'} build --executor sequential" in (tmp_path / "log").read_text()
+    make.tidy()
+    assert [path.name for path in (tmp_path / "library").iterdir()] == ["install"]
+    assert not (tmp_path / "tmp").exists()
+
+
+def test_what_an_attempt_left_is_removed_before_the_next(make: Make, tmp_path: Path) -> None:
+    colcon(tmp_path, BUILDS)
+    make.library()
+    (tmp_path / "library/CMakeLists.txt").touch()
+    make.clean()
+    assert [path.name for path in (tmp_path / "library").iterdir()] == ["CMakeLists.txt"]
+    assert not (tmp_path / "examples/build").exists()
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("mkdir install; touch install/setup.sh", "colcon found no package"),
+        ("echo 'x.cpp:1: error: no'; exit 2", "the library could not be built:\nx.cpp:1: error: no"),
+        ("echo 'fatal error: cannot write: No space left on device'; exit 1", "became full"),
+    ],
+)
+def test_a_failure_is_told_from_this_attempt_alone(make: Make, tmp_path: Path, script: str, words: str) -> None:
+    (tmp_path / "log").write_text("y.cpp:9: error: of the attempt before\n")
+    colcon(tmp_path, script)
+    with pytest.raises(Refused, match=words) as caught:
+        make.library()
+    assert "attempt before" not in caught.value.message
+    assert isinstance(caught.value, CardFull) == ("full" in words)
+
+
+def test_a_program_that_does_not_find_its_library_is_no_build(make: Make, tmp_path: Path) -> None:
+    install = tmp_path / "library/install"
+    (install / "lib").mkdir(parents=True)
+    (install / "setup.sh").touch()
+    for source, words in (
+        ("int one() { return 0; }", ("-shared", "-fPIC", "-o", "library/install/lib/libone.so")),
+        ("int one(); int main() { return one(); }", ("-o", "examples/build/robot", "library/install/lib/libone.so")),
+    ):
+        (tmp_path / "source.cpp").write_text(source)
+        subprocess.run(["c++", "source.cpp", *words], cwd=tmp_path, check=True)
+    (install / "setup.sh").write_text(f"export LD_LIBRARY_PATH={tmp_path}\n")
+    make.check()
+    (install / "lib/libone.so").unlink()
+    with pytest.raises(Refused, match=r"examples/build/robot does not find library/install/lib/libone.so"):
+        make.check()
