@@ -26,7 +26,7 @@ from .network_guard import (
 )
 from .network_session import began_s
 from .network_units import BACK, BACK_TIMER, FOLDER, install, program
-from .network_wish import Wish, same
+from .network_wish import OURS, Wish, same
 from .refused import Refused, in_words
 
 if TYPE_CHECKING:
@@ -110,7 +110,8 @@ class Change:
             if not alike:
                 self.changes.append(f"file {path} removed" if text is None else f"file {path}")
                 before = now.get("text") or ""
-                self.diff.append({"before_header": path, "after_header": path, "before": before, "after": text or ""})
+                told = before if OURS in before else ""  # somebody else's may hold the key of a radio network
+                self.diff.append({"before_header": path, "after_header": path, "before": told, "after": text or ""})
         if self.wish.by == "networkd" and not self._networkd("is-enabled", "enabled"):
             entries.append({"path": _ENABLED, "link": _UNIT})
             self.changes.append(f"unit {_NETWORKD} enabled")

@@ -13,7 +13,7 @@ description:
     systemd apply the new one, two seconds after this module has ended.
   - C(confirm) belongs to a connection that was made after that. It keeps the change if address, default route and
     gateway are as declared. What nobody confirms within C(rollback_s) is taken back by the computer itself.
-  - C(look) tells what has become of a change, and waits for its end.
+  - C(look) waits for the end of a change, and fails unless it was confirmed.
   - Other files that configure the same interface are refused, unless C(replaces) lets them go.
 options:
   action: {description: See above., type: str, required: true, choices: [stage, confirm, look]}
@@ -61,6 +61,10 @@ state:
   description: pending, confirmed, rolled back or unknown.
   type: str
   returned: with confirm and look
+rolled_back:
+  description: Whether everything is as before.
+  type: bool
+  returned: when look fails
 why:
   description: What is behind that state.
   type: str
@@ -81,6 +85,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.network_change import Change
 from ..module_utils.network_files import Computer
+from ..module_utils.network_units import BACK
 from ..module_utils.network_wish import Wish
 from ..module_utils.refused import Refused
 
@@ -99,8 +104,13 @@ ARGUMENTS = {
     "replaces": {"type": "list", "elements": "str", "default": []},
     "rollback_s": {"type": "int", "default": 180},
 }
+RULES = {"required_if": [("action", "confirm", ["name"]), ("action", "look", ["name"])]}
 _BACK_S = 60.0
 """Beyond the window: what taking a change back may take."""
+_AGAIN = "correct `network` of the host or `lan` of its site, then type the same again"
+_UNKNOWN = (
+    f"`systemctl status {BACK}` there tells more; switching its power off and on brings the previous network back"
+)
 
 
 def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
@@ -112,18 +122,30 @@ def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
     elif parameters["action"] == "confirm":
         told = change.confirm(parameters["name"])
     else:
-        told = change.look(parameters["name"], wish.rollback_s + _BACK_S)
+        told = _ended(change.look(parameters["name"], wish.rollback_s + _BACK_S))
     return {"changed": bool(change.changes), "changes": change.changes, "diff": change.diff, **told}
+
+
+def _ended(told: dict[str, Any]) -> dict[str, Any]:
+    """What has become of a change; `msg` where it was not confirmed."""
+    if told["state"] == "confirmed":
+        return told
+    if told["state"] == "rolled back":
+        msg = f"the change of the network was rolled back, and everything is as before: {told['why']}"
+        return {**told, "rolled_back": True, "msg": msg, "hint": _AGAIN}
+    msg = f"it is not known what has become of the change of the network: {told['why']}"
+    return {**told, "rolled_back": False, "msg": msg, "hint": _UNKNOWN}
 
 
 def main() -> None:
     """Run the module."""
-    named = [("action", "confirm", ["name"]), ("action", "look", ["name"])]
-    module = AnsibleModule(ARGUMENTS, required_if=named, supports_check_mode=True)
+    module = AnsibleModule(ARGUMENTS, **RULES, supports_check_mode=True)
     try:
         result = _result(module.params, check=module.check_mode)
     except Refused as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
+    if "msg" in result:
+        module.fail_json(**result)
     module.exit_json(**result)
 
 

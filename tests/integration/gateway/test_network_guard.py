@@ -1,0 +1,114 @@
+"""A gateway's network on a real Debian with systemd, by SSH: what holds stays, what cuts the way in is taken back."""
+
+# ruff: noqa: F401, F811 - `network_stand` and `technician` are fixtures
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from gateway_stand import technician
+from network_stand import STATE, NetworkStand, network_stand, other, wanted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+EVERY = pytest.mark.parametrize("by", ["netplan", "ifupdown", "networkd"])
+_PATIENCE_S = 60.0
+ROLLED_BACK = "the change of the network was rolled back, and everything is as before"
+
+
+def wait(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + _PATIENCE_S
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.2)
+
+
+def settled(stand: NetworkStand, by: str) -> dict[str, Any]:
+    """Bring it to what is declared."""
+    code, said = stand.run(wanted(by))
+    assert code == 0, said
+    assert "changed=1 " in said
+    return stand.network()
+
+
+def unchanged(stand: NetworkStand, by: str) -> None:
+    code, said = stand.run(wanted(by))
+    assert code == 0, said
+    assert "changed=0 " in said
+
+
+def outcome(stand: NetworkStand) -> str:
+    why: str = json.loads(stand.gateway.run(f"cat {STATE}/outcome").stdout)["why"]
+    return why
+
+
+def changed(by: str, old: str, new: str, rollback_s: int) -> dict[str, Any]:
+    """As declared, but for one word."""
+    return other(wanted(by, rollback_s=rollback_s), old, new)
+
+
+@EVERY
+def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stand: NetworkStand, by: str) -> None:
+    before = network_stand.network()
+    code, said = network_stand.run(wanted(by), "--check")
+    assert code == 0, said
+    assert "changed=1 " in said
+    assert network_stand.network() == before
+
+    state = settled(network_stand, by)
+    assert wanted(by)["content"] in state["files"]
+    assert "nameserver 10.64.1.1\n" in state["files"]
+    unchanged(network_stand, by)
+    assert network_stand.network() == state
+
+    gateway = network_stand.gateway
+    network_stand.stage(changed(by, "10.64.1.10", "10.64.1.77", 900))
+    wait(lambda: gateway.run(f"grep -s ended_s {STATE}/applied | grep -v null", check=False).returncode == 0)
+    assert "10.64.1.77/24" in network_stand.network()["addresses"]
+    gateway.power_cut()
+    gateway.power_on(configured=False, wait_s=None)
+    wait(lambda: gateway.runs and gateway.run("systemctl is-active multi-user.target", check=False).returncode == 0)
+    if by == "ifupdown":
+        gateway.run("ifup --allow=hotplug eth0")  # udev does it on a board; a container has none
+    wait(lambda: network_stand.network() == state)
+    gateway.wait_until_up()
+    assert outcome(network_stand) == "the computer was started anew before a new session had confirmed it"
+    unchanged(network_stand, by)
+    assert gateway.run("systemctl list-units --failed --no-legend 'atlantis*'").stdout == ""
+
+
+@EVERY
+def test_what_cuts_the_way_in_is_taken_back(network_stand: NetworkStand, by: str) -> None:
+    """An address where nobody looks for it, an interface without a cable, a gateway that nobody is."""
+    before = settled(network_stand, by)
+    gateway = network_stand.gateway
+    gateway.run("ip link add eth9 type bridge && ip link set eth9 up")
+    for old, new in (("10.64.1.10", "10.64.1.77"), ("eth0", "eth9")):
+        told = changed(by, old, new, 5)
+        network_stand.stage(told)
+        wait(lambda: gateway.run(f"test -e {STATE}/pending", check=False).returncode == 1)
+        assert network_stand.network() == before
+        assert outcome(network_stand) == f"no new session reached {told['address'].partition('/')[0]} within 5 s"
+
+    code, said = network_stand.run(changed(by, "10.64.1.1", "10.64.1.99", 120))
+    assert code == 2, said
+    assert f"{ROLLED_BACK}: nobody answers at the gateway's address 10.64.1.99 on eth0" in re.sub(r"\s+", " ", said)
+    assert network_stand.network() == before
+    unchanged(network_stand, by)
+
+
+def test_the_role_tells_what_was_not_reached(network_stand: NetworkStand) -> None:
+    """Here no tool has made the network that comes back: what was done by hand is done again."""
+    before = network_stand.network()
+    code, said = network_stand.run(changed("networkd", "10.64.1.10", "10.64.1.77", 6))
+    assert code == 2, said
+    assert f"{ROLLED_BACK}: no new session reached 10.64.1.77 within 6 s" in re.sub(r"\s+", " ", said)
+    assert "rolled_back: true" in said
+    assert "hint: correct `network` of the host or `lan` of its site, then type the same again" in said
+    assert network_stand.network() == before
