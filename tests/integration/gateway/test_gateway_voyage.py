@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bundle import Manifest
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
-ROLES = ["gateway_base", "gateway_ros2", "gateway_interop", "gateway_dds"]
+ROLES = ["gateway_base/offline", "gateway_base", "gateway_ros2", "gateway_interop", "gateway_dds"]
 FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
 """A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
 TOKEN = "EXAMPLE-token-of-the-voyage"
