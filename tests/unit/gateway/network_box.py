@@ -151,6 +151,7 @@ class Box:
                 self.networkd = True
             case ("stop", "systemd-networkd.socket", "systemd-networkd.service"):
                 self.networkd = False
+                return Done(5, "Failed to stop systemd-networkd.socket: Unit systemd-networkd.socket not loaded.")
             case ("stop", name) if name == BACK_TIMER:
                 self.timer = False
             case ("stop", name) if name == network_guard.APPLY_UNIT:

@@ -209,6 +209,15 @@ def test_two_configurations_of_one_interface_do_not_fight(box: Box, by: str, pat
     assert box.state() == before
 
 
+def test_what_somebody_lays_beside_ours_later_is_told(box: Box) -> None:
+    settled(box, "netplan")
+    box.put(CLOUD, OTHERS[CLOUD])
+    change = made(box, "netplan")
+    with pytest.raises(Refused, match=r"the two would fight: /etc/netplan/50-cloud-init\.yaml"):
+        change.stage()
+    assert change.changes == []
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from .network_files import state_of
 from .network_guard import (
     APPLIED,
+    APPLY_AFTER_S,
     APPLY_UNIT,
     OUTCOME,
     PENDING,
@@ -62,6 +63,7 @@ class Change:
             if not check:
                 self._end_earlier()
             wanted = self._compare()
+            self.wish.hold_alone(self.computer)
             if not self.changes:
                 return None
             self.wish.hold(self.computer)
@@ -157,9 +159,8 @@ class Change:
     def _arm(self) -> None:
         """The way back first, and only when it is sure to come, the change."""
         self.computer.run(("systemctl", "stop", BACK_TIMER))
-        self._systemd_run(
-            (f"--unit={BACK}", f"--on-active={self.wish.rollback_s}s", "--timer-property=AccuracySec=100ms")
-        )
+        window_s = APPLY_AFTER_S + self.wish.rollback_s
+        self._systemd_run((f"--unit={BACK}", f"--on-active={window_s:.0f}s", "--timer-property=AccuracySec=100ms"))
         if self.computer.run(("systemctl", "is-active", BACK_TIMER)).said != "active":
             raise Refused("the timer that would take the change back does not run; nothing was changed")
         self.computer.run(("systemctl", "reset-failed", APPLY_UNIT))

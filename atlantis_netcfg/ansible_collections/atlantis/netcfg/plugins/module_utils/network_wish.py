@@ -158,12 +158,12 @@ class Wish:
             raise Refused(
                 f"there is no interface {self.interface}; there is: {others}", "correct `network: {interface: …}`"
             )
-        self._hold_alone(computer)
         complaint = {"netplan": self._by_netplan, "ifupdown": self._by_ifupdown, "networkd": self._by_networkd}[self.by]
         if said := complaint(computer):
             raise Refused(f"{self.by} does not take the new configuration: {said}", "nothing was changed")
 
-    def _hold_alone(self, computer: Computer) -> None:
+    def hold_alone(self, computer: Computer) -> None:
+        """Raise `Refused` where another file configures the interface, too, also if ours is there already."""
         others = claims(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
             listed = ", ".join(others)
