@@ -20,7 +20,7 @@ __all__ = ["asked_for"]
 def asked_for(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, Channel]]:
     """Give the request and its channel; what is raised within is told there, a fault of ours after it is in a log."""
     asked = Request.model_validate(request or {})
-    if plan_only:
+    if plan_only and not asked.mode.reads_only:
         asked = asked.model_copy(update={"mode": Mode.PLAN})
     channel = Channel(asked.events_fd)
     try:

@@ -108,7 +108,7 @@ def _served(stack: ExitStack, ground: machine.Yard, declaration: Declaration, fo
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
-    packages = standins.ros_packages(pilot.dds.distribution.value)
+    packages = standins.ros_packages(pilot.dds.distribution.value, more=pilot.gateways.ros2.packages)
     archive = standins.publish(folder / "archive", packages, codename=_CODENAME)
     repositories = ""
     if (interop := pilot.gateways.interop) is not None:

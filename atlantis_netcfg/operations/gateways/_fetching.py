@@ -31,8 +31,10 @@ def fetching(declaration: Declaration, host: Host, request: Request, bundle: str
     if request.rehearsed or not bearers or not bearers[0].metered:
         return {}
     link = link_of(declaration, host.site, bearers[0].name)
+    if request.accept_cost and link.cap_bytes is None:
+        return {}
     return {
-        "limit_bytes": link.cap_bytes if request.accept_cost and link.cap_bytes is not None else 0,
+        "limit_bytes": link.cap_bytes if request.accept_cost else 0,
         "limit_words": f"over {link.name} of {host.site}, which is paid by the byte",
     }
 

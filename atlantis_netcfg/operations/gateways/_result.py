@@ -19,7 +19,7 @@ __all__ = ["GatewayResult"]
 
 _MENU = "roles"
 _NO_PAST = "a gateway keeps no record of its changes"
-_PROTECTION = "files whole or not at all; the network under a timer that takes its change back; the firewall likewise"
+_PROTECTION = "files whole or not at all; a firewall without the way in is refused; the network changes under a timer"
 
 
 @dataclass(slots=True)

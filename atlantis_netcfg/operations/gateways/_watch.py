@@ -49,6 +49,7 @@ class Watch:
     """Host to site."""
     _results: dict[str, GatewayResult] = field(default_factory=dict)
     _started: dict[str, float] = field(default_factory=dict)
+    _answered: set[str] = field(default_factory=set)
 
     @property
     def _channel(self) -> Channel:
@@ -80,9 +81,11 @@ class Watch:
             self._channel.event(Event(host, stage, task))
 
     def ok(self, host: str, task: str, told: Mapping[str, Any]) -> None:
-        """A task ended well."""
+        """A task ended well; one that works out what is wanted has contacted nobody."""
         if host in self._results:
             self._results[host].ok(task, told)
+            if "per_host" not in told:
+                self._answered.add(host)
 
     def failed(self, host: str, task: str, told: Mapping[str, Any]) -> None:
         """A task failed, and with it the host."""
@@ -91,10 +94,10 @@ class Watch:
             self._results[host].failed(task, told, status)
 
     def unreachable(self, host: str, task: str, told: Mapping[str, Any]) -> None:
-        """The host does not answer: before its first change it is as it was, later nobody knows."""
+        """The host does not answer: if it never did it is as it was; how far a task had come nobody knows."""
         if host in self._results:
             result = self._results[host]
-            known = result.mode.reads_only or not result.changes
+            known = result.mode.reads_only or host not in self._answered
             result.failed(task, told, Status.LEFT_AS_FOUND if known else Status.UNKNOWN)
             result.hint = result.hint or "look at its power and its cable, then type the same again"
 

@@ -156,14 +156,15 @@ def test_a_rescued_failure_is_none(watch: Watch, listener: Listener) -> None:
     assert (result["status"], result["hint"]) == ("changed", None)
 
 
-@pytest.mark.parametrize(("changed", "status"), [(False, "left-as-found"), (True, "unknown")])
-def test_who_fell_silent_is_known_only_before_the_first_change(
-    watch: Watch, listener: Listener, *, changed: bool, status: str
+@pytest.mark.parametrize(("answered", "status"), [(False, "left-as-found"), (True, "unknown")])
+def test_who_fell_silent_is_known_only_who_never_answered(
+    watch: Watch, listener: Listener, *, answered: bool, status: str
 ) -> None:
     watch.begin([HOST])
-    watch.started(HOST, "Configure")
-    if changed:
-        watch.ok(HOST, "Configure", FILE)
+    watch.started(HOST, "Work out")
+    watch.ok(HOST, "Work out", {"changed": False, "per_host": {}})
+    if answered:
+        watch.ok(HOST, "Look", {"changed": False})
     watch.unreachable(HOST, "Install", {"msg": "Connection timed out"})
     watch.end({HOST})
     result = outcome(listener)
