@@ -14,6 +14,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.el
     OF_SYSTEMD,
 )
 from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.gateway.interop import PREFIX
+from atlantis_netcfg.operations.gateways.dds import ENVIRONMENT
 from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site.model import Gateway
@@ -23,14 +25,13 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["FileThere", "Promises", "UnitThere", "promises"]
+__all__ = ["BUILT", "ENVIRONMENT", "JOURNAL", "LOCALE", "SSHD", "FileThere", "Promises", "UnitThere", "promises"]
 
 SSHD = "/etc/ssh/sshd_config.d/"
 JOURNAL = "/etc/systemd/journald.conf.d/"
 FIREWALL = "/etc/nftables.conf"
 LOCALE = "/etc/default/locale"
-ENVIRONMENT = "/etc/atlantis/ros.env"
-BUILT = "/opt/atlantis/interop/current/build.json"
+BUILT = f"{PREFIX}/current/build.json"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import testinfra
 
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.request import Request
 
@@ -64,6 +66,10 @@ def ask(declaration: Declaration, promised: Promises, ssh_config: str | None) ->
     `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.
     """
     name = promised.host.name
+    try:
+        refuse_examples(declaration, rehearsed=ssh_config is not None)
+    except UsageError as error:
+        raise NotReached(f"{error}; {error.hint}") from None
     access = PARTS[ACCESS](declaration, promised.host, Request())
     options = [*_OPTIONS, f"HostKeyAlias={name}"]
     spec = f"ssh://{name}" if ssh_config else f"ssh://{access['user']}@{access['host']}:{access['port']}"

@@ -12,7 +12,7 @@ import pytest
 from atlantis_netcfg.site import load
 from checks import test_gateways as suite
 from checks.gateway_promises import BUILT, FileThere, Promises, UnitThere
-from checks.gateway_reached import Answers
+from checks.gateway_reached import Answers, NotReached, ask
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -136,3 +136,9 @@ def test_the_journal_keeps_its_bound(used: str, words: str | None) -> None:
     }
     with expected(words):
         suite.test_journal_is_bounded(promises, told(said=said))
+
+
+def test_an_inventory_of_examples_leads_to_no_computer() -> None:
+    declaration = load(ROOT / "inventory")
+    with pytest.raises(NotReached, match="still holds example values"):
+        ask(declaration, Promises(declaration.hosts["coastal-gateway"]), None)
