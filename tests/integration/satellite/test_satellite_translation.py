@@ -118,7 +118,7 @@ def as_nft(packet: Packet) -> Nft:
     )
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @drawn(export=firewalls(), some=st.lists(packets(), min_size=1, max_size=8))
 def test_the_translation_decides_as_the_model_of_the_chains(export: rsc.Export, some: list[Packet]) -> None:
     walk, ruleset = Walk(export), translate(export)
@@ -127,7 +127,7 @@ def test_the_translation_decides_as_the_model_of_the_chains(export: rsc.Export, 
 
 
 @pytest.mark.parametrize("site", SITES)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @drawn(packet=packets(), chain=st.sampled_from(["input", "forward", "output"]))
 def test_the_sites_own_filter_is_decided_alike(site: str, packet: Packet, chain: str) -> None:
     export = rendered(site).export
