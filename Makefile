@@ -22,7 +22,7 @@ rehearse: ## run a site against its emulated devices (SITE=coastal)
 test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 	@tools/develop system
 	@tools/strangers
-	python -P -m pytest -n auto --dist worksteal -m "not campaign and not arm64" $(ARGS)
+	python -P -m pytest -n $(WORKERS) --dist worksteal -m "not campaign and not arm64" $(ARGS)
 
 lint: ## check code, types, playbooks and roles; no warning is accepted
 	@tools/develop

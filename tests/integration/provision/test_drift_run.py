@@ -154,7 +154,13 @@ def test_ansible_in_check_mode_shows_the_same(at: Quay) -> None:
     done = subprocess.run(
         [
             *(sys.executable, "-m", "ansible", "playbook", "-i", str(at.inventory)),
-            *(str(CHECKOUT / "playbooks/site.yml"), "--limit", "coastal:!cpes:!lte_routers:!gateways", "--check", "--diff"),
+            *(
+                str(CHECKOUT / "playbooks/site.yml"),
+                "--limit",
+                "coastal:!cpes:!lte_routers:!gateways",
+                "--check",
+                "--diff",
+            ),
         ],
         cwd=CHECKOUT,
         env=at.environment(),
