@@ -35,7 +35,7 @@ def test_a_gateway_without_network_is_installed_from_a_bundle(quay: Quay) -> Non
     planned, said = quay.run(words=["--check"])
     assert planned == 0, said
     assert (told(said)["ready"], told(said)["carried_bytes"] > 900_000) == (False, True)
-    assert quay.gateway.run("ls -A /var/lib/atlantis 2>/dev/null", check=False).stdout == ""
+    assert quay.gateway.run("ls -A /var/lib/atlantis/bundle 2>/dev/null", check=False).stdout == ""
 
     first, said = quay.run(install(PACKAGES))
     assert first == 0, said
@@ -79,7 +79,8 @@ def test_a_carry_that_was_killed_is_resumed_and_sends_only_the_rest(quay: Quay) 
 
 def test_what_is_damaged_on_the_board_is_sent_again(quay: Quay) -> None:
     manifest = quay.bundle(PACKAGES)
-    assert quay.run()[0] == 0
+    code, said = quay.run()
+    assert code == 0, said
     pool = f"/var/lib/atlantis/bundle/{manifest.id}/repository/pool"
     quay.gateway.run(f"printf x | dd of=$(ls {pool}/mission-log*) bs=1 seek=100 conv=notrunc")
     code, said = quay.run(install(PACKAGES))
