@@ -17,6 +17,7 @@ from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.machine import standins
 from atlantis_netcfg.machine.standins.git_server import serve_git
+from atlantis_netcfg.machine.standins.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.machine.standins.interop import InteropProjects
 from atlantis_netcfg.operations.gateways._access import is_gateway
 from atlantis_netcfg.operations.request import StandIns, Target
@@ -86,7 +87,7 @@ def rehearsed_gateways(
         told = (
             _CLOCK,
             *(line for line in machine.NOT_REHEARSED if not line.startswith("the clock:")),
-            *(standins.NOT_REHEARSED if served is not None else ()),
+            *((*standins.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
         )
         yield RehearsedGateways(machines, targets, standins=served, not_rehearsed=told)
 

@@ -10,29 +10,27 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.machine import TreeSpec, tree, why_not, yard
+from atlantis_netcfg.machine import tree, why_not, yard
+from atlantis_netcfg.operations.gateways import is_gateway, tree_spec
+from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from atlantis_netcfg.machine import Machine, Yard
 
-SPEC = TreeSpec(
-    packages=(
-        *("ca-certificates", "cmake", "colcon", "g++", "git", "libyaml-cpp-dev", "make"),  # builds the library
-        *("python3-colcon-cmake", "python3-colcon-recursive-crawl"),  # what colcon finds and builds
-        *("chrony", "fake-hwclock", "locales"),  # every gateway has them
-        *("curl", "gnupg"),  # sources of packages
-        "nftables",
-    )
-)
+SHIPPED = load(Path(__file__).parents[3] / "inventory")
+SPEC = tree_spec(SHIPPED, [host for host in SHIPPED.hosts.values() if is_gateway(host)])
+"""That of a rehearsal of the shipped inventory, so that one tree is built for both."""
+FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
+"""A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
 NETWORK, ROUTER = "10.64.1.", "10.64.1.1"
 _FIRST = 10
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import ground, machine, ssh, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, ground, machine, ssh, technician  # noqa: F401 - fixtures
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
-FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
-"""A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
 CONF = "/etc/chrony/chrony.conf"
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
-FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
-"""A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
 ACCOUNT = "odroid"
 """Becomes root by sudo, as on the vendor's image."""
 CHRONYC = "/usr/local/sbin/chronyc"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
 from atlantis_netcfg.bundle import Keys, Order, Purpose, make, open_bundle, read_target
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 ROLES = ["gateway_base/offline", "gateway_base", "gateway_ros2", "gateway_interop", "gateway_dds"]
-FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
-"""A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
 TOKEN = "EXAMPLE-token-of-the-voyage"
 
 
