@@ -16,7 +16,7 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
 from atlantis_netcfg.machine._errors import MachineFailed
 from atlantis_netcfg.machine.hosts import Machine
 from atlantis_netcfg.machine.not_rehearsed import NOT_REHEARSED
-from atlantis_netcfg.machine.ready import why_not
+from atlantis_netcfg.machine.ready import provide, why_not
 from atlantis_netcfg.machine.relay import Traffic
 from atlantis_netcfg.machine.trees import TreeSpec, tree
 from atlantis_netcfg.machine.yards import Yard, yard
@@ -28,6 +28,7 @@ __all__ = [
     "Traffic",
     "TreeSpec",
     "Yard",
+    "provide",
     "tree",
     "why_not",
     "yard",

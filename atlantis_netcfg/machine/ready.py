@@ -1,4 +1,4 @@
-"""Tells whether machines can be run on this computer."""
+"""Tells whether machines can be run on this computer, and installs what they lack."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.machine._programs import asked
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
-__all__ = ["OFF", "why_not"]
+__all__ = ["OFF", "provide", "why_not"]
 
 OFF = "ATLANTIS_NO_MACHINES"
 """The variable of the environment that forbids machines, whatever its value is."""
@@ -25,27 +25,50 @@ _PROGRAMS = {
     "setpriv": "util-linux",
     "unshare": "util-linux",
     "mount": "mount",
+    "git": "git",
+    "gpg": "gnupg",
 }
-"""Program and the Debian package that brings it."""
+"""Program and the Debian package that brings it; stand-ins are served from repositories and signed."""
 _KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 
 
 def why_not(environ: Mapping[str, str] | None = None) -> str | None:
     """Why no machine can be run here, in a few words; None where machines run."""
+    if why := _unwanted(environ):
+        return why
+    packages = _missing()
+    return f"missing: apt install {' '.join(packages)}" if packages else _forbidden()
+
+
+def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = None) -> None:
+    """Install the packages that machines lack, where this is a Debian and its root asks; else do nothing.
+
+    What cannot be installed `why_not` names afterwards.
+    """
+    packages = () if _unwanted(environ) else _missing()
+    if not packages or shutil.which("apt-get") is None:
+        return
+    tell(f"installing {' '.join(packages)}")
+    quiet = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300")
+    install = (*quiet, "install", "-y", "--no-install-recommends", *packages)
+    if asked(install).returncode:
+        asked((*quiet, "update"))
+        asked(install)
+
+
+def _unwanted(environ: Mapping[str, str] | None) -> str | None:
     if (os.environ if environ is None else environ).get(OFF) is not None:
         return f"{OFF} is set"
     if sys.platform != "linux":
         return "not Linux"
-    if os.geteuid() != 0:
-        return "not root"
-    return _missing() or _forbidden()
+    return "not root" if os.geteuid() != 0 else None
 
 
-def _missing() -> str | None:
+def _missing() -> tuple[str, ...]:
     packages = {package for name, package in _PROGRAMS.items() if shutil.which(name) is None}
     if not _KEYRING.exists():
         packages.add("debian-archive-keyring")
-    return f"missing: apt install {' '.join(sorted(packages))}" if packages else None
+    return tuple(sorted(packages))
 
 
 def _forbidden() -> str | None:

@@ -71,6 +71,7 @@ def rehearsed_gateways(
     if not gateways:
         yield RehearsedGateways()
         return
+    machine.provide(lambda words: notify(Event(gateways[0].name, Stage.CONNECTING, words)))
     if why := machine.why_not():
         yield RehearsedGateways(left_out={host.name: why for host in gateways})
         return

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.machine import MachineFailed, ready, why_not, yard
+from atlantis_netcfg.machine import MachineFailed, provide, ready, why_not, yard
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +43,7 @@ def test_another_system(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_missing_programs_are_told_as_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
-    there = {"ip", "mount", "setpriv", "unshare", "nsenter"}
+    there = {"ip", "mount", "setpriv", "unshare", "nsenter", "git", "gpg"}
     monkeypatch.setattr(shutil, "which", lambda name: name if name in there else None)
     assert why_not({}) == "missing: apt install mmdebstrap systemd-container"
 
@@ -67,3 +67,38 @@ def test_a_yard_says_why_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setenv("ATLANTIS_NO_MACHINES", "1")
     with pytest.raises(MachineFailed, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"), yard(tmp_path):
         pytest.fail("it stands")
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What apt-get was asked for, on a computer without mmdebstrap; it fails until its lists are new."""
+    asked: list[str] = []
+
+    def run(words: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
+        asked.append(" ".join(words[words.index("apt-get") :]))
+        return subprocess.CompletedProcess(words, 0 if any(" update" in line for line in asked) else 100)
+
+    monkeypatch.setattr(shutil, "which", lambda name: None if name == "mmdebstrap" else name)
+    monkeypatch.setattr(ready, "asked", run)
+    return asked
+
+
+def test_what_is_missing_is_installed_for_root(installed: list[str]) -> None:
+    told: list[str] = []
+    provide(told.append, {})
+    assert told == ["installing mmdebstrap"]
+    install = "apt-get -qq -o DPkg::Lock::Timeout=300 install -y --no-install-recommends mmdebstrap"
+    assert installed == [install, "apt-get -qq -o DPkg::Lock::Timeout=300 update", install]
+
+
+def test_nothing_is_installed_unasked_or_for_others(installed: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    provide(lambda words: pytest.fail(words), {"ATLANTIS_NO_MACHINES": "1"})
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    provide(lambda words: pytest.fail(words), {})
+    assert installed == []
+
+
+def test_nothing_is_installed_where_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ready, "asked", lambda words: pytest.fail(str(words)))
+    provide(lambda words: pytest.fail(words), {})
+    assert ready._missing() == ()
