@@ -92,13 +92,13 @@ def test_what_is_missing_is_installed_for_root(installed: list[str]) -> None:
 
 
 def test_nothing_is_installed_unasked_or_for_others(installed: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    provide(lambda words: pytest.fail(words), {"ATLANTIS_NO_MACHINES": "1"})
+    provide(pytest.fail, {"ATLANTIS_NO_MACHINES": "1"})
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
-    provide(lambda words: pytest.fail(words), {})
+    provide(pytest.fail, {})
     assert installed == []
 
 
 def test_nothing_is_installed_where_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ready, "asked", lambda words: pytest.fail(str(words)))
-    provide(lambda words: pytest.fail(words), {})
+    provide(pytest.fail, {})
     assert ready._missing() == ()
