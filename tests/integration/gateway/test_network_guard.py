@@ -112,3 +112,27 @@ def test_the_role_tells_what_was_not_reached(network_stand: NetworkStand) -> Non
     assert "rolled_back: true" in said
     assert "hint: correct `network` of the host or `lan` of its site, then type the same again" in said
     assert network_stand.network() == before
+
+
+SLOW = '#!/bin/sh\nsleep 3\nexec /sbin/ifdown.real "$@"\n'
+KILLED = {"apply": "activ", "back": "activating"}
+"""Unit, and how `systemctl is-active` begins while it works."""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("verb", list(KILLED))
+def test_a_kill_while_its_tool_works(network_stand: NetworkStand, verb: str) -> None:
+    """Of the unit that changes the network, and of the one that takes it back."""
+    before = settled(network_stand, "ifupdown")
+    gateway = network_stand.gateway
+    gateway.run("mv /sbin/ifdown /sbin/ifdown.real")
+    gateway.put("/sbin/ifdown", SLOW, mode="0755")
+    network_stand.stage(changed("ifupdown", "10.64.1.10", "10.64.1.77", 8))
+    unit = f"atlantis-network-{verb}.service"
+    wait(lambda: gateway.run(f"systemctl is-active {unit}", check=False).stdout.startswith(KILLED[verb]))
+    wait(lambda: gateway.run(f"systemctl status {unit} | grep ifdown.*eth0", check=False).returncode == 0)
+    gateway.run(f"systemctl kill -s KILL {unit}")
+    assert gateway.run(f"test -e {STATE}/pending", check=False).returncode == 0
+    wait(lambda: gateway.run(f"test -e {STATE}/pending", check=False).returncode == 1)
+    assert network_stand.network() == before
+    unchanged(network_stand, "ifupdown")
