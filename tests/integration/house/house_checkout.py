@@ -23,7 +23,11 @@ SILENT_INDEX = "the package index does not answer"
 def clean_environment(**more: str) -> dict[str, str]:
     """What a new user of this machine has: a path, and the way to the package index; no HOME."""
     places = [place for place in os.environ["PATH"].split(":") if not place.startswith(f"{ROOT}/")]
-    kept = {name: os.environ[name] for name in (*INDEX_SETTINGS, "https_proxy", "http_proxy", "ATLANTIS_NO_MACHINES") if name in os.environ}
+    kept = {
+        name: os.environ[name]
+        for name in (*INDEX_SETTINGS, "https_proxy", "http_proxy", "ATLANTIS_NO_MACHINES")
+        if name in os.environ
+    }
     return {"PATH": ":".join(places), "LANG": "C.UTF-8"} | kept | more
 
 
