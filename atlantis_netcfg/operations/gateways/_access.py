@@ -22,7 +22,7 @@ def is_gateway(host: Host) -> bool:
 
 
 def gateway_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    """Give the variables of a connection: `host`, `port`, `user`, `become`, `ssh_args`, `key`.
+    """Give the variables of a connection: `host`, `port`, `user`, `become`, `ssh_args`, `metered`.
 
     The host key is kept in the technician's own known_hosts under the name of the host, whatever address it is reached
     by: taken at first contact, compared ever after. Raises UsageError if the site has no such bearer as `via=` names.
@@ -33,14 +33,15 @@ def gateway_access(declaration: Declaration, host: Host, request: Request) -> Ma
     target = request.targets.get(host.name) if request.rehearsed else None
     alias = f"-o HostKeyAlias={host.name}"
     if target is not None:
-        known = f"-o StrictHostKeyChecking=yes -o UserKnownHostsFile={target.known_hosts} -o IdentitiesOnly=yes"
+        known = f"-o StrictHostKeyChecking=yes -o UserKnownHostsFile={target.known_hosts}"
+        key = f"-o IdentityFile={target.identity} -o IdentitiesOnly=yes"
         return {
             "host": target.host,
             "port": target.port,
             "user": "root",
             "become": False,
-            "ssh_args": f"{alias} {known}",
-            "key": target.identity or "",
+            "ssh_args": f"{alias} {known} {key}",
+            "metered": "",
         }
     return {
         "host": str(device.address),
@@ -48,6 +49,5 @@ def gateway_access(declaration: Declaration, host: Host, request: Request) -> Ma
         "user": device.account,
         "become": device.account != "root",
         "ssh_args": f"{alias} -o StrictHostKeyChecking=accept-new",
-        "key": "",
         "metered": bearer.name if bearer.metered else "",
     }

@@ -6,6 +6,7 @@ import functools
 import json
 import socket
 import threading
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from gateway_stand import Key, Start
 
     from atlantis_netcfg.bundle import Manifest
+    from atlantis_netcfg.site import Declaration
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 ROLES = ["gateway_base/offline", "gateway_base", "gateway_ros2", "gateway_interop", "gateway_dds"]
@@ -56,9 +58,13 @@ class Voyage(Stand):
         (self.folder / "variables.json").write_text(json.dumps(told))
         return command
 
+    @property
+    def declaration(self) -> Declaration:
+        return load(self.inventory)
+
     def pack(self) -> Manifest:
         """What the laptop does ashore."""
-        declaration = load(self.inventory)
+        declaration = self.declaration
         wish = wish_of(declaration, declaration.hosts[NAME], self.request, tokens=True)
         status = (gateway_tree() / "var/lib/dpkg/status").read_bytes()
         target = replace(read_target(status, "tree"), distribution="ubuntu", codename="focal")
@@ -69,20 +75,26 @@ class Voyage(Stand):
         return made
 
 
-@pytest.fixture
-def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, Archive, str]]:
+@contextmanager
+def served(folder: Path, tag: str, token: str) -> Iterator[tuple[GitServer, Archive, str]]:
     """The partners' git server and ROS' archive; no machine reaches them."""
-    projects = make_interop(tmp_path / "served", "v1")
+    projects = make_interop(folder / "served", tag)
     more = [StandIn(name, "1.0") for name in ("build-essential", "gpsd", "python3-colcon-ros")]
-    archive = publish(tmp_path / "archive", [*ros_packages("foxy"), *more], codename="focal")
+    archive = publish(folder / "archive", [*ros_packages("foxy"), *more], codename="focal")
     server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(archive.folder)))
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
-    with serve_git(projects.folder, socket.create_server(("127.0.0.1", 0)), TOKEN) as git:
+    with serve_git(projects.folder, socket.create_server(("127.0.0.1", 0)), token) as git:
         yield git, archive, f"http://127.0.0.1:{server.server_address[1]}"
     server.shutdown()
     thread.join()
     server.server_close()
+
+
+@pytest.fixture
+def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, Archive, str]]:
+    with served(tmp_path, "v1", TOKEN) as there:
+        yield there
 
 
 @pytest.fixture

@@ -71,8 +71,9 @@ def test_a_rehearsed_gateway_is_reached_where_it_really_is(tmp_path: Path) -> No
     told = ask(tmp_path, "gateway_access", rehearsed=True, targets={HOST: target})
     assert set(told) == {HOST}
     reached = told[HOST]
-    assert (reached["host"], reached["port"], reached["user"], reached["key"]) == ("127.0.0.1", 2222, "root", "/i")
-    assert "StrictHostKeyChecking=yes" in reached["ssh_args"]
+    assert (reached["host"], reached["port"], reached["user"]) == ("127.0.0.1", 2222, "root")
+    for option in ("StrictHostKeyChecking=yes", "UserKnownHostsFile=/k", "IdentityFile=/i"):
+        assert f"-o {option}" in reached["ssh_args"]
 
 
 def test_a_real_gateway_is_pinned_under_its_own_name(tmp_path: Path) -> None:

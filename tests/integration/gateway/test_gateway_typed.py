@@ -1,0 +1,131 @@
+"""What a technician types on the quay: the whole command against a gateway at its declared address, from a bundle."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from gateway_role import NAME, ROOT
+from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from test_gateway_voyage import Voyage, served
+
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.site import load
+from bench.declared import Declared
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
+
+    from atlantis_netcfg.machine import Yard
+    from atlantis_netcfg.machine.standins import Archive
+    from atlantis_netcfg.machine.standins.git_server import GitServer
+    from atlantis_netcfg.site import Declaration
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+TOKEN = "a-real-interop-token"
+REPORTS = "https://gitlab.spaceapplications.com/c4i"
+
+
+class Typed(Voyage):
+    """The same with an inventory that holds no examples, and with `provision` itself."""
+
+    def __post_init__(self) -> None:
+        self.real = Declared.make(self.folder)
+
+    @property
+    def request(self) -> Request:
+        return Request(state=self.folder / "state")
+
+    @property
+    def declaration(self) -> Declaration:
+        return load(self.inventory, decrypt=lambda _sealed: TOKEN)
+
+    def provision(self, ground: Yard, *words: str) -> dict[str, Any]:  # noqa: F811 - not the fixture
+        """Type it where the laptop stands: in the network of the quay."""
+        typed = ["site=coastal", f"only={NAME}", f"inventory={self.inventory}", "--json", *words]
+        options = f"-F none -i {self.key.file} -o IdentitiesOnly=yes -o UserKnownHostsFile={self.known}"
+        more = {
+            "ATLANTIS_STATE": str(self.folder / "state"),
+            "ANSIBLE_HOME": str(self.folder / "ansible"),
+            "ANSIBLE_SSH_CONTROL_PATH_DIR": str(self.folder / "kept"),
+            "ANSIBLE_VAULT_PASSWORD_FILE": str(self.real.vault_password),
+            "ANSIBLE_SSH_EXTRA_ARGS": options,
+        }
+        done = subprocess.run(
+            [*ground.prefix(), sys.executable, "-m", "atlantis_netcfg", *typed],
+            cwd=ROOT,
+            env=os.environ | more,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.stdout.startswith("{"), done.stdout[:2000] + done.stderr[-2000:]
+        told: dict[str, Any] = json.loads(done.stdout)
+        return told
+
+
+@pytest.fixture
+def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, Archive, str]]:
+    with served(tmp_path, "v1.0.0", TOKEN) as there:
+        yield there
+
+
+@pytest.fixture
+def typed(
+    machine: Start,  # noqa: F811 - fixtures
+    technician: Key,  # noqa: F811
+    tmp_path: Path,
+    ashore: tuple[GitServer, Archive, str],
+) -> Typed:
+    git, archive, mirror = ashore
+    stand = Typed(machine(NAME), technician, tmp_path, [])
+    (stand.inventory / "keys").mkdir(exist_ok=True)
+    (stand.inventory / "keys" / "stand-in.gpg").write_bytes(archive.key)
+    pilot = stand.inventory / "group_vars/all/pilot.yml"
+    text = pilot.read_text().replace(REPORTS, git.url)
+    more = f"origin: snapshot\n      mirror: {mirror}\n      key_file: stand-in.gpg #"
+    pilot.write_text(text.replace("origin: snapshot #", more))
+    stand.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
+    stand.gateway.run("rm -f /etc/os-release /etc/apt/sources.list /etc/apt/sources.list.d/*; systemctl daemon-reload")
+    stand.gateway.put("/etc/os-release", "ID=ubuntu\nVERSION_CODENAME=focal\n")
+    return stand
+
+
+def test_it_is_planned_done_and_done_again(typed: Typed, ground: Yard) -> None:  # noqa: F811 - a fixture
+    typed.pack()
+    bundle = str(typed.folder / "bundle")
+    planned = typed.provision(ground, "--plan", "--offline", bundle)
+    assert (planned["exit"], planned["devices"][NAME]["status"]) == (2, "planned"), planned["errors"]
+    done = typed.provision(ground, "--yes", "--offline", bundle)
+    assert (done["exit"], done["devices"][NAME]["status"]) == (0, "changed"), done["errors"]
+    assert "ssh-ed25519" in typed.known.read_text(), "its host key was kept at first contact"
+    again = typed.provision(ground, "--yes", "--offline", bundle)
+    assert (again["exit"], again["devices"][NAME]["changes"]) == (0, [])
+    assert len(done["runs"]) == len(again["runs"]) == 1
+    shutil.rmtree(typed.folder / "kept")  # the connection that was kept open
+    typed.known.write_text(f"{NAME} {typed.key.public}\n")
+    other = typed.provision(ground, "--yes", "--offline", bundle)
+    assert (other["exit"], other["devices"][NAME]["status"]) == (4, "left-as-found"), other["errors"]
+
+
+def test_a_bundle_that_lacks_something_is_refused_before_anything_starts(typed: Typed, ground: Yard) -> None:  # noqa: F811
+    typed.pack()
+    pilot = typed.inventory / "group_vars/all/pilot.yml"
+    pilot.write_text(
+        pilot.read_text().replace(
+            "key_file: stand-in.gpg #", "key_file: stand-in.gpg\n      packages: [ros-foxy-more] #"
+        )
+    )
+    told = typed.provision(ground, "--yes", "--offline", str(typed.folder / "bundle"))
+    assert told["exit"] == 3
+    assert "ros-foxy-more" in told["errors"][0]["message"]
+    assert not typed.known.exists()
