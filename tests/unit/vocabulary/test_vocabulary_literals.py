@@ -25,6 +25,8 @@ NO_COMMANDS = {
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
 _PUT_IN = re.compile(r"(?:/ )?X\b")
+_OF_A_COMPUTER = re.compile(r"/(etc|media|opt|usr|var)/")
+"""Paths of gateways and laptops; RouterOS has no menu of these names."""
 _OPEN_END = re.compile(r"/X$")
 
 
@@ -37,7 +39,7 @@ def words_of(literal: Literal) -> str:
 def unknown(literal: Literal, tree: Tree) -> set[str]:
     """Return what the version does not have of a text."""
     text = words_of(literal)
-    if literal.text in NO_COMMANDS or known(text) or known("/", text.removeprefix("/")):
+    if literal.text in NO_COMMANDS or _OF_A_COMPUTER.match(text) or known(text) or known("/", text.removeprefix("/")):
         return set()
     if any(text.startswith(menu) and tree.version < first for menu, (first, _) in SINCE.items()):
         return set()
@@ -57,6 +59,11 @@ def test_every_text_is_a_command_or_a_menu(tree: Tree) -> None:
             odd[f"{literal.file}:{literal.line}"] = found
     assert odd == {}
     assert len(literals()) > 150
+
+
+@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+def test_no_menu_begins_like_a_computers_path(tree: Tree) -> None:
+    assert not any(tree.has_menu(name) for name in ("/etc", "/media", "/opt", "/usr", "/var"))
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
