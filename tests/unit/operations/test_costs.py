@@ -93,6 +93,26 @@ def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(
     gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode, accept_cost=True))
 
 
+def test_a_gateway_spends_nothing_unasked_either(declaration: Declaration, tmp_path: Path) -> None:
+    gateway = declaration.hosts["coastal-gateway"]
+    over = {"via": {gateway.name: "satellite"}, "command": "provision site=coastal"}
+    for mode in (Mode.PLAN, Mode.APPLY, Mode.DRIFT):
+        asked = Request(state=tmp_path, mode=mode, **over)
+        with pytest.raises(CostRefused, match="nothing was sent: over satellite of coastal"):
+            gate(declaration, [gateway], asked)
+        gate(declaration, [gateway], asked.model_copy(update={"accept_cost": True}))
+    (look,) = beforehand(declaration, [gateway], Request(state=tmp_path, mode=Mode.PLAN, **over))
+    (work,) = beforehand(declaration, [gateway], Request(state=tmp_path, **over))
+    assert (look.at_most, work.at_most) == (False, True)
+    assert look.bill.payload_bytes < work.bill.payload_bytes < 200_000
+    assert look.bill.seconds < work.bill.seconds
+    both = beforehand(declaration, [gateway, declaration.hosts[ROUTER]], request(tmp_path))
+    assert both == beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path)), "each by its own way"
+    gate(declaration, [gateway], Request(state=tmp_path, mode=Mode.BACKUP, **over))
+    with pytest.raises(CostRefused, match="no action may send more than"):
+        gate(capped(declaration, 0.05), [gateway], Request(state=tmp_path, accept_cost=True, **over))
+
+
 def test_a_playbook_is_told_its_own_word(declaration: Declaration, tmp_path: Path) -> None:
     plain = Request(state=tmp_path, via={ROUTER: "satellite"})
     with pytest.raises(CostRefused) as refused:

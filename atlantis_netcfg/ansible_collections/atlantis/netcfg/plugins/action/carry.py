@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from ansible.errors import AnsibleActionFail, AnsibleError
 from ansible.plugins.action import ActionBase
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin
 from atlantis_netcfg.errors import NetcfgError
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ _PLACE = "/var/tmp"  # noqa: S108 - a private file is made in it; /tmp may be th
 _MEGABYTE = 1_000_000
 
 
-class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+class ActionModule(Thin):
     """One host; a bundle that is there already costs one round trip."""
 
     TRANSFERS_FILES = False
@@ -41,7 +42,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Ask, send, and let the board put it together."""
-        result: dict[str, Any] = super().run(tmp, task_vars)
+        result: dict[str, Any] = ActionBase.run(self, tmp, task_vars)
         variables = task_vars or {}
         host = str(variables["inventory_hostname"])
         bundle = self._opened()
@@ -75,8 +76,7 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         if host is not None:
             files = bundle.manifest.of(host).items()
             arguments["files"] = [{"path": path, "size": file.size, "sha256": file.sha256} for path, file in files]
-        answer: dict[str, Any] = self._execute_module("atlantis.netcfg.bundle", arguments, task_vars=variables)
-        return answer
+        return self.thin("bundle", arguments, variables)
 
     def _refuse_unpaid(self, size: int, variables: dict[str, Any]) -> None:
         """Hold that a person pays for what goes over a metered link."""

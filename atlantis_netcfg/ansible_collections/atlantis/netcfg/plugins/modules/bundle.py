@@ -48,7 +48,7 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils.bundle_store import FOLDER, Held, Store
 from ..module_utils.refused import Refused
 
-_ARGUMENTS: dict[str, Any] = {
+ARGUMENTS: dict[str, Any] = {
     "id": {"type": "str", "required": True},
     "files": {
         "type": "list",
@@ -64,7 +64,7 @@ _ARGUMENTS: dict[str, Any] = {
 
 def main() -> None:
     """Answer Ansible."""
-    module = AnsibleModule(argument_spec=_ARGUMENTS, supports_check_mode=True)
+    module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
     name, told = module.params["id"], module.params["files"]
     files = tuple(Held(**one) for one in told) if told is not None else None
     if not re.fullmatch(r"[0-9a-f]{16}", name) or any(".." in one.path.split("/") for one in files or ()):

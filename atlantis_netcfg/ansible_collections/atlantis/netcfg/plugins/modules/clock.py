@@ -43,13 +43,12 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils.clock import TOLERANCE_S, Clock
 from ..module_utils.refused import Refused
 
+ARGUMENTS = {"now": {"type": "float", "required": True}, "tolerance_s": {"type": "float", "default": TOLERANCE_S}}
+
 
 def main() -> None:
     """Run the module."""
-    module = AnsibleModule(
-        {"now": {"type": "float", "required": True}, "tolerance_s": {"type": "float", "default": TOLERANCE_S}},
-        supports_check_mode=True,
-    )
+    module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     clock = Clock(check=module.check_mode)
     try:
         clock.converge(module.params["now"], module.params["tolerance_s"])

@@ -29,7 +29,7 @@ options:
     elements: dict
     default: []
     suboptions:
-      path: {description: Absolute path., type: path, required: true}
+      path: {description: Absolute path., type: str, required: true}
       content: {description: The text., type: str, required: true}
   keys:
     description: Key files of the sources, binary or armoured. Each holds one key.
@@ -37,7 +37,7 @@ options:
     elements: dict
     default: []
     suboptions:
-      path: {description: Absolute path., type: path, required: true}
+      path: {description: Absolute path., type: str, required: true}
       content_base64: {description: The file., type: str, required: true}
       fingerprint: {description: Of the key, 40 hex digits., type: str, required: true}
   pins:
@@ -46,12 +46,12 @@ options:
     elements: dict
     default: []
     suboptions:
-      path: {description: Absolute path., type: path, required: true}
+      path: {description: Absolute path., type: str, required: true}
       content: {description: The text., type: str, required: true}
   absent:
     description: Files that name the same sources in another way; they are removed.
     type: list
-    elements: path
+    elements: str
     default: []
   expected:
     description: The system that all this is made for; another one is refused. Null is any.
@@ -65,7 +65,7 @@ options:
     description:
       - Folder of a bundle on the computer; apt uses nothing else then, and no network.
       - It is a flat repository, C(InRelease), C(Packages) and the packages, with its key in C(atlantis.gpg).
-    type: path
+    type: str
   limit_bytes:
     description:
       - More is not downloaded, neither packages nor lists of them; lists that are there are used then. Without lists
@@ -111,8 +111,8 @@ from ..module_utils.apt_sources import Sources, key_of
 from ..module_utils.refused import Refused
 from ..module_utils.tree import Tree
 
-_FILE = {"path": {"type": "path", "required": True}, "content": {"type": "str", "required": True}}
-_ARGUMENTS: dict[str, Any] = {
+_FILE = {"path": {"type": "str", "required": True}, "content": {"type": "str", "required": True}}
+ARGUMENTS: dict[str, Any] = {
     "packages": {
         "type": "list",
         "elements": "dict",
@@ -126,13 +126,13 @@ _ARGUMENTS: dict[str, Any] = {
         "default": [],
         "no_log": False,
         "options": {
-            "path": {"type": "path", "required": True},
+            "path": {"type": "str", "required": True},
             "content_base64": {"type": "str", "required": True},
             "fingerprint": {"type": "str", "required": True},
         },
     },
     "pins": {"type": "list", "elements": "dict", "default": [], "options": _FILE},
-    "absent": {"type": "list", "elements": "path", "default": []},
+    "absent": {"type": "list", "elements": "str", "default": []},
     "expected": {
         "type": "dict",
         "default": {},
@@ -142,7 +142,7 @@ _ARGUMENTS: dict[str, Any] = {
             "architectures": {"type": "list", "elements": "str", "default": []},
         },
     },
-    "offline": {"type": "path"},
+    "offline": {"type": "str"},
     "limit_bytes": {"type": "int"},
     "limit_words": {"type": "str", "default": ""},
     "notes": {"type": "list", "elements": "str", "default": []},
@@ -152,7 +152,7 @@ _ARGUMENTS: dict[str, Any] = {
 
 def main() -> None:
     """Answer Ansible."""
-    module = AnsibleModule(argument_spec=_ARGUMENTS, supports_check_mode=True)
+    module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
     asked = module.params
     expected = asked["expected"] or {}
     tree = Tree()

@@ -1,0 +1,59 @@
+"""What our modules need of `ansible.module_utils.basic`; in the tool it stands at that place.
+
+Parameters come over standard input, complete: the technician's computer has compared them with the argument spec.
+The result is the last line of standard output that begins with `MARK`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import syslog
+import zlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+__all__ = ["MARK", "AnsibleModule"]
+
+MARK = "ATLANTIS-RESULT "
+
+
+class AnsibleModule:
+    """`params`, `check_mode`, and the two ways to end; what else Ansible's class has, our modules do not use."""
+
+    def __init__(self, argument_spec: dict[str, Any], **_rules: Any) -> None:  # noqa: ANN401, ARG002 - as Ansible has it
+        asked = json.loads(zlib.decompress(sys.stdin.buffer.read()).decode())
+        self.params: dict[str, Any] = asked["params"]
+        self.check_mode: bool = asked["check"]
+        self._name: str = asked["name"]
+        if asked["log"]:
+            self._log_invocation()
+
+    def _log_invocation(self) -> None:
+        self.log("Invoked")
+
+    def log(self, msg: str) -> None:
+        """Leave a line in the computer's journal."""
+        syslog.openlog(f"ansible-{self._name}", 0, syslog.LOG_USER)
+        syslog.syslog(syslog.LOG_INFO, msg)
+
+    @staticmethod
+    def exit_json(**result: Any) -> NoReturn:  # noqa: ANN401 - as Ansible has it
+        """Tell a success and end."""
+        _tell(result)
+        sys.exit(0)
+
+    @staticmethod
+    def fail_json(msg: str, **result: Any) -> NoReturn:  # noqa: ANN401 - as Ansible has it
+        """Tell a failure and end."""
+        _tell({**result, "failed": True, "msg": msg})
+        sys.exit(1)
+
+
+def _tell(result: dict[str, Any]) -> None:
+    text = json.dumps(result, ensure_ascii=False, separators=(",", ":"))
+    sys.stdout.flush()
+    sys.stdout.buffer.write(f"\n{MARK}{text}\n".encode("utf-8", "replace"))
+    sys.stdout.buffer.flush()

@@ -1,0 +1,95 @@
+"""Sent ahead of a tool: takes it from standard input, puts it in its place whole or not at all, and runs it.
+
+Its arguments are the folder, the SHA-256 and the packed size of the tool, the mark of a result, and the module's name.
+What follows the tool on standard input are the module's parameters.
+"""
+
+# ruff: noqa: PTH103, PTH105, PTH108, PTH118, PTH208 - paths are text on the gateways' side
+
+from __future__ import annotations
+
+import bz2
+import contextlib
+import fcntl
+import hashlib
+import io
+import json
+import os
+import runpy
+import sys
+import tempfile
+import zipfile
+from typing import Any
+
+WORDS = "atlantis/module_utils/refused.py"
+"""In the tool: what an error of the operating system means for a person."""
+
+
+def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
+    """Install the tool and run the module; a failure is told as the module itself would tell it."""
+    packed = sys.stdin.buffer.read(int(size))
+    try:
+        tool = bz2.decompress(packed)
+    except (OSError, ValueError):
+        tool = b""
+    if hashlib.sha256(tool).hexdigest() != sha256:
+        _fail(mark, "the toolkit's program did not arrive whole", "type the same again")
+    name = f"{sha256}.pyz"
+    try:
+        _place(folder, name, tool)
+    except OSError as error:
+        words: dict[str, Any] = {"__name__": "refused"}
+        exec(zipfile.ZipFile(io.BytesIO(tool)).read(WORDS), words)  # noqa: S102 - what has just been compared
+        refused = words["in_words"](error, folder)
+        _fail(mark, refused.message, refused.hint)
+    _sweep(folder, name)
+    sys.argv = [os.path.join(folder, name), module]
+    runpy.run_path(sys.argv[0], run_name="__main__")
+
+
+def _place(folder: str, name: str, content: bytes) -> None:
+    before = os.umask(0o022)
+    try:
+        os.makedirs(folder, exist_ok=True)
+    finally:
+        os.umask(before)
+    handle, new = tempfile.mkstemp(dir=folder, prefix=".new-")
+    try:
+        with open(handle, "wb") as file:  # noqa: PTH123 - a handle
+            fcntl.flock(file, fcntl.LOCK_EX)
+            os.fchmod(file.fileno(), 0o644)
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+            os.replace(new, os.path.join(folder, name))
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(new)
+        raise
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _sweep(folder: str, name: str) -> None:
+    """Remove older tools and what power cuts have left, but nothing that another run has in use."""
+    for other in os.listdir(folder):
+        with contextlib.suppress(OSError):
+            if other != name:
+                handle = os.open(os.path.join(folder, other), os.O_RDONLY | os.O_NOFOLLOW)
+                try:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    os.unlink(os.path.join(folder, other))
+                finally:
+                    os.close(handle)
+
+
+def _fail(mark: str, message: str, hint: str) -> None:
+    print(f"\n{mark}{json.dumps({'failed': True, 'msg': message, 'hint': hint, 'changes': []})}")  # noqa: T201
+    sys.exit(1)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

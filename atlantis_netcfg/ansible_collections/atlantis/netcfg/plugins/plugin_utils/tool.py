@@ -1,0 +1,78 @@
+"""All our remote modules as one program for a gateway: a few dozen kB that go over its link once.
+
+Ansible itself sends every call of a module as a program of its own, 170 kB each.
+"""
+
+from __future__ import annotations
+
+import ast
+import bz2
+import hashlib
+import io
+import zipfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["INSTALL", "Tool", "build"]
+
+_PLUGINS = Path(__file__).parents[1]
+_BOARD = Path(__file__).parent / "board"
+INSTALL = _BOARD / "install.py"
+"""The program that takes a tool in on the gateway."""
+_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
+_BEGINNING = (1980, 1, 1, 0, 0, 0)
+"""The first time that a zip archive can hold; the same files make the same bytes at any time."""
+
+
+@dataclass(frozen=True)
+class Tool:
+    """An archive that Python runs as it is. It holds its files as they are, so that it packs well as a whole."""
+
+    content: bytes
+
+    @cached_property
+    def sha256(self) -> str:
+        """Its name on the gateways, in hex digits."""
+        return hashlib.sha256(self.content).hexdigest()
+
+    @cached_property
+    def packed(self) -> bytes:
+        """As it goes over the link. For these texts bzip2 is smaller than xz and deflate, and every Python has it."""
+        return bz2.compress(self.content)
+
+
+def build(plugins: Path = _PLUGINS) -> Tool:
+    """Make the tool of the modules as they are now; about 20 ms."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, text in sorted(_files(plugins)):
+            entry = zipfile.ZipInfo(name, _BEGINNING)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, text)
+    return Tool(buffer.getvalue())
+
+
+def _files(plugins: Path) -> Iterator[tuple[str, str]]:
+    yield "__main__.py", (_BOARD / "start.py").read_text(encoding="utf-8")
+    yield "ansible/module_utils/basic.py", (_BOARD / "basic.py").read_text(encoding="utf-8")
+    for package in ("ansible", "ansible/module_utils", "atlantis", "atlantis/modules", "atlantis/module_utils"):
+        yield f"{package}/__init__.py", ""
+    for path in plugins.glob("module_utils/*.py"):
+        yield f"atlantis/module_utils/{path.name}", path.read_text(encoding="utf-8")
+    for path in plugins.glob("modules/*.py"):
+        yield f"atlantis/modules/{path.name}", _undocumented(path.read_text(encoding="utf-8"))
+
+
+def _undocumented(text: str) -> str:
+    """Leave out what is for `ansible-doc` alone."""
+    lines = text.splitlines(keepends=True)
+    for statement in reversed(ast.parse(text).body):
+        names = {name.id for name in getattr(statement, "targets", ()) if isinstance(name, ast.Name)}
+        if names and names <= _DOCUMENTATION:
+            del lines[statement.lineno - 1 : statement.end_lineno]
+    return "".join(lines)

@@ -1,0 +1,140 @@
+"""Before and after the link: what is asked of a module, and what becomes of all that a gateway says."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+from typing import Any
+
+import pytest
+from ansible.module_utils.testing import patch_module_args
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import answer, checked, masked
+
+MODULES = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
+TOKEN = "glpat-of-nobody"
+BUILD = {"library": {"url": "https://git.example.org/a.git", "revision": "v1", "token": TOKEN}, "ros_setup": "/s"}
+
+
+class Asked(Exception):
+    """Stands for the end of a module's construction."""
+
+
+def said(stdout: str, stderr: str = "", rc: int = 0, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+    return {"stdout": stdout, "stderr": stderr, "rc": rc, **more}
+
+
+@pytest.mark.parametrize(
+    "name", ["configure", "packages", "build", "bundle", "clock", "network", "elsewhere", "connection_test"]
+)
+def test_a_module_is_asked_by_the_very_spec_that_it_asks_by(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = importlib.import_module(f"{MODULES}.{name}")
+    taken: dict[str, Any] = {}
+
+    def record(_self: object, argument_spec: dict[str, Any], **rules: Any) -> None:  # noqa: ANN401
+        taken.update(rules, argument_spec=argument_spec)
+        raise Asked
+
+    monkeypatch.setattr(module.AnsibleModule, "__init__", record)
+    with pytest.raises(Asked):
+        module.main()
+    rules = getattr(module, "RULES", {})
+    assert taken == {"argument_spec": module.ARGUMENTS, "supports_check_mode": True, **rules}
+    assert '"type": "path"' not in json.dumps(module.ARGUMENTS), "a path would be expanded on this computer"
+
+
+def test_a_module_is_an_ordinary_module_as_well(capsys: pytest.CaptureFixture[str]) -> None:
+    module = importlib.import_module(f"{MODULES}.elsewhere")
+    with patch_module_args({"variables": {}, "why": "because", "_ansible_check_mode": True}), pytest.raises(SystemExit):
+        module.main()
+    told = json.loads(capsys.readouterr().out)
+    assert (told["changed"], told["notes"]) == (False, [])
+    with patch_module_args({"variables": {}}), pytest.raises(SystemExit):
+        module.main()
+    assert json.loads(capsys.readouterr().out)["msg"] == "missing required arguments: why"
+
+
+def test_parameters_are_complete_and_of_their_types() -> None:
+    parameters, secrets, wrong = checked(
+        "configure", {"files": [{"path": "/a", "content": 1}], "units": [{"name": "b"}]}
+    )
+    assert (wrong, secrets) == (None, set())
+    (file,), (unit,) = parameters["files"], parameters["units"]
+    assert (file["content"], file["mode"], file["validate"], file["secret_content"]) == ("1", "0644", [], None)
+    assert (unit["enabled"], unit["wait"], parameters["absent"], parameters["way_in"]) == (None, True, [], None)
+    assert checked("clock", {"now": "12.5"})[0] == {"now": 12.5, "tolerance_s": 300}
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("clock", {}, "missing required arguments: now"),
+        ("clock", {"now": "noon"}, "unable to convert to float"),
+        ("clock", {"now": 1, "nwo": 2}, r"Unsupported parameters for \(atlantis.netcfg.clock\) module: nwo. Supported"),
+        ("configure", {"files": [{"path": "/a", "content": "", "moed": "0600"}]}, r"module: files\.moed"),
+        ("configure", {"files": [{"path": "/a"}]}, "one of the following is required: content, secret_content"),
+        ("build", {**BUILD, "library": {"url": "u"}}, "missing required arguments: revision found in library"),
+    ],
+)
+def test_what_is_wrong_is_told_before_anything_is_sent(name: str, arguments: dict[str, Any], words: str) -> None:
+    wrong = checked(name, arguments)[2]
+    assert wrong is not None
+    assert re.search(words, wrong), wrong
+
+
+def test_rules_between_parameters_hold_too() -> None:
+    told = {"by": "netplan", "interface": "e", "address": "a", "gateway": "g", "path": "/p", "content": "c"}
+    assert checked("network", {**told, "action": "stage"})[2] is None
+    assert "action is look but all of the following are missing: name" in str(
+        checked("network", {**told, "action": "look"})[2]
+    )
+
+
+def test_a_secret_is_shown_nowhere() -> None:
+    _, secrets, _ = checked("build", BUILD)
+    assert secrets == {TOKEN}
+    shown = masked(
+        {"msg": f"git said {TOKEN}", "notes": [TOKEN], "changed": True, "deep": {"a": [f"x{TOKEN}"]}}, secrets
+    )
+    assert TOKEN not in repr(shown)
+    assert shown["changed"] is True
+    _, secrets, wrong = checked("build", {**BUILD, "jobs": TOKEN})
+    assert TOKEN not in masked({"msg": str(wrong)}, secrets)["msg"]
+    cut = masked(answer(said("", f"Traceback\nValueError: {TOKEN}\n", 1), "build"), secrets)
+    assert TOKEN not in repr(cut)
+    assert cut["failed"] is True
+
+
+def test_the_last_marked_line_is_the_result_whatever_is_said_around_it() -> None:
+    around = (
+        f"Welcome aboard\n{MARK}broken\n{MARK}" + '{"changed": false}\n' + f'{MARK}{{"changed": true, "a": "\u2028"}}\n'
+    )
+    assert answer(said(f"{around}bye\n"), "clock") == {"changed": True, "a": "\u2028"}
+
+
+def test_what_only_ansible_may_say_is_not_taken_from_a_gateway() -> None:
+    told = f'{MARK}{{"ansible_facts": {{"a": 1}}, "_ansible_no_log": false, "changes": ["{{{{ 1 + 1 }}}}"]}}\n'
+    assert answer(said(told), "clock") == {"changes": ["{{ 1 + 1 }}"]}
+
+
+@pytest.mark.parametrize(
+    ("output", "words", "hint"),
+    [
+        (
+            said("motd\n", "Killed\n", 137),
+            "clock was cut off on this computer (exit 137):\nmotd\nKilled",
+            "type the same",
+        ),
+        (said("", "", 1), "clock was cut off on this computer (exit 1) without a word", "type the same"),
+        (said(f'{MARK}{{"cha', "", 137), "clock was cut off", "type the same"),
+        (said("", "/bin/sh: 1: python3: not found\n", 127), "has no Python where it is looked for", "apt-get install"),
+        (said("", "", 0, python=(3, 6)), "has Python 3.6, and at least 3.8 is needed", "Ubuntu 20.04"),
+    ],
+)
+def test_a_module_that_tells_no_result_has_failed(output: dict[str, Any], words: str, hint: str) -> None:
+    told = answer(output, "clock")
+    assert told["failed"] is True
+    assert words in told["msg"]
+    assert hint in told["hint"]

@@ -1,0 +1,160 @@
+"""The program that goes to a gateway: always the same bytes, whole or not at all in its place, and what it can do."""
+
+from __future__ import annotations
+
+import ast
+import errno
+import json
+import os
+import subprocess
+import sys
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import tool
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board import basic, install
+from atlantis_netcfg.operations.costs._gate import _TOOL
+
+PLUGINS = Path(tool.__file__).parents[1]
+MODULES = sorted(path.stem for path in (PLUGINS / "modules").glob("*.py"))
+ELSEWHERE = {"variables": {}, "ours": [], "why": "because"}
+
+
+def asked(name: str, params: dict[str, Any], *, check: bool = True) -> bytes:
+    return zlib.compress(json.dumps({"name": name, "params": params, "check": check, "log": False}).encode())
+
+
+def sent(folder: Path, made: tool.Tool, packed: bytes | None = None) -> subprocess.CompletedProcess[bytes]:
+    """What a gateway does with a tool that it did not have, and with a module behind it."""
+    packed = made.packed if packed is None else packed
+    return subprocess.run(
+        [sys.executable, "-I", tool.INSTALL, folder, made.sha256, str(len(made.packed)), basic.MARK, "elsewhere"],
+        input=packed + asked("elsewhere", ELSEWHERE),
+        capture_output=True,
+        check=False,
+    )
+
+
+def told(done: subprocess.CompletedProcess[bytes]) -> dict[str, Any]:
+    """The result that a program has told in its last line."""
+    line = done.stdout.decode().splitlines()[-1]
+    assert line.startswith(basic.MARK), done
+    found: dict[str, Any] = json.loads(line.removeprefix(basic.MARK))
+    return found
+
+
+def test_every_module_has_its_action_and_every_thin_action_its_module() -> None:
+    actions = {path.stem: path.read_text() for path in (PLUGINS / "action").glob("*.py")}
+    thin = {name for name, text in actions.items() if "(Thin)" in text and f'module = "{name}"' in text}
+    assert thin == set(MODULES)
+
+
+def test_the_same_files_are_the_same_bytes_and_go_over_a_dear_link(tmp_path: Path) -> None:
+    one, other = tool.build(), tool.build()
+    assert (one.content, one.packed) == (other.content, other.packed)
+    assert len(one.packed) <= _TOOL
+    copied = tmp_path / "plugins"
+    for name in ("modules", "module_utils"):
+        (copied / name).mkdir(parents=True)
+        for path in sorted((PLUGINS / name).glob("*.py"), reverse=True):
+            (copied / name / path.name).write_bytes(path.read_bytes())
+            os.utime(copied / name / path.name, (1e9, 1e9))
+    assert tool.build(copied).sha256 == one.sha256
+    (copied / "modules" / "clock.py").write_text("def main() -> None: pass\n")
+    assert tool.build(copied).sha256 != one.sha256
+
+
+def test_documentation_stays_here_and_the_rest_of_a_module_goes(tmp_path: Path) -> None:
+    (tmp_path / "tool").write_bytes(tool.build().content)
+    with zipfile.ZipFile(tmp_path / "tool") as archive:
+        assert archive.testzip() is None
+        for name in MODULES:
+            text = archive.read(f"atlantis/modules/{name}.py").decode()
+            assert "DOCUMENTATION" not in text
+            before = ast.parse((PLUGINS / "modules" / f"{name}.py").read_text()).body
+            assert len(ast.parse(text).body) == len(before) - 3
+        for path in (PLUGINS / "module_utils").glob("*.py"):
+            assert archive.read(f"atlantis/module_utils/{path.name}") == path.read_bytes()
+
+
+def test_the_shim_has_all_that_the_modules_use() -> None:
+    for name in MODULES:
+        for node in ast.walk(ast.parse((PLUGINS / "modules" / f"{name}.py").read_text())):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                used = node.value.id in ("module", "self")
+                assert not used or hasattr(basic.AnsibleModule, node.attr) or node.attr in ("params", "check_mode")
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ansible"):
+                assert (node.module, [one.name for one in node.names]) == (
+                    "ansible.module_utils.basic",
+                    ["AnsibleModule"],
+                )
+
+
+def test_a_tool_is_put_in_its_place_runs_and_older_ones_go(tmp_path: Path) -> None:
+    folder, made = tmp_path / "a" / "tool", tool.build()
+    folder.mkdir(parents=True)
+    (folder / "old.pyz").write_text("")
+    (folder / ".new-1").write_text("")
+    before = os.umask(0o077)
+    try:
+        done = sent(folder, made)
+    finally:
+        os.umask(before)
+    assert told(done) == {"changed": False, "changes": [], "notes": []}, done
+    (left,) = folder.iterdir()
+    assert (left.name, left.read_bytes(), left.stat().st_mode & 0o777) == (f"{made.sha256}.pyz", made.content, 0o644)
+    again = subprocess.run(
+        [sys.executable, "-I", left, "elsewhere"],
+        input=asked("elsewhere", ELSEWHERE),
+        capture_output=True,
+        check=False,
+    )
+    assert (again.returncode, told(again)["notes"]) == (0, [])
+
+
+@pytest.mark.parametrize("damage", ["short", "other"])
+def test_what_does_not_arrive_whole_is_not_put_anywhere(tmp_path: Path, damage: str) -> None:
+    made = tool.build()
+    packed = made.packed[:1000] if damage == "short" else bytes(len(made.packed))
+    done = sent(tmp_path / "tool", made, packed)
+    assert told(done)["msg"] == "the toolkit's program did not arrive whole"
+    assert done.returncode == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_card_that_cannot_be_written_is_told_in_words(tmp_path: Path) -> None:
+    (tmp_path / "tool").symlink_to("/proc/atlantis")
+    assert told(sent(tmp_path / "tool" / "here", tool.build()))["msg"].startswith(str(tmp_path))
+
+
+def test_a_full_card_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        install._place(str(tmp_path), "tool.pyz", b"tool")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_tool_that_is_in_use_stays(tmp_path: Path) -> None:
+    made = tool.build()
+    sent(tmp_path, made)
+    (used,) = tmp_path.iterdir()
+    running = subprocess.Popen(
+        [sys.executable, "-I", used, "elsewhere"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        while not any(str(used.stat().st_ino) in line for line in Path("/proc/locks").read_text().splitlines()):
+            assert running.poll() is None
+        install._sweep(str(tmp_path), "newer.pyz")
+        assert used.exists()
+    finally:
+        out, _ = running.communicate(asked("elsewhere", ELSEWHERE))
+    assert basic.MARK in out.decode()
+    install._sweep(str(tmp_path), "newer.pyz")
+    assert not used.exists()
