@@ -93,6 +93,10 @@ def rehearsed_gateways(
         yield RehearsedGateways(machines, targets, standins=served, not_rehearsed=told)
 
 
+def _has_network(host: Host) -> bool:
+    return isinstance(host.device, Gateway) and host.device.network is not None
+
+
 def tree_spec(declaration: Declaration, gateways: Sequence[Host]) -> machine.TreeSpec:
     """Name the Debian packages that these gateways ask for; a rehearsal has no network to fetch them from.
 
@@ -130,6 +134,7 @@ def _served(stack: ExitStack, ground: machine.Yard, declaration: Declaration, fo
     )
 
 
+_NETWORK = "the declared network of the gateways: a machine keeps the one that it was started with"
 _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 

@@ -40,8 +40,10 @@ def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[
     return wanted
 
 
-def _base(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:
-    return gateway_base(declaration, host).as_dict()
+def _base(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+    """In a rehearsal without the network, which is that of the machine, and which its tools do not own."""
+    wanted = gateway_base(declaration, host).as_dict()
+    return {name: told for name, told in wanted.items() if name != "network" or not request.rehearsed}
 
 
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:

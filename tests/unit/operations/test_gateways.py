@@ -14,6 +14,7 @@ from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.journal import SiteBusy, Store
 from atlantis_netcfg.operations.gateways import Watch, _watch, perform
 from atlantis_netcfg.operations.gateways._fetching import fetching, narrowed
+from atlantis_netcfg.operations.gateways.parts import PARTS
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.site import load
@@ -261,3 +262,13 @@ def test_stand_ins_take_the_place_of_servers_in_a_rehearsal_only(tmp_path: Path)
     assert built["library"]["url"] == "http://10.64.1.1:2/uv-interoperability.git"
     assert built["examples"]["url"] == "http://10.64.1.1:2/uv-interoperability-example.git"
     assert "token" not in str(built)
+
+
+def test_a_machine_keeps_its_own_network(tmp_path: Path) -> None:
+    inventory = tmp_path / "inventory"
+    shutil.copytree(SHIPPED, inventory)
+    host = inventory / "host_vars" / f"{HOST}.yml"
+    host.write_text(host.read_text("utf-8") + "  network: {by: netplan, interface: eth0}\n", "utf-8")
+    assert "network" not in ask(tmp_path, "gateway_base", inventory, rehearsed=True)[HOST]
+    declaration = load(inventory)
+    assert "network" in PARTS["gateway_base"](declaration, declaration.hosts[HOST], Request(state=tmp_path))
