@@ -67,8 +67,7 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Target
     if access.get("metered"):
         raise BundleRefused(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
     options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
-    key = ["-i", str(access["key"])] if access["key"] else []
-    words = [*options, *key, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
+    words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
     done = run(["ssh", *words])
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip().splitlines()

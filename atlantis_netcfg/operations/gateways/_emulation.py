@@ -35,8 +35,10 @@ __all__ = ["RehearsedGateways", "rehearsed_gateways", "tree_spec"]
 
 _CODENAME = machine.TreeSpec().release
 _STATE = (
-    "find /etc /opt /usr/local /var/lib/atlantis /var/lib/dpkg -xdev -type f -printf '%p %s %T@\\n' 2>/dev/null | sort"
+    "find /etc /opt /usr/local /var/lib/atlantis /var/lib/dpkg -xdev -path /var/lib/atlantis/tool -prune"
+    " -o -type f -printf '%p %s %T@\\n' 2>/dev/null | sort"
 )
+"""Without the toolkit's own program, which a plan sends as well: it is what looks."""
 _KEYS = serialization.Encoding.OpenSSH
 
 
