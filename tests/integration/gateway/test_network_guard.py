@@ -70,7 +70,7 @@ def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stan
     gateway = network_stand.gateway
     network_stand.stage(changed(by, "10.64.1.10", "10.64.1.77", 900))
     wait(lambda: gateway.run(f"grep -s ended_s {STATE}/applied | grep -v null", check=False).returncode == 0)
-    assert "10.64.1.77/24" in network_stand.network()["addresses"]
+    wait(lambda: "10.64.1.77/24" in network_stand.network()["addresses"])  # systemd-networkd sets it when it is asked
     gateway.power_cut()
     gateway.power_on(configured=False, wait_s=None)
     wait(lambda: gateway.runs and gateway.run("systemctl is-active multi-user.target", check=False).returncode == 0)
