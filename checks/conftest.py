@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.operations.gateways import is_gateway
+from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.site import choose, load
 from checks.gateway_promises import Promises, promises

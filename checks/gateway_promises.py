@@ -15,8 +15,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.el
 )
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.gateway.interop import PREFIX
-from atlantis_netcfg.operations.gateways.dds import ENVIRONMENT
-from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.computers.dds import ENVIRONMENT
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site.model import Gateway
 

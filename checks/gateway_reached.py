@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import testinfra
 
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.examples import refuse_examples
-from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.request import Request
 
 if TYPE_CHECKING:

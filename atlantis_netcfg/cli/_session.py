@@ -20,8 +20,8 @@ from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.costs import beforehand, gate
-from atlantis_netcfg.operations.gateways import is_gateway
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal

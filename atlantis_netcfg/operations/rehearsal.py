@@ -16,8 +16,8 @@ from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.events import ignore
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.computers import RehearsedGateways, rehearsed_gateways
 from atlantis_netcfg.operations.costs import ports_of
-from atlantis_netcfg.operations.gateways import RehearsedGateways, rehearsed_gateways
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit, not_rehearsed
 from atlantis_netcfg.operations.members import members_of

@@ -15,7 +15,7 @@ from atlantis_netcfg.bundle.programs import run
 from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
 from atlantis_netcfg.image.ext4 import Ext4
 from atlantis_netcfg.image.layouts import find
-from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.site.model import Gateway, ImageLayout
 
 if TYPE_CHECKING:

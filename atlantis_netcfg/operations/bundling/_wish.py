@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bundle import HostWish, Key, Library, Source, Wished
 from atlantis_netcfg.errors import NothingMatched
-from atlantis_netcfg.operations.gateways import is_gateway
-from atlantis_netcfg.operations.gateways.parts import PARTS
+from atlantis_netcfg.operations.computers import is_gateway
+from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.site import choose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.operations.gateways.parts import Part
+    from atlantis_netcfg.operations.computers.parts import Part
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Repository

@@ -38,12 +38,12 @@ from atlantis_netcfg.site.model.gateway import (
     AddressBy,
     Gateway,
     GatewayNetwork,
-    GatewaySsh,
     GpsSource,
     GpsTime,
     Image,
     ImageLayout,
     NetworkTool,
+    Ssh,
 )
 from atlantis_netcfg.site.model.gateways import (
     ConnectionTest,
@@ -70,6 +70,7 @@ from atlantis_netcfg.site.model.pilot import (
     Vehicle,
     VehicleKind,
     Vpn,
+    VpnService,
 )
 from atlantis_netcfg.site.model.radio import (
     Cpe,
@@ -132,7 +133,6 @@ __all__ = [
     "Forward",
     "Gateway",
     "GatewayNetwork",
-    "GatewaySsh",
     "Gateways",
     "GpsSource",
     "GpsTime",
@@ -180,6 +180,7 @@ __all__ = [
     "SignalBounds",
     "Sim",
     "Site",
+    "Ssh",
     "Ssid",
     "TerminalEvidence",
     "Text",
@@ -190,4 +191,5 @@ __all__ = [
     "Vpn",
     "VpnClient",
     "VpnServer",
+    "VpnService",
 ]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from atlantis_netcfg.site.model._box import LanBox
-from atlantis_netcfg.site.model.gateway import Gateway
+from atlantis_netcfg.site.model.gateway import Gateway, Ssh
 from atlantis_netcfg.site.model.lte import LteRouter
 from atlantis_netcfg.site.model.radio import Cpe
 from atlantis_netcfg.site.model.router import Router
@@ -20,6 +20,12 @@ class VpnServer(LanBox):
     """Runs the OpenVPN server."""
 
     kind: Literal["vpn_server"]
+    ssh: Ssh = Ssh()
+
+    @property
+    def account(self) -> str:
+        """The account by which the toolkit logs in."""
+        return self.ssh.user or "root"
 
 
 class ControlCentre(LanBox):

@@ -16,12 +16,12 @@ __all__ = [
     "AddressBy",
     "Gateway",
     "GatewayNetwork",
-    "GatewaySsh",
     "GpsSource",
     "GpsTime",
     "Image",
     "ImageLayout",
     "NetworkTool",
+    "Ssh",
     "SshKey",
 ]
 
@@ -126,7 +126,7 @@ class Image(Model):
     """Where the image was fetched, for people; nothing is fetched by the toolkit."""
 
 
-class GatewaySsh(Model):
+class Ssh(Model):
     """How the toolkit logs in: by key, as a technician does."""
 
     user: Account | None = None
@@ -175,7 +175,7 @@ class Gateway(LanBox):
     kind: Literal["gateway"]
     image: Image | None = None
     """None: no card is made for it here."""
-    ssh: GatewaySsh = GatewaySsh()
+    ssh: Ssh = Ssh()
     network: GatewayNetwork | None = None
     """None: the network stays as the image has it."""
     gps: GpsTime | None = None

@@ -20,6 +20,7 @@ __all__ = [
     "Vehicle",
     "VehicleKind",
     "Vpn",
+    "VpnService",
 ]
 
 
@@ -35,6 +36,15 @@ class TimeServer(Model):
 
     name: Text
     address: Address
+
+
+class VpnService(Model):
+    """A service of ours that partners may use, at the tunnel address of its host."""
+
+    name: Text
+    host: HostName
+    transport: Transport = Transport.TCP
+    port: Annotated[StrictInt, Field(ge=1, le=65535)]
 
 
 class Vpn(Model):
@@ -55,6 +65,8 @@ class Vpn(Model):
     """Pool of routers, gateways and servers of the sites."""
     cipher: Literal["aes256-gcm", "aes128-gcm"] = "aes256-gcm"
     """RouterOS does not negotiate: both ends name the same (MikroTik manual, OpenVPN)."""
+    services: tuple[VpnService, ...] = ()
+    """What every partner's devices may use, besides pings and the control centre's DDS."""
 
 
 class Partner(Model):
@@ -62,6 +74,8 @@ class Partner(Model):
 
     full_name: Text
     vpn_pool: Network
+    sees: tuple[Name, ...] = ()
+    """Vehicles, besides its own devices, that its devices may reach by ping and DDS, and that may reach them."""
 
 
 class VehicleKind(StrEnum):

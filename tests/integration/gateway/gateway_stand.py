@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.machine import tree, why_not, yard
-from atlantis_netcfg.operations.gateways import is_gateway, tree_spec
+from atlantis_netcfg.operations.computers import is_gateway, tree_spec
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.operations.gateways.dds import ENVIRONMENT, LOGIN, GatewayDds, gateway_dds
-from atlantis_netcfg.operations.gateways.parts import PARTS
+from atlantis_netcfg.operations.computers.dds import ENVIRONMENT, LOGIN, GatewayDds, gateway_dds
+from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Dds, RosDistribution

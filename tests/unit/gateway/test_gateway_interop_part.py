@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.gateway.interop import SERVICE, gateway_interop
-from atlantis_netcfg.operations.gateways.dds import gateway_dds
+from atlantis_netcfg.operations.computers.dds import gateway_dds
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import InteropService
 

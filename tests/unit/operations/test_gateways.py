@@ -12,9 +12,9 @@ import pytest
 
 from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.journal import SiteBusy, Store
-from atlantis_netcfg.operations.gateways import Watch, _watch, perform
-from atlantis_netcfg.operations.gateways._fetching import fetching, narrowed
-from atlantis_netcfg.operations.gateways.parts import PARTS
+from atlantis_netcfg.operations.computers import Watch, _watch, perform
+from atlantis_netcfg.operations.computers._fetching import fetching, narrowed
+from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.site import load

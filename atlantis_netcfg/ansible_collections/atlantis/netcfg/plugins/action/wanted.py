@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class ActionModule(Door):
-    """Door from a role to `atlantis_netcfg.operations.gateways`; argument `part` names the role."""
+    """Door from a role to `atlantis_netcfg.operations.computers`; argument `part` names the role."""
 
     _VALID_ARGS = frozenset({"request", "part"})
 
     @staticmethod
     def perform(asked: Asked) -> Mapping[str, Any]:
         """Look it up in the declaration; refuse what this run may not do."""
-        from atlantis_netcfg.operations.gateways import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.computers import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         return perform(asked.inventory, asked.hosts, asked.request, asked.part, plan_only=asked.plan_only)

@@ -10,8 +10,8 @@ from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import StandIn, gateway_ros2
 from atlantis_netcfg.gateway.ros_key import ArchiveKey
-from atlantis_netcfg.operations.gateways._access import gateway_access
-from atlantis_netcfg.operations.gateways.dds import gateway_dds
+from atlantis_netcfg.operations.computers._access import gateway_access
+from atlantis_netcfg.operations.computers.dds import gateway_dds
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site import Declaration, Host
 

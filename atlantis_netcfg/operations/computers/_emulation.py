@@ -19,7 +19,7 @@ from atlantis_netcfg.machine import standins
 from atlantis_netcfg.machine.standins.git_server import serve_git
 from atlantis_netcfg.machine.standins.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.machine.standins.interop import InteropProjects
-from atlantis_netcfg.operations.gateways._access import is_gateway
+from atlantis_netcfg.operations.computers._access import is_gateway
 from atlantis_netcfg.operations.request import StandIns, Target
 from atlantis_netcfg.site.model import Gateway
 

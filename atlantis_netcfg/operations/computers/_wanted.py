@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.operations.asking import asked_for
+from atlantis_netcfg.operations.computers import _watch
+from atlantis_netcfg.operations.computers._access import is_gateway
+from atlantis_netcfg.operations.computers._fetching import bundle_of, fetching, narrowed
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
-from atlantis_netcfg.operations.gateways import _watch
-from atlantis_netcfg.operations.gateways._access import is_gateway
-from atlantis_netcfg.operations.gateways._fetching import bundle_of, fetching, narrowed
-from atlantis_netcfg.operations.gateways.parts import ACCESS, PARTS
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed, Outcome
 from atlantis_netcfg.operations.channel import Channel
-from atlantis_netcfg.operations.gateways._access import is_gateway
-from atlantis_netcfg.operations.gateways._result import GatewayResult
+from atlantis_netcfg.operations.computers._access import is_gateway
+from atlantis_netcfg.operations.computers._result import GatewayResult
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.routeros.apply import Status

@@ -1,7 +1,7 @@
-"""Callback `atlantis.netcfg.gateways`: lock, journal and results of a play over gateway computers.
+"""Callback `atlantis.netcfg.computers`: lock, journal and results of a play over gateway computers.
 
-Ordinary roles tell Ansible how each task ended; this hands it to `atlantis_netcfg.operations.gateways`, which holds the
-site's lock as long as the play lasts. Enabled in ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
+Ordinary roles tell Ansible how each task ended; this hands it to `atlantis_netcfg.operations.computers`, which holds
+the site's lock as long as the play lasts. Enabled in ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from ansible.plugins.callback import CallbackBase
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import inventory_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.operations.gateways import Watch
+    from atlantis_netcfg.operations.computers import Watch
 
 DOCUMENTATION = """
-name: gateways
+name: computers
 type: notification
-short_description: Lock, journal and results of gateway computers
+short_description: Lock, journal and results of computers
 description:
   - Holds the lock of each site while the roles of its gateways run, and writes its journal.
   - Hands the result of every gateway to C(provision), if that is who asked.
@@ -30,11 +30,11 @@ GROUP = "gateways"
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """Ears only: what is to be done with it stands in `operations.gateways`."""
+    """Ears only: what is to be done with it stands in `operations.computers`."""
 
     CALLBACK_VERSION = 2.0
     CALLBACK_TYPE = "notification"
-    CALLBACK_NAME = "atlantis.netcfg.gateways"
+    CALLBACK_NAME = "atlantis.netcfg.computers"
     CALLBACK_NEEDS_ENABLED = True
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         hosts = manager._inventory.get_hosts(play.hosts)  # noqa: SLF001 - a callback is not told in another way
         if self._watch is not None or GROUP not in play.hosts or not hosts:
             return
-        from atlantis_netcfg.operations.gateways import Watch  # noqa: PLC0415 - Ansible imports every plugin
+        from atlantis_netcfg.operations.computers import Watch  # noqa: PLC0415 - Ansible imports every plugin
         from atlantis_netcfg.operations.request import Request, consent  # noqa: PLC0415 - as above
 
         variables = manager.get_vars(play=play, host=hosts[0])

@@ -6,9 +6,9 @@ a `Watch` in Ansible's main process holds the site's lock, writes its journal, a
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.gateways._access import is_gateway
-from atlantis_netcfg.operations.gateways._emulation import RehearsedGateways, rehearsed_gateways, tree_spec
-from atlantis_netcfg.operations.gateways._wanted import perform
-from atlantis_netcfg.operations.gateways._watch import Watch
+from atlantis_netcfg.operations.computers._access import is_gateway
+from atlantis_netcfg.operations.computers._emulation import RehearsedGateways, rehearsed_gateways, tree_spec
+from atlantis_netcfg.operations.computers._wanted import perform
+from atlantis_netcfg.operations.computers._watch import Watch
 
 __all__ = ["RehearsedGateways", "Watch", "is_gateway", "perform", "rehearsed_gateways", "tree_spec"]

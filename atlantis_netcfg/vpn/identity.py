@@ -1,0 +1,147 @@
+"""Who is in the VPN: members with a fixed address, each with one certificate, or two while it is renewed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from datetime import datetime
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.secret import Secret
+
+__all__ = ["TIMERS", "Certificate", "Identity", "KeyType", "Kind", "Link", "Member", "Roll", "Standing", "Wrap"]
+
+
+class Kind(StrEnum):
+    """What a member is; `host` is a declared computer of a site, everything else is a partner's or a site's router."""
+
+    ROBOT = "robot"
+    LAPTOP = "laptop"
+    ROUTER = "router"
+    HOST = "host"
+
+
+class Link(StrEnum):
+    """What carries the tunnel of a member at its worst: sets its timers."""
+
+    FIBRE = "fibre"
+    LTE = "4g"
+    SATELLITE = "satellite"
+
+
+TIMERS: Mapping[Link, tuple[int, int]] = {Link.FIBRE: (10, 60), Link.LTE: (25, 120), Link.SATELLITE: (60, 300)}
+"""`ping` and `ping-restart` in seconds. Satellite: 0.2 MB a day, gaps of 70 s are outlived (facts 9); 4G [inferred]:
+mobile networks forget a silent UDP flow after half a minute."""
+
+
+class Wrap(StrEnum):
+    """How the control channel is wrapped; the shared key is for clients that know no better."""
+
+    TLS_CRYPT_V2 = "tls-crypt-v2"
+    TLS_CRYPT = "tls-crypt"
+
+
+class KeyType(StrEnum):
+    """Kind of a member's key; RSA for what has not been seen to work with elliptic curves."""
+
+    EC = "ec"
+    RSA = "rsa"
+
+
+class Standing(StrEnum):
+    """What a certificate is worth."""
+
+    ISSUED = "issued"
+    """Good, and not yet seen in use."""
+    SEEN = "seen"
+    """Good, and the server has seen it."""
+    SUPERSEDED = "superseded"
+    """Its successor was seen: the server admits it no more, and the next list will hold it."""
+    REVOKED = "revoked"
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """One certificate of a member."""
+
+    common_name: str
+    """The member's name, and for a successor `.2`, `.3`, …: each has its own file at the server, and is seen alone."""
+    serial: int
+    sha256: str
+    """Of its DER form, hex."""
+    not_before: datetime
+    not_after: datetime
+    wrap: Wrap
+    key: KeyType
+    standing: Standing
+    seen: datetime | None = None
+    """Last time that the server was seen to have a session of it."""
+    revoked: datetime | None = None
+    reason: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether the server admits it, its dates aside."""
+        return self.standing in {Standing.ISSUED, Standing.SEEN}
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One device, from its onboarding on; it is kept for ever, so that its name is never given again."""
+
+    name: str
+    """`PARTNER-DEVICE`, or the name of a declared host."""
+    kind: Kind
+    partner: str | None
+    """Key in the declaration; None: the pilot's own."""
+    device: str
+    address: IPv4Address
+    link: Link
+    vehicle: str | None
+    """Key in the declaration of the robot that it is; None: none of them."""
+    certificates: tuple[Certificate, ...]
+    """Oldest first."""
+
+    @property
+    def good(self) -> tuple[Certificate, ...]:
+        """What the server admits, its dates aside."""
+        return tuple(one for one in self.certificates if one.good)
+
+
+@dataclass(frozen=True, slots=True)
+class Roll:
+    """What the ledger says."""
+
+    members: Mapping[str, Member]
+    """By name, in the order of their onboarding."""
+    crl_number: int
+    crl_sha256: str
+    """Of the list that was published last."""
+    crl_next_update: datetime
+    queued: tuple[str, ...]
+    """Common names that were revoked, and of which the server has not confirmed that they are dead."""
+
+    def certificates(self) -> Iterator[tuple[Member, Certificate]]:
+        """Every certificate with whose it is."""
+        for member in self.members.values():
+            for certificate in member.certificates:
+                yield member, certificate
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a member proves itself with: held in memory from its making to its hand-out, and written by that alone."""
+
+    member: Member
+    certificate: Certificate
+    ca: str
+    """PEM, as all of these."""
+    cert: str
+    key: Secret
+    """PKCS #8, not encrypted."""
+    wrap_key: Secret
+    """tls-crypt-v2 client key, or the shared tls-crypt key, as `certificate.wrap` says."""
