@@ -9,13 +9,12 @@ from __future__ import annotations
 import base64
 import hashlib
 import shutil
+import sys
 import zipfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+import pip
 from house_checkout import ROOT
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MAIN = """\
 import json, os, sys
@@ -65,6 +64,26 @@ def small_checkout(place: Path) -> Path:
     (place / "atlantis_netcfg" / "__init__.py").write_text("")
     (place / "atlantis_netcfg" / "__main__.py").write_text(MAIN)
     return place
+
+
+def quick_python(place: Path, real: str | None = None) -> Path:
+    """A Python whose `venv` copies pip: ensurepip would install and compile it, 6 s of work for each environment.
+
+    Of the real one there is a test in test_launcher.py, one in test_launcher_python.py, and the first start of the real
+    checkout.
+    """
+    where = Path(pip.__file__).parent
+    real = real or str(Path(sys.base_prefix) / "bin" / f"python3.{sys.version_info.minor}")
+    library = f"lib/python3.{sys.version_info.minor}/site-packages"
+    copied = place / "pip"
+    shutil.copytree(where, copied / where.name)
+    for beside in where.parent.glob("pip-*.dist-info"):
+        shutil.copytree(beside, copied / beside.name)
+    script = place / "quick-python"
+    make = f'"{real}" -I -m venv --without-pip "$4" && exec cp -R "{copied}/." "$4/{library}/"'
+    script.write_text(f'#!/bin/sh\ncase "$*" in "-I -m venv "*) {make} ;; *) exec "{real}" "$@" ;; esac\n')
+    script.chmod(0o755)
+    return script
 
 
 def folder_of_wheels(place: Path) -> Path:

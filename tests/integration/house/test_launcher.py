@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from house_checkout import NOBODY, as_nobody, clean_environment, let_others_pass, start
-from house_small import folder_of_wheels, small_checkout
+from house_small import folder_of_wheels, quick_python, small_checkout
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,7 +41,9 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def offline(wheels: Path) -> dict[str, str]:
     """No HOME, no index: only the folder of wheels."""
-    environment = clean_environment(PIP_NO_INDEX="1", PIP_FIND_LINKS=str(wheels))
+    environment = clean_environment(
+        PIP_NO_INDEX="1", PIP_FIND_LINKS=str(wheels), ATLANTIS_PYTHON=str(quick_python(wheels.parent))
+    )
     return {name: value for name, value in environment.items() if "INDEX_URL" not in name}
 
 
@@ -67,7 +69,8 @@ def made(tmp_path_factory: pytest.TempPathFactory, offline: dict[str, str]) -> P
         "VIRTUAL_ENV": "/nonexistent",
     }
     checkout = small_checkout(base / "a checkout with spaces")
-    first = start(checkout, "one", environment=offline | hostile)
+    machine = {name: value for name, value in offline.items() if name != "ATLANTIS_PYTHON"}
+    first = start(checkout, "one", environment=machine | hostile)
     assert told(first)["argv"] == ["one"]
     (base / "first.stderr").write_text(first.stderr)
     return checkout
@@ -177,10 +180,13 @@ def test_a_half_made_environment_is_made_anew(damage: str, checkout: Path, offli
     [("http://127.0.0.1:1/", "does not answer"), ("https://127.0.0.1:{port}/", "is the clock right?")],
     ids=["silent", "not to be trusted"],
 )
-def test_an_index_that_is_of_no_use(index: str, said: str, tmp_path: Path, untrusted: int) -> None:
+def test_an_index_that_is_of_no_use(
+    index: str, said: str, tmp_path: Path, untrusted: int, offline: dict[str, str]
+) -> None:
     checkout = small_checkout(tmp_path / "checkout")
     environment = {name: value for name, value in clean_environment().items() if not name.startswith("PIP_")}
     settings = {"PIP_INDEX_URL": index.format(port=untrusted), "PIP_RETRIES": "1", "PIP_CONFIG_FILE": "/dev/null"}
+    settings["ATLANTIS_PYTHON"] = offline["ATLANTIS_PYTHON"]
     refused = start(checkout, environment=environment | settings)
     assert (refused.returncode, refused.stdout) == (3, "")
     assert said in refused.stderr
@@ -238,10 +244,12 @@ def test_two_first_starts_at_once(tmp_path: Path, offline: dict[str, str]) -> No
 
 
 def test_ctrl_c_is_told_and_undone_by_the_next_start(tmp_path: Path, offline: dict[str, str]) -> None:
+    """With the real `venv`, which is long enough in work to be stopped in it."""
     checkout = small_checkout(tmp_path / "checkout")
+    slow = {name: value for name, value in offline.items() if name != "ATLANTIS_PYTHON"}
     with subprocess.Popen(
         [checkout / "provision"],
-        env=offline,
+        env=slow,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from house_checkout import as_nobody, clean_environment, let_others_pass, start
-from house_small import folder_of_wheels, small_checkout
+from house_small import folder_of_wheels, quick_python, small_checkout
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -42,7 +42,7 @@ class Machine:
 
     def python_without_venv(self) -> Path:
         """A Python that lacks its package until the file `installed` exists."""
-        real = "/usr/bin/python3"
+        real = quick_python(self.base)
         lacking = (
             f'[ -e "{self.base}/installed" ] || case "$*" in *can_make_venv*) echo "no python3-venv"; exit ;; esac'
         )
