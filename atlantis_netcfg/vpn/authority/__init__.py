@@ -1,0 +1,55 @@
+"""The authority's folder: what is issued, renewed and revoked there is recorded before it leaves.
+
+One process at a time writes, under a lock that the kernel frees. Each command is a transaction of the ledger: what a
+killed one left is finished or withdrawn by the next, so that repeating the command is always the way on. Files beside
+the ledger are copies of what it says, or are made out anew from it.
+
+    with Authority.open(folder).unlocked(passphrase, who) as signer:
+        signer.issue([Wish(...)], deliver)
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.vpn.authority._authority import Authority
+from atlantis_netcfg.vpn.authority._errors import (
+    AuthorityBusy,
+    AuthorityDamaged,
+    AuthorityFailed,
+    ClockBehind,
+    NameTaken,
+    NoAuthority,
+    NoSuchMember,
+    PoolFull,
+)
+from atlantis_netcfg.vpn.authority._signer import Signer
+from atlantis_netcfg.vpn.authority._types import (
+    CLIENT_DAYS,
+    Delivered,
+    Issued,
+    Revoked,
+    ServerNames,
+    Sighting,
+    Wish,
+)
+from atlantis_netcfg.vpn.ledger import Entry
+
+__all__ = [
+    "CLIENT_DAYS",
+    "Authority",
+    "AuthorityBusy",
+    "AuthorityDamaged",
+    "AuthorityFailed",
+    "ClockBehind",
+    "Delivered",
+    "Entry",
+    "Issued",
+    "NameTaken",
+    "NoAuthority",
+    "NoSuchMember",
+    "PoolFull",
+    "Revoked",
+    "ServerNames",
+    "Sighting",
+    "Signer",
+    "Wish",
+]

@@ -1,0 +1,96 @@
+"""What is asked of the authority, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.vpn.identity import KeyType, Link, Wrap
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address, IPv4Network
+
+    from atlantis_netcfg.vpn.identity import Certificate, Kind, Member
+
+__all__ = ["CLIENT_DAYS", "Delivered", "Issued", "Revoked", "ServerNames", "Sighting", "Wish"]
+
+CLIENT_DAYS = 397
+"""A year, and a month to renew in."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerNames:
+    """What the server's certificate is made out to; clients compare it with what they connect to."""
+
+    common_name: str
+    dns: tuple[str, ...]
+    addresses: tuple[IPv4Address, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One device that shall be a member."""
+
+    name: str
+    """`names.member_name(partner, device)`, or the name of a declared host (then `partner` is None)."""
+    kind: Kind
+    partner: str | None
+    device: str
+    address: IPv4Address | None = None
+    """Declared address; None: the next free one of `pool`."""
+    pool: IPv4Network | None = None
+    """Where the address must lie."""
+    link: Link = Link.FIBRE
+    vehicle: str | None = None
+    wrap: Wrap = Wrap.TLS_CRYPT_V2
+    key: KeyType = KeyType.EC
+    days: int = CLIENT_DAYS
+    """How long the certificate is good for."""
+    request_id: str = ""
+    """Recorded beside the certificate: whose request it answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """The one file that a member gets: it is on disk, whole, mode 0600."""
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Issued:
+    """A member with its newest certificate."""
+
+    member: Member
+    certificate: Certificate
+    delivered: Delivered
+    already: bool = False
+    """It was so before: nothing new was made."""
+    replaced: tuple[str, ...] = ()
+    """Common names that this one takes the place of, revoked because they were never seen in use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Revoked:
+    """What must be dead now."""
+
+    common_names: tuple[str, ...]
+    """Every certificate of these members that was ever handed out: no session of any of them may live."""
+    members: tuple[str, ...]
+    crl: bytes
+    """The published list, PEM."""
+    already: tuple[str, ...] = ()
+    """Those of `members` that had been revoked before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """What the record makes of the server's sessions."""
+
+    superseded: tuple[str, ...]
+    """Common names that are admitted no more from now on, because a successor was seen."""
+    strangers: tuple[str, ...]
+    """Common names that are not in the record."""
+    withdrawn: tuple[str, ...]
+    """Common names that were seen after they were revoked or superseded."""
