@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
-__all__ = ["Configuration", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
+__all__ = ["Configuration", "Directory", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
 
 
 class Part(Protocol):
@@ -22,6 +22,16 @@ class Package:
 
     name: str
     version: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Directory:
+    """A directory with a mode of its own; those above a file are made without being told."""
+
+    path: str
+    mode: str = "0755"
+    owner: str = "root"
+    group: str = "root"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +91,12 @@ class WayIn:
 class Configuration:
     """The parameters of `atlantis.netcfg.configure`."""
 
+    directories: tuple[Directory, ...] = ()
     files: tuple[File, ...] = ()
     links: tuple[Link, ...] = ()
     absent: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    """Folders that are ours alone: whatever else stands in them goes."""
     steps: tuple[Step, ...] = ()
     units: tuple[Unit, ...] = ()
     way_in: WayIn | None = None

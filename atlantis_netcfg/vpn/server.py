@@ -1,0 +1,239 @@
+"""Part `openvpn_server`: what the computer at the control centre holds so that it is the server of the VPN.
+
+Two kinds of files. Those of `server_conf` and what stands around it follow from the declaration alone: the tunnel
+starts anew when they change. The live ones (`live_files`) follow from the roll of members as well: OpenVPN reads them at
+the next handshake, the kernel at a reload, and every session goes on. Source of every line: facts 3 to 9.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package
+from atlantis_netcfg.render import environment
+from atlantis_netcfg.site.model import Router, VpnServer
+from atlantis_netcfg.vpn import _server_system as system
+from atlantis_netcfg.vpn.identity import TIMERS, Link
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from ipaddress import IPv4Address, IPv4Network
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.vpn.identity import Certificate, Member, Roll
+
+__all__ = [
+    "CCD",
+    "FIREWALL",
+    "FOLDER",
+    "INTERFACE",
+    "MANAGEMENT",
+    "SEEN",
+    "SERVICE",
+    "STATUS",
+    "OpenvpnServer",
+    "ccd",
+    "live_files",
+    "openvpn_server",
+    "server_conf",
+    "tunnel_address",
+]
+
+FOLDER = system.FOLDER
+CCD = f"{FOLDER}/ccd"
+"""One file for each certificate that is admitted, by its common name; ours alone."""
+FIREWALL = system.FIREWALL
+SERVICE = system.SERVICE
+INTERFACE = "tun0"
+MANAGEMENT = "/run/atlantis-vpn/management.sock"
+"""Takes one client at a time: a second one hangs without a word (facts 5)."""
+STATUS = "/run/atlantis-vpn/status"
+"""Status version 3, written in place every 10 s."""
+SEEN = system.SEEN
+"""`{"format": 1, "seen": {common name: {"last": seconds since 1970, "real": address:port, "address": …}}}`."""
+
+_PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3")
+_CIPHERS = ("AES-256-GCM", "CHACHA20-POLY1305", "AES-128-GCM")
+_COMMON_NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?(?:\.[1-9][0-9]{0,5})?")
+_CERT = f"{FOLDER}/server.crt"
+_CA = f"{FOLDER}/ca.crt"
+_SECRETS = {
+    f"{FOLDER}/server.key": "server/server.key",
+    f"{FOLDER}/tls-crypt-v2.key": "server/tls-crypt-v2.key",
+    f"{FOLDER}/tls-crypt.key": "server/tls-crypt.key",
+}
+"""Path on the server, and in the folder of the authority."""
+
+_SIGNED = 'printf %s "$2" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1 | grep -qx "verify OK"'
+"""`openssl crl -verify` ends with 0 whatever it finds."""
+_FOREIGN = (
+    "it is not signed by this authority, with which a revoked member would be let in: "
+    "look at `provision vpn status`, and type the same again"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenvpnServer:
+    """What the role installs and configures."""
+
+    packages: tuple[Package, ...]
+    configuration: Configuration
+    secrets: Mapping[str, Path]
+    """Path on the server to the file of the authority whose content belongs there, which is nowhere in here."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The parameters of its modules."""
+        packages = [{"name": package.name, "version": package.version} for package in self.packages]
+        return {
+            "packages": {"packages": packages},
+            "floor": dict(system.FLOOR),
+            "configure": self.configuration.as_dict(),
+            "secrets": {path: str(source) for path, source in self.secrets.items()},
+        }
+
+
+def openvpn_server(declaration: Declaration, host: Host, roll: Roll, authority: Path) -> OpenvpnServer:
+    """Work it out; of the authority's folder the public files are read. Raises UsageError where one is missing."""
+    ca, cert = (_read(authority, name).decode("ascii") for name in ("ca.crt", "server/server.crt"))
+    crl = _read(authority, "crl.pem")
+    secrets = {path: authority / source for path, source in _SECRETS.items()}
+    for source in secrets.values():
+        if not source.is_file():
+            raise _missing(authority, str(source.relative_to(authority)))
+    text = server_conf(declaration, host)
+    files = (
+        File(_CA, ca),
+        File(_CERT, cert),
+        File(system.CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=system.NO_CONF),
+        *system.files(),
+        *live_files(declaration, roll, crl, ca=ca),
+    )
+    return OpenvpnServer(
+        packages=tuple(Package(name) for name in _PACKAGES),
+        configuration=Configuration(
+            directories=(Directory(FOLDER, mode="0750"), Directory(CCD, mode="0750")),
+            files=files,
+            only=(CCD,),
+            steps=system.STEPS,
+            units=system.units((_CA, _CERT, *_SECRETS)),
+        ),
+        secrets=secrets,
+    )
+
+
+def live_files(declaration: Declaration, roll: Roll, crl: bytes, *, ca: str = "") -> tuple[File, ...]:
+    """What changes while the tunnel is up: who is admitted as what, who is revoked, and the firewall between them.
+
+    With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.
+    """
+    signed = ("sh", "-c", _SIGNED, "sh", "%s", ca) if ca else ()
+    return (
+        *(
+            File(f"{CCD}/{one.common_name}", ccd(member, one, declaration), mode="0640")
+            for member, one in sorted(roll.certificates(), key=lambda pair: pair[1].common_name)
+            if one.good
+        ),
+        File(f"{FOLDER}/crl.pem", crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
+        File(FIREWALL, _ruleset(declaration, roll), mode="0600", validate=("nft", "-c", "-f", "%s")),
+    )
+
+
+def _ruleset(declaration: Declaration, roll: Roll) -> str:
+    text: str = import_module("atlantis_netcfg.vpn.firewall").ruleset(declaration, roll)
+    return text
+
+
+def server_conf(declaration: Declaration, host: Host) -> str:
+    """Render the server's own configuration: from the declaration alone, so that no onboarding restarts the tunnel."""
+    vpn = declaration.pilot.vpn
+    device = host.device
+    assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
+    udp = vpn.transport.value == "udp"
+    ping_s, ping_restart_s = TIMERS[Link.FIBRE]
+    view = {
+        "proto": "udp4" if udp else "tcp4-server",
+        "local": device.address,
+        "port": vpn.port,
+        "interface": INTERFACE,
+        "address": tunnel_address(declaration, host),
+        "netmask": vpn.network.netmask,
+        "folder": FOLDER,
+        "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),
+        "ciphers": ":".join(sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _declared(vpn.cipher))),
+        "ping_s": ping_s,
+        "ping_restart_s": ping_restart_s,
+        "exit_notify": udp,
+        "management": MANAGEMENT,
+        "status": STATUS,
+    }
+    return environment().get_template("openvpn/server.conf.j2").render(server=view)
+
+
+def ccd(member: Member, certificate: Certificate, declaration: Declaration) -> str:
+    """Render what OpenVPN reads under the name of a certificate: address, timers, and the networks behind the member.
+
+    Raises UsageError for a name that is no file name of ours, and for an address outside the VPN: OpenVPN completes
+    half an address to somebody else's (facts 6).
+    """
+    vpn = declaration.pilot.vpn
+    if not _COMMON_NAME.fullmatch(certificate.common_name):
+        raise UsageError(f"`{certificate.common_name!a}` is no common name of this authority", hint=_BROKEN)
+    if member.address not in vpn.network:
+        raise UsageError(
+            f"{member.address} of {member.name} is outside the VPN's network {vpn.network}",
+            hint="put `pilot.vpn.network` back to what it was, or revoke the member",
+        )
+    view = {
+        "address": member.address,
+        "netmask": vpn.network.netmask,
+        "networks": tuple(_behind(declaration, member.name)) if member.partner is None else (),
+        "timers": TIMERS[member.link] if member.link is not Link.FIBRE else None,
+    }
+    return environment().get_template("openvpn/ccd.j2").render(member=view)
+
+
+_BROKEN = "the ledger is not as this toolkit writes it: `provision vpn audit`"
+
+
+def tunnel_address(declaration: Declaration, host: Host) -> IPv4Address:
+    """The server's own address in the VPN. Raises UsageError if none is declared."""
+    device = host.device
+    address = device.vpn_address if isinstance(device, VpnServer) else None
+    if address is None:
+        raise UsageError(
+            f"the VPN server {host.name} has no address in its own VPN",
+            hint=f"write `vpn_address:` in host_vars/{host.name}.yml, one of {declaration.pilot.vpn.infrastructure}",
+        )
+    return address
+
+
+def _declared(cipher: str) -> str:
+    return cipher.replace("-", "").upper()
+
+
+def _behind(declaration: Declaration, name: str) -> Iterator[IPv4Network]:
+    """Networks that a member routes: of a router that is its site's end of the VPN, the LAN and the management port."""
+    host = declaration.hosts.get(name)
+    if host is None or not isinstance(host.device, Router) or host.device.vpn_client is None:
+        return
+    site = declaration.sites[host.site]
+    yield from (site.lan.network, site.management.network)
+
+
+def _read(authority: Path, name: str) -> bytes:
+    try:
+        return (authority / name).read_bytes()
+    except FileNotFoundError:
+        raise _missing(authority, name) from None
+
+
+def _missing(authority: Path, name: str) -> UsageError:
+    return UsageError(
+        f"the VPN has no authority on this computer: there is no {name} in {authority}",
+        hint="make one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
+    )
