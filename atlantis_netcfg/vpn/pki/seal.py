@@ -1,0 +1,164 @@
+"""Files that only a passphrase or a recipient's key opens: age, which everybody can install, or ansible-vault.
+
+The CA's key is sealed by age with scrypt: a guess costs over a second and 256 MiB. PKCS #8's own encryption costs a
+third of a millisecond, and ansible-vault's 10 000 rounds a few (facts 12): its passphrase must therefore be long.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+from typing import TYPE_CHECKING
+
+import pyrage
+
+from atlantis_netcfg.vpn.pki._errors import RecipientRefused, SealDamaged, WeakPassphrase, WrongPassphrase
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.secret import Secret
+
+__all__ = [
+    "PASSPHRASE_MIN",
+    "VAULT_PASSPHRASE_MIN",
+    "check_recipient",
+    "seal",
+    "seal_for",
+    "unseal",
+    "unseal_with",
+    "vault_seal",
+    "vault_unseal",
+]
+
+PASSPHRASE_MIN = 12
+"""Characters; NIST SP 800-63B asks for 8 where guesses are counted. Nobody counts guesses at a file."""
+VAULT_PASSPHRASE_MIN = 20
+_ARMOR = re.compile(
+    rb"\s*-----BEGIN AGE ENCRYPTED FILE-----\r?\n([A-Za-z0-9+/=\r\n]+)-----END AGE ENCRYPTED FILE-----\s*"
+)
+_BY_PASSPHRASE = b"age-encryption.org/v1\n-> scrypt "
+_X25519 = re.compile(r"age1[02-9ac-hj-np-z]{58}")
+
+
+def seal(data: bytes, passphrase: Secret) -> bytes:
+    """Encrypt; text that `age --decrypt` opens as well. Takes over a second by intent. Raises WeakPassphrase."""
+    _check_length(passphrase, PASSPHRASE_MIN)
+    return bytes(pyrage.passphrase.encrypt(data, passphrase.reveal(), armored=True))
+
+
+def unseal(sealed: bytes, passphrase: Secret) -> bytes:
+    """What `seal` or `age --passphrase` has encrypted. Raises WrongPassphrase, SealDamaged."""
+    if not _binary(sealed).startswith(_BY_PASSPHRASE):
+        raise SealDamaged("this is no file that age has sealed with a passphrase", hint=_RESTORE)
+    try:
+        return bytes(pyrage.passphrase.decrypt(sealed, passphrase.reveal()))
+    except pyrage.DecryptError as error:
+        raise _opening(error) from None
+
+
+def check_recipient(recipient: str) -> None:
+    """Raise RecipientRefused unless files can be encrypted to that: `age1…`, or an SSH public key (ed25519, RSA)."""
+    _recipient(recipient)
+
+
+def seal_for(data: bytes, *recipients: str) -> bytes:
+    """Encrypt to whoever holds one of these keys; `age --decrypt --identity` opens it. Raises RecipientRefused."""
+    return bytes(pyrage.encrypt(data, [_recipient(one) for one in recipients], armored=True))
+
+
+def unseal_with(sealed: bytes, identity: Secret) -> bytes:
+    """What was encrypted to the public half of `AGE-SECRET-KEY-1…`.
+
+    Raises RecipientRefused, WrongPassphrase, SealDamaged.
+    """
+    _binary(sealed)
+    try:
+        key = pyrage.x25519.Identity.from_str(identity.reveal().strip())
+    except pyrage.IdentityError:
+        raise RecipientRefused("this is no key of age", hint="it begins with AGE-SECRET-KEY-1") from None
+    try:
+        return bytes(pyrage.decrypt(sealed, [key]))
+    except pyrage.DecryptError as error:
+        if str(error) == "No matching keys found":
+            raise WrongPassphrase("it was sealed for another key", hint="use the key that it was sealed for") from None
+        raise SealDamaged("the sealed file is cut or damaged", hint=_RESTORE) from None
+
+
+def vault_seal(data: bytes, passphrase: Secret) -> bytes:
+    """Encrypt as ansible-vault does. Raises WeakPassphrase: its guesses are cheap, so the passphrase must be long."""
+    _check_length(passphrase, VAULT_PASSPHRASE_MIN)
+    return bytes(_vault(passphrase).encrypt(data, salt=os.urandom(32)))  # type: ignore[attr-defined] # no types
+
+
+def vault_unseal(sealed: bytes, passphrase: Secret) -> bytes:
+    """What ansible-vault has encrypted. Raises WrongPassphrase, SealDamaged."""
+    if not sealed.startswith(b"$ANSIBLE_VAULT;"):
+        raise SealDamaged("this is no file that ansible-vault has encrypted", hint=_RESTORE)
+    from ansible.errors import AnsibleError  # noqa: PLC0415 - as below
+    from ansible.parsing.vault import AnsibleVaultFormatError  # noqa: PLC0415
+
+    try:
+        return bytes(_vault(passphrase).decrypt(sealed))  # type: ignore[attr-defined] # no types
+    except AnsibleVaultFormatError:
+        raise SealDamaged("the sealed file is cut or damaged", hint=_RESTORE) from None
+    except AnsibleError:
+        raise _wrong() from None
+
+
+_RESTORE = "restore it from your backup of the authority"
+
+
+def _check_length(passphrase: Secret, least: int) -> None:
+    if len(passphrase.reveal()) < least:
+        raise WeakPassphrase(
+            f"the passphrase is too short: {least} characters at least",
+            hint="take six words that a die has chosen, and keep them where the authority's folder is not",
+        )
+
+
+def _binary(sealed: bytes) -> bytes:
+    """A file of age without its armour."""
+    found = _ARMOR.fullmatch(sealed)
+    try:
+        data = base64.b64decode(b"".join(found[1].split()), validate=True) if found else sealed
+    except ValueError:
+        data = b""
+    if not data.startswith(b"age-encryption.org/v1\n"):
+        raise SealDamaged("the sealed file is cut or damaged", hint=_RESTORE)
+    return data
+
+
+def _opening(error: pyrage.DecryptError) -> WrongPassphrase | SealDamaged:
+    """The same is said by age of a wrong passphrase and of a change in the one line that it opens."""
+    if str(error) == "Decryption failed":
+        return _wrong()
+    return SealDamaged("the sealed file is cut or damaged", hint=_RESTORE)
+
+
+def _wrong() -> WrongPassphrase:
+    return WrongPassphrase(
+        "the passphrase does not open it",
+        hint="type it again; if it is the right one, the file was changed: restore it from a backup",
+    )
+
+
+def _recipient(text: str) -> pyrage.x25519.Recipient | pyrage.ssh.Recipient:
+    try:
+        if _X25519.fullmatch(text):
+            return pyrage.x25519.Recipient.from_str(text)
+        if text.startswith(("ssh-ed25519 ", "ssh-rsa ")) and text.isprintable():
+            return pyrage.ssh.Recipient.from_str(text)
+    except pyrage.RecipientError:
+        pass
+    secret = text.upper().startswith("AGE-SECRET-KEY")
+    raise RecipientRefused(
+        "that is a secret key; the recipient's public one is needed" if secret else f"no key of a recipient: {text!r}",
+        hint="ask for the line that age-keygen shows (age1…), or for an ssh-ed25519 public key",
+    )
+
+
+def _vault(passphrase: Secret) -> object:
+    # ansible reads its configuration when it is imported: who seals by age does not need it.
+    from ansible.parsing.vault import VaultLib, VaultSecret  # noqa: PLC0415
+
+    return VaultLib([("default", VaultSecret(passphrase.reveal().encode()))])
