@@ -1,0 +1,160 @@
+"""An identity as text: lines that a program reads, as comments, and OpenVPN's own inline blocks.
+
+    # atlantis-identity 1
+    # name: inesc-laptop1
+    # …
+    <ca> … </ca>   <cert> … </cert>   <key> … </key>   <tls-crypt-v2> … </tls-crypt-v2>
+
+A profile has the same lines and blocks among its options, so that it is read like an identity file. One line is never
+longer than 255 characters: OpenVPN 2.4 takes what is beyond that for another line.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from cryptography import x509
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_pem_private_key
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["NotAnIdentity", "header", "identity_file", "inline", "read_identity"]
+
+_MARK = "# atlantis-identity 1"
+_NONE = "-"
+_KEYS = ("name", "kind", "partner", "device", "address", "link", "vehicle", "common-name", "wrap", "key")
+_MAX = 64 * 1024
+"""Characters; an RSA profile has 7,000."""
+_TOLD = re.compile(r"# ([a-z-]+): (\S+)")
+
+
+class NotAnIdentity(UsageError):
+    """A text that is no identity of ours, or not a whole one."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"this is no identity of the VPN: {what}", hint="ask the control centre for a new hand-out")
+
+
+def identity_file(identity: Identity) -> Secret:
+    """What a declared host's client role needs of an identity, and no more; `read_identity` reads it."""
+    return Secret(f"{header(identity)}\n{inline(identity).reveal()}\n")
+
+
+def inline(identity: Identity) -> Secret:
+    """OpenVPN's inline blocks, without a last newline."""
+    wrap = str(identity.certificate.wrap)
+    told = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
+    blocks = (*told, (wrap, identity.wrap_key.reveal()))
+    return Secret("\n".join(f"<{name}>\n{text.strip()}\n</{name}>" for name, text in blocks))
+
+
+def header(identity: Identity) -> str:
+    """The lines that a program reads; no secret is in them."""
+    member, certificate = identity.member, identity.certificate
+    values = (
+        *(member.name, member.kind, member.partner or _NONE, member.device, member.address, member.link),
+        *(member.vehicle or _NONE, certificate.common_name, certificate.wrap, certificate.key),
+    )
+    return "\n".join([_MARK, *(f"# {key}: {value}" for key, value in zip(_KEYS, values, strict=True))])
+
+
+def read_identity(text: str) -> Identity:
+    """Read an identity file, or a profile of ours. Raises NotAnIdentity unless everything in it fits together."""
+    if len(text) > _MAX:
+        raise NotAnIdentity(f"it has more than {_MAX} characters")
+    told = _told(text.replace("\r\n", "\n"))
+    try:
+        return _identity(told, {name: _block(text, name) for name in ("ca", "cert", "key", told["wrap"])})
+    except ValueError as error:
+        # `from None`: a parser's words about a key are not shown to anybody.
+        raise NotAnIdentity(str(error) if isinstance(error, _Misfit) else "a value in it cannot be read") from None
+
+
+class _Misfit(ValueError):
+    """Parts of one identity that do not belong together."""
+
+
+def _told(text: str) -> dict[str, str]:
+    lines = text.split("\n")
+    if lines.count(_MARK) != 1:
+        raise NotAnIdentity(f"it has no line `{_MARK}`")
+    start = lines.index(_MARK) + 1
+    found = [_TOLD.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
+    told = {one[1]: one[2] for one in found if one}
+    if tuple(told) != _KEYS:
+        raise NotAnIdentity("the lines at its beginning are not whole")
+    if told["wrap"] not in set(Wrap):
+        raise NotAnIdentity("how its control channel is wrapped is not known")
+    return told
+
+
+def _block(text: str, name: str) -> str:
+    found = re.findall(rf"^<{name}>\n(.*?)\n</{name}>$", text.replace("\r\n", "\n"), re.DOTALL | re.MULTILINE)
+    if len(found) != 1:
+        raise NotAnIdentity(f"the block <{name}> is there {len(found)} times")
+    return f"{found[0]}\n"
+
+
+def _identity(told: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
+    certificate = _certificate(told, blocks)
+    member = Member(
+        name=told["name"],
+        kind=Kind(told["kind"]),
+        partner=_maybe(told["partner"]),
+        device=told["device"],
+        address=IPv4Address(told["address"]),
+        link=Link(told["link"]),
+        vehicle=_maybe(told["vehicle"]),
+        certificates=(certificate,),
+    )
+    return Identity(
+        member=member,
+        certificate=certificate,
+        ca=blocks["ca"],
+        cert=blocks["cert"],
+        key=Secret(blocks["key"]),
+        wrap_key=Secret(blocks[told["wrap"]]),
+    )
+
+
+def _maybe(value: str) -> str | None:
+    return None if value == _NONE else value
+
+
+def _certificate(told: Mapping[str, str], blocks: Mapping[str, str]) -> Certificate:
+    found = x509.load_pem_x509_certificate(blocks["cert"].encode())
+    _fit(found, told, blocks)
+    return Certificate(
+        common_name=told["common-name"],
+        serial=found.serial_number,
+        sha256=found.fingerprint(SHA256()).hex(),
+        not_before=found.not_valid_before_utc.astimezone(UTC),
+        not_after=found.not_valid_after_utc.astimezone(UTC),
+        wrap=Wrap(told["wrap"]),
+        key=KeyType(told["key"]),
+        standing=Standing.ISSUED,
+    )
+
+
+def _fit(found: x509.Certificate, told: Mapping[str, str], blocks: Mapping[str, str]) -> None:
+    """Refuse a key of another certificate, a certificate of another name or another CA."""
+    names = [str(one.value) for one in found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)]
+    if names != [told["common-name"]] or told["common-name"].partition(".")[0] != told["name"]:
+        raise _Misfit("its certificate has another name than its first lines")
+    key = load_pem_private_key(blocks["key"].encode(), password=None)
+    form = (Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+    if key.public_key().public_bytes(*form) != found.public_key().public_bytes(*form):
+        raise _Misfit("its key belongs to another certificate")
+    try:
+        found.verify_directly_issued_by(x509.load_pem_x509_certificate(blocks["ca"].encode()))
+    except Exception as error:
+        raise _Misfit("its certificate is of another CA") from error
