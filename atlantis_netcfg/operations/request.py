@@ -100,6 +100,8 @@ class Request(_Data):
     targets: dict[str, Target] = {}
     """Rehearsal: host name to twin; a device without a twin is not contacted."""
     standins: StandIns | None = None
+    authority: Path | None = None
+    """Folder of the VPN's authority; None: the technician's own, below `state`. A rehearsal has one of its own."""
     via: dict[str, str] = {}
     """Host name to the bearer in use, where it differs from the declared one."""
     plans: dict[str, str] | None = None
@@ -120,3 +122,13 @@ class Request(_Data):
     """File descriptor for events, one JSON object a line."""
     command: str = PLAIN_ANSIBLE
     """What the technician typed, for the journal and the site lock."""
+
+    @property
+    def vpn(self) -> Path:
+        """Folder of the VPN's authority; on a laptop without one only `hosts/` is in it. It may be missing."""
+        return self.authority if self.authority is not None else self.state / "vpn"
+
+    def identity_of(self, host: str) -> Path | None:
+        """File of a declared host's identity in the VPN; None where there is none on this computer."""
+        path = self.vpn / "hosts" / f"{host}.identity"
+        return path if path.is_file() else None
