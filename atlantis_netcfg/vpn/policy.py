@@ -1,0 +1,274 @@
+"""Who may reach whom through the VPN: one list of permissions, from the declaration and the roll. All else is denied.
+
+`Policy.allows` answers for any two addresses, and the firewall is the same list in nftables' words. What does not pass
+the server, such as two computers of one LAN, is nobody's to forbid here and is answered as for hosts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.site.model import ControlCentre, DdsPath, Gateway, Router, VpnServer
+from atlantis_netcfg.vpn.identity import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Dds, VpnService
+    from atlantis_netcfg.vpn.identity import Member, Roll
+
+__all__ = ["ANYTHING", "PING", "Flow", "Party", "Permission", "Policy", "Protocol", "Traffic", "Zone", "policy"]
+
+
+class Protocol(StrEnum):
+    """What the firewall tells apart; of ICMP the echo, as errors pass with what they are about."""
+
+    ICMP = "icmp"
+    TCP = "tcp"
+    UDP = "udp"
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What the one who begins sends, to which port; ICMP has none."""
+
+    protocol: Protocol
+    port: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """Flows of one kind. No protocol: every flow; no ports: every port."""
+
+    protocol: Protocol | None = None
+    ports: range | None = None
+
+    def holds(self, flow: Flow) -> bool:
+        """Whether a flow is of this kind."""
+        if self.protocol is None:
+            return True
+        return flow.protocol is self.protocol and (self.ports is None or flow.port in self.ports)
+
+
+ANYTHING = Traffic()
+PING = Traffic(Protocol.ICMP)
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """Addresses that are treated alike, under the name of their set in the firewall."""
+
+    name: str
+    networks: tuple[IPv4Network, ...]
+
+    def holds(self, address: IPv4Address) -> bool:
+        """Whether an address lies in it."""
+        return any(address in network for network in self.networks)
+
+
+@dataclass(frozen=True, slots=True)
+class Permission:
+    """Who may begin what with whom. No source or destination: the server itself."""
+
+    source: Zone | None
+    destination: Zone | None
+    traffic: Traffic
+    why: str
+    """A few words, in the firewall a comment."""
+
+
+@dataclass(frozen=True, slots=True)
+class Party:
+    """One end of a flow."""
+
+    name: str
+    address: IPv4Address
+
+
+@dataclass(frozen=True)
+class Policy:
+    """The complete answer."""
+
+    server: Party
+    server_addresses: frozenset[IPv4Address]
+    """Of the tunnel and of its LAN: whatever is sent to them, the server itself receives."""
+    members: Mapping[str, tuple[IPv4Network, ...]]
+    """Whom the server admits, by name: the tunnel address, and of a site's router also what lies behind it."""
+    beside: Zone
+    """The LAN in which the server stands, and what its router joins to it: reached without the tunnel."""
+    permissions: tuple[Permission, ...]
+
+    @cached_property
+    def admitted(self) -> Zone:
+        """Every address that may be met at the other end of the tunnel."""
+        return _zone("p_members", (network for networks in self.members.values() for network in networks))
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """Every zone that a permission names, once; the firewall has a set for each."""
+        named = (zone for one in self.permissions for zone in (one.source, one.destination) if zone is not None)
+        return tuple({zone.name: zone for zone in named}.values())
+
+    def allows(self, source: Party, destination: Party, flow: Flow) -> bool:
+        """Whether the source may begin this flow, and gets its answers."""
+        ends = (source.address, destination.address)
+        if not all(self._known(address) for address in ends):
+            return False
+        if not any(self.admitted.holds(address) for address in ends):
+            return True  # without the tunnel
+        return any(
+            permission.traffic.holds(flow)
+            and self._is(permission.source, source.address)
+            and self._is(permission.destination, destination.address)
+            for permission in self.permissions
+        )
+
+    def _known(self, address: IPv4Address) -> bool:
+        return address in self.server_addresses or self.admitted.holds(address) or self.beside.holds(address)
+
+    def _is(self, zone: Zone | None, address: IPv4Address) -> bool:
+        own = address in self.server_addresses
+        return own if zone is None else not own and zone.holds(address)
+
+
+def policy(declaration: Declaration, roll: Roll) -> Policy:
+    """The policy of a pilot. A member that is revoked, or whose partner or host is declared no more, is nobody."""
+    return _Draft(declaration, roll).policy()
+
+
+class _Draft:
+    """The zones of a pilot, and what follows from them."""
+
+    def __init__(self, declaration: Declaration, roll: Roll) -> None:
+        self._pilot = declaration.pilot
+        self._partners = declaration.partners
+        self._sites = declaration.sites
+        self._hosts = declaration.hosts
+        self._members = [one for one in roll.members.values() if one.good and self._declared(one)]
+        self._behind = {one.name: self._networks(one) for one in self._members}
+
+    def _declared(self, member: Member) -> bool:
+        if member.kind is Kind.HOST:
+            return member.name in self._hosts
+        return member.partner is None or member.partner in self._partners
+
+    def _networks(self, member: Member) -> tuple[IPv4Network, ...]:
+        """The tunnel address, and what a site's router routes."""
+        own = (IPv4Network(member.address),)
+        host = self._hosts.get(member.name) if member.kind is Kind.HOST else None
+        if host is None or not isinstance(host.device, Router):
+            return own
+        return (*own, *self._of_site(host.site))
+
+    def _of_site(self, name: str) -> tuple[IPv4Network, ...]:
+        site = self._sites[name]
+        return site.lan.network, site.management.network
+
+    def policy(self) -> Policy:
+        server = self._hosts[self._pilot.vpn.server]
+        addresses = _addresses(server, lan=True)
+        return Policy(
+            server=Party(server.name, addresses[0]),
+            server_addresses=frozenset(addresses),
+            members=self._behind,
+            beside=Zone("p_server_site", self._of_site(server.site)),
+            permissions=(
+                *self._of_hosts(),
+                *self._of_guests(),
+                *self._of_partners(),
+                *self._of_server(),
+            ),
+        )
+
+    def _of_hosts(self) -> Iterator[Permission]:
+        networks = [network for name in self._sites for network in self._of_site(name)]
+        own = [IPv4Network(one.address) for one in self._members if _ours(one)]
+        hosts = _zone("p_site_hosts", (*own, *networks))
+        yield Permission(hosts, hosts, ANYTHING, "our hosts and sites")
+
+    def _of_guests(self) -> Iterator[Permission]:
+        """What others' devices share."""
+        guests = self._among("p_guest_devices", lambda one: not _ours(one))
+        robots = self._among("p_all_robots", lambda one: one.kind is Kind.ROBOT)
+        yield from self._both_ways(guests, self._speaking("p_control_centres", ControlCentre), "control centres")
+        yield from self._both_ways(robots, self._speaking("p_site_gateways", Gateway), "robots and gateways")
+        for service in self._pilot.vpn.services:
+            traffic = Traffic(Protocol(service.transport), range(service.port, service.port + 1))
+            yield Permission(guests, self._serving(service), traffic, service.name)
+
+    def _of_partners(self) -> Iterator[Permission]:
+        for name, partner in self._partners.items():
+            own = _zone(f"p_{name}", (IPv4Network(one.address) for one in self._members if one.partner == name))
+            yield Permission(own, own, ANYTHING, f"{name} among itself")
+            if partner.sees:
+                robots = [IPv4Network(one.address) for one in self._members if one.vehicle in partner.sees]
+                yield from self._both_ways(own, _zone(f"p_{name}_sees", robots), f"what {name} sees")
+
+    def _of_server(self) -> Iterator[Permission]:
+        everybody = _zone("p_members", (network for networks in self._behind.values() for network in networks))
+        managers = [site.management.network for site in self._sites.values()]
+        managers += [IPv4Network(one.address) for one in self._members if _ours(one) and one.kind is Kind.LAPTOP]
+        yield Permission(everybody, None, PING, "is the server there?")
+        yield Permission(_zone("p_all_managers", managers), None, ANYTHING, "technicians")
+        yield Permission(None, everybody, ANYTHING, "the server's own")
+
+    def _both_ways(self, one: Zone, other: Zone, why: str) -> Iterator[Permission]:
+        """Pings, and DDS where the pilot has it."""
+        for traffic in (PING, *_dds(self._pilot.dds)):
+            yield Permission(one, other, traffic, why)
+            yield Permission(other, one, traffic, why)
+
+    def _among(self, name: str, chosen: Callable[[Member], bool]) -> Zone:
+        return _zone(name, (IPv4Network(one.address) for one in self._members if chosen(one)))
+
+    def _speaking(self, name: str, kind: type[ControlCentre | Gateway]) -> Zone:
+        """Where the DDS of our computers is: in the VPN, and in the LANs if the pilot's DDS goes there."""
+        lan = self._pilot.dds is not None and self._pilot.dds.over is DdsPath.LAN
+        found = (host for host in self._hosts.values() if isinstance(host.device, kind))
+        return _zone(name, (IPv4Network(address) for host in found for address in _addresses(host, lan=lan)))
+
+    def _serving(self, service: VpnService) -> Zone | None:
+        if service.host == self._pilot.vpn.server:
+            return None
+        addresses = _addresses(self._hosts[service.host], lan=False)
+        return _zone(f"p_host_{service.host}", (IPv4Network(address) for address in addresses))
+
+
+def _ours(member: Member) -> bool:
+    """A computer of the pilot's own; a robot is a guest, whoever's it is."""
+    return member.partner is None and member.kind is not Kind.ROBOT
+
+
+def _zone(name: str, networks: Iterable[IPv4Network]) -> Zone:
+    """Sorted, each network once and none inside another: a set of the firewall takes no overlap."""
+    found = set(networks)
+    wide = [one for one in found if one.prefixlen < one.max_prefixlen]
+    return Zone(name, tuple(sorted(one for one in found if not any(one != net and one.subnet_of(net) for net in wide))))
+
+
+def _dds(dds: Dds | None) -> tuple[Traffic, ...]:
+    """Unicast ports of every participant that is found: DDSI-RTPS 2.5, 9.6.2.3, with its default numbers.
+
+    Discovery at 7410 and data at 7411 for the first, two more for each; multicast has no way through the tunnel.
+    """
+    if dds is None:
+        return ()
+    first = 7400 + 250 * dds.domain + 10
+    return (Traffic(Protocol.UDP, range(first, first + 2 * dds.participants)),)
+
+
+def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
+    """In the tunnel, if it has one there, then in its LAN."""
+    device = host.device
+    if isinstance(device, Router):
+        return () if device.vpn_client is None else (device.vpn_client.address,)
+    if not isinstance(device, Gateway | VpnServer | ControlCentre):
+        return ()
+    own = () if device.vpn_address is None else (device.vpn_address,)
+    return (*own, device.address) if lan else own
