@@ -142,6 +142,10 @@ def policy(declaration: Declaration, roll: Roll) -> Policy:
     return _Draft(declaration, roll).policy()
 
 
+_DECLARED = frozenset({Kind.HOST, Kind.ROUTER})
+"""Of the pilot's own members these are hosts of the declaration."""
+
+
 class _Draft:
     """The zones of a pilot, and what follows from them."""
 
@@ -154,14 +158,14 @@ class _Draft:
         self._behind = {one.name: self._networks(one) for one in self._members}
 
     def _declared(self, member: Member) -> bool:
-        if member.kind is Kind.HOST:
+        if member.partner is None and member.kind in _DECLARED:
             return member.name in self._hosts
         return member.partner is None or member.partner in self._partners
 
     def _networks(self, member: Member) -> tuple[IPv4Network, ...]:
         """The tunnel address, and what a site's router routes."""
         own = (IPv4Network(member.address),)
-        host = self._hosts.get(member.name) if member.kind is Kind.HOST else None
+        host = self._hosts.get(member.name) if member.partner is None else None
         if host is None or not isinstance(host.device, Router):
             return own
         return (*own, *self._of_site(host.site))
