@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
-__all__ = ["Configuration", "Directory", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
+__all__ = ["Brought", "Configuration", "Directory", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
 
 
 class Part(Protocol):
@@ -78,6 +78,14 @@ class Unit:
 
 
 @dataclass(frozen=True, slots=True)
+class Brought:
+    """A file that a person brings, and what is told as long as it is missing."""
+
+    path: str
+    note: str
+
+
+@dataclass(frozen=True, slots=True)
 class WayIn:
     """What must hold of the SSH session that brings all this: else nothing is changed."""
 
@@ -99,6 +107,7 @@ class Configuration:
     """Folders that are ours alone: whatever else stands in them goes."""
     steps: tuple[Step, ...] = ()
     units: tuple[Unit, ...] = ()
+    brought: tuple[Brought, ...] = ()
     way_in: WayIn | None = None
 
     def as_dict(self) -> dict[str, Any]:

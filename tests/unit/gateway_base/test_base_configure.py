@@ -286,3 +286,15 @@ def test_the_journal_of_the_computer_holds_no_contents() -> None:
     module.log = told.append
     module._log_invocation()
     assert told == ["Invoked for /a/b"]
+
+
+def test_what_a_person_has_not_brought_is_told_and_changes_nothing(computer: Computer) -> None:
+    brought = [{"path": "/etc/daemon/key", "note": "daemon has no key: bring one"}]
+    for check in (True, False):
+        asked = computer.configure(check=check, brought=brought)
+        asked.converge({})
+        assert (asked.changes, asked.notes) == ([], ["daemon has no key: bring one"])
+    computer.put("/etc/daemon/key", "secret", 0o600)
+    asked = computer.configure(brought=brought)
+    asked.converge({})
+    assert (asked.changes, asked.notes) == ([], [])

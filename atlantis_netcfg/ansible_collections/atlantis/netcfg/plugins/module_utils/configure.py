@@ -58,7 +58,7 @@ class Configure:
         self.changes: list[str] = []
         self.diff: list[dict[str, str]] = []
         self.notes: list[str] = []
-        """What steps have told in lines that begin with `note: `."""
+        """What steps have told in lines that begin with `note: `, and of files that nobody has brought yet."""
         self._to_come: dict[str, str] = {}
         """What the paths of this call will hold, where they are not written yet."""
 
@@ -77,6 +77,7 @@ class Configure:
         for step in self.wishes.steps:
             self._take(step)
         self._bring_units()
+        self.notes += [one.note for one in self.wishes.brought if self.tree.find(one.path) is None]
 
     def _place(self) -> None:
         left = strays(self.tree, self.wishes)

@@ -11,7 +11,7 @@ from .refused import Refused
 if TYPE_CHECKING:
     from typing import Iterable, Mapping
 
-__all__ = ["Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn", "Wishes"]
+__all__ = ["Brought", "Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn", "Wishes"]
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,14 @@ class Unit:
 
 
 @dataclass(frozen=True)
+class Brought:
+    """A file that a person brings, and what is told as long as it is missing."""
+
+    path: str
+    note: str
+
+
+@dataclass(frozen=True)
 class WayIn:
     """What must hold of the session that asks, before anything is changed."""
 
@@ -95,6 +103,7 @@ class Wishes:
     """Folders in which nothing may stand but what is declared here."""
     steps: tuple[Step, ...] = ()
     units: tuple[Unit, ...] = ()
+    brought: tuple[Brought, ...] = ()
     way_in: WayIn = field(default_factory=WayIn)
 
     @classmethod
@@ -113,6 +122,7 @@ class Wishes:
                 Step(row["name"], tuple(row["run"]), tuple(row.get("after") or ())) for row in told.get("steps") or ()
             ),
             units=tuple(_unit(row) for row in told.get("units") or ()),
+            brought=tuple(Brought(row["path"], row["note"]) for row in told.get("brought") or ()),
             way_in=_way_in(told.get("way_in") or {}),
         )
         _check_paths(wishes)

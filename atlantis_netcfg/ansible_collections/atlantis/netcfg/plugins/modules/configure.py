@@ -91,6 +91,14 @@ options:
         description: Wait until it is up, and read that back; without, a unit that waits for something itself may go on.
         type: bool
         default: true
+  brought:
+    description: Files that a person brings some day. What is missing of them is told in C(notes), and changes nothing.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      path: {description: From the root., type: str, required: true}
+      note: {description: What is told as long as it is missing., type: str, required: true}
   way_in:
     description: What must hold of the SSH session that asks; if it does not, nothing is changed.
     type: dict
@@ -124,7 +132,7 @@ changes:
   returned: always
   sample: [file /etc/chrony/chrony.conf, unit chrony restarted]
 notes:
-  description: What steps have told in lines that begin with C(note:).
+  description: What steps have told in lines that begin with C(note:), and what C(brought) tells of missing files.
   type: list
   elements: str
   returned: success
@@ -182,6 +190,7 @@ ARGUMENTS: dict[str, Any] = {
         reload={"type": "bool", "default": False},
         wait={"type": "bool", "default": True},
     ),
+    "brought": _rows(path=_TEXT, note=_TEXT),
     "way_in": {
         "type": "dict",
         "options": {

@@ -1,0 +1,129 @@
+"""Part `openvpn_client`: what a gateway computer holds so that it is a member of the VPN.
+
+The declared text and the identity are two files: `atlantis.conf` is compared and shown like any other, and it takes in
+`atlantis.identity`, which is OpenVPN's own inline blocks and never anywhere but in that file, mode 0600. A client that
+the server refuses goes on asking (facts 7): whoever was revoked by mistake comes back without a visit to the site.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
+from atlantis_netcfg.render import environment
+from atlantis_netcfg.site.model import BearerKind, Gateway, Transport, VpnServer
+from atlantis_netcfg.vpn.identity import TIMERS, Link
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["CONF", "IDENTITY", "SERVICE", "OpenvpnClient", "openvpn_client", "site_link"]
+
+CONF = "/etc/openvpn/client/atlantis.conf"
+IDENTITY = "/etc/openvpn/client/atlantis.identity"
+"""Certificates and keys of the gateway, as `handout.identity_file` writes them."""
+SERVICE = "openvpn-client@atlantis.service"
+
+_DROP_IN = f"/etc/systemd/system/{SERVICE}.d/atlantis.conf"
+_INTERFACE = "tun0"
+_RETRY_MAX_S = {Link.FIBRE: 300, Link.LTE: 300, Link.SATELLITE: 900}
+"""Longest pause between two attempts: one that is refused costs 12 kB (facts 9)."""
+_RESTART_S = {Link.FIBRE: 10, Link.LTE: 30, Link.SATELLITE: 300}
+"""Pause after the server has told it to leave, which ends the program."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenvpnClient:
+    """What the role installs and configures. Of a gateway without an address in the VPN: what is taken away."""
+
+    packages: tuple[Package, ...]
+    configuration: Configuration
+    identity: Path | None
+    """File of this computer whose content belongs in `IDENTITY`; None: what the gateway has stays."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The parameters of its modules."""
+        packages = [{"name": package.name, "version": package.version} for package in self.packages]
+        secret = None if self.identity is None else {"path": IDENTITY, "mode": "0600", "from": str(self.identity)}
+        return {
+            "packages": {"packages": packages},
+            "configure": self.configuration.as_dict(),
+            "identity": secret,
+        }
+
+
+def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) -> OpenvpnClient:
+    """Pure. `identity` is a file of this computer, None where it has none; it is not read here."""
+    if _tunnel_address(host) is None:
+        gone = (CONF, _DROP_IN, IDENTITY)
+        unit = Unit(SERVICE, enabled=False, active=False)
+        return OpenvpnClient((), Configuration(absent=gone, units=(unit,)), None)
+    runs = True if identity is not None else None
+    return OpenvpnClient(
+        packages=(Package("openvpn"),),
+        configuration=Configuration(
+            files=(File(CONF, _conf(declaration, host)), File(_DROP_IN, _drop_in(declaration, host))),
+            units=(Unit(SERVICE, enabled=runs, active=runs, after=(CONF, _DROP_IN, IDENTITY)),),
+            brought=() if identity is not None else (Brought(IDENTITY, _nobody(host)),),
+        ),
+        identity=identity,
+    )
+
+
+def site_link(declaration: Declaration, site: str) -> Link:
+    """What carries a tunnel from this site at its worst: satellite before 4G before the rest."""
+    kinds = {bearer.kind for bearer in declaration.sites[site].bearers}
+    if BearerKind.SATELLITE in kinds:
+        return Link.SATELLITE
+    return Link.LTE if BearerKind.LTE in kinds else Link.FIBRE
+
+
+def _tunnel_address(host: Host) -> IPv4Address | None:
+    return host.device.vpn_address if isinstance(host.device, Gateway) else None
+
+
+def _nobody(host: Host) -> str:
+    return (
+        f"{host.name} has no identity of the VPN, neither there nor on this computer: its tunnel does not come up. "
+        f"Type `provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept FILE` with "
+        "what the control centre has handed out, then the same again"
+    )
+
+
+def _conf(declaration: Declaration, host: Host) -> str:
+    vpn = declaration.pilot.vpn
+    link = site_link(declaration, host.site)
+    ping_s, ping_restart_s = TIMERS[link]
+    udp = vpn.transport is Transport.UDP
+    view = {
+        "name": host.name,
+        "proto": "udp4" if udp else "tcp4-client",
+        "remote": _remote(declaration, host),
+        "port": vpn.port,
+        "interface": _INTERFACE,
+        "server": vpn.server,
+        "identity": IDENTITY,
+        "retry_max_s": _RETRY_MAX_S[link],
+        "ping_s": ping_s,
+        "ping_restart_s": ping_restart_s,
+        "slow": link is Link.SATELLITE,
+        "exit_notify": udp,
+    }
+    return environment().get_template("openvpn/client.conf.j2").render(client=view)
+
+
+def _remote(declaration: Declaration, host: Host) -> IPv4Address:
+    """Where it reaches the server: at its public address, and from the server's own site in its LAN."""
+    server = declaration.hosts[declaration.pilot.vpn.server]
+    if server.site == host.site and isinstance(server.device, VpnServer):
+        return server.device.address
+    return declaration.pilot.vpn.endpoint
+
+
+def _drop_in(declaration: Declaration, host: Host) -> str:
+    view = {"restart_s": _RESTART_S[site_link(declaration, host.site)], "identity": IDENTITY}
+    return environment().get_template("openvpn/client-service.conf.j2").render(client=view)
