@@ -142,7 +142,7 @@ def load_cert(pem: str) -> x509.Certificate:
     """The certificate of such a text. Raises KeyDamaged."""
     try:
         return x509.load_pem_x509_certificate(pem.encode())
-    except ValueError:
+    except (ValueError, x509.InvalidVersion):
         raise KeyDamaged("this is no certificate", hint="restore it from your backup of the authority") from None
 
 

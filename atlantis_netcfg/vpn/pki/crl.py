@@ -121,8 +121,10 @@ def publish(  # noqa: PLR0913 - a list, and what it is checked against
 def _read(pem: bytes) -> x509.CertificateRevocationList:
     try:
         crl = x509.load_pem_x509_crl(pem)
-        same = crl.public_bytes(Encoding.PEM) == pem
-    except ValueError:
+        # A signature that ends within a byte: OpenSSL refuses it, and so would every server; our library reads it.
+        whole = crl.public_bytes(Encoding.DER).endswith(b"\x00" + crl.signature)
+        same = crl.public_bytes(Encoding.PEM) == pem and whole
+    except (ValueError, x509.InvalidVersion):
         _refuse("it is cut or damaged")
     if not same:
         _refuse("it is damaged, or holds more than a list")

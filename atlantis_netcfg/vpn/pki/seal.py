@@ -61,9 +61,9 @@ def check_recipient(recipient: str) -> None:
     _recipient(recipient)
 
 
-def seal_for(data: bytes, *recipients: str) -> bytes:
+def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
     """Encrypt to whoever holds one of these keys; `age --decrypt --identity` opens it. Raises RecipientRefused."""
-    return bytes(pyrage.encrypt(data, [_recipient(one) for one in recipients], armored=True))
+    return bytes(pyrage.encrypt(data, [_recipient(one) for one in (recipient, *others)], armored=True))
 
 
 def unseal_with(sealed: bytes, identity: Secret) -> bytes:

@@ -1,0 +1,226 @@
+from __future__ import annotations
+
+import base64
+import itertools
+import os
+import subprocess
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pki_made import NOW, authority, client, crl
+
+from atlantis_netcfg.vpn import pki
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from cryptography.x509 import CertificateRevocationListBuilder as Builder
+
+CA = authority()
+ABOVE = 4
+GOOD = crl(CA, ABOVE + 1)
+
+
+def check(pem: bytes, *, above: int | None = ABOVE, now: datetime = NOW) -> pki.CrlFacts:
+    return pki.check_crl(pem, CA.certificate, above=above, now=now)
+
+
+def refused(pem: bytes, *, above: int | None = ABOVE, now: datetime = NOW) -> str:
+    with pytest.raises(pki.CrlRefused) as why:
+        check(pem, above=above, now=now)
+    assert why.value.hint is not None
+    return str(why.value)
+
+
+def test_what_a_list_says() -> None:
+    facts = check(GOOD)
+    assert facts.number == ABOVE + 1
+    assert facts.serials == {7, 1 << 158}
+    assert facts.this_update == NOW.replace(microsecond=0)
+    assert facts.next_update == NOW.replace(microsecond=0) + timedelta(days=90)
+    assert len(facts.sha256) == 64
+    assert check(GOOD, above=None) == facts
+    assert check(crl(CA, 5, serials=())).serials == frozenset()
+
+
+def test_lists_of_others_are_told() -> None:
+    assert "another certificate authority" in refused(crl(authority("ANOTHER"), 5))
+    assert "whatever it calls itself" in refused(crl(authority(nth=2), 5))
+
+
+@pytest.mark.parametrize("number", [0, ABOVE - 1, ABOVE])
+def test_an_older_list_is_told(number: int) -> None:
+    assert f"its number is {number}, and number 4 was published already" in refused(crl(CA, number))
+
+
+def test_a_list_of_another_time_is_told() -> None:
+    assert "not valid before 2026-06-01 12:00 UTC" in refused(GOOD, now=NOW - timedelta(seconds=1))
+    assert "has expired on 2026-08-30 12:00 UTC" in refused(GOOD, now=NOW + timedelta(days=90))
+
+
+def test_no_cut_list_passes() -> None:
+    for length in range(len(GOOD)):
+        assert "damaged" in refused(GOOD[:length])
+
+
+def test_no_list_with_a_flipped_bit_passes() -> None:
+    for bit in range(8 * len(GOOD)):
+        changed = bytearray(GOOD)
+        changed[bit // 8] ^= 1 << bit % 8
+        refused(bytes(changed))
+
+
+def test_a_signature_that_ends_within_a_byte_is_told(tmp_path: Path) -> None:
+    signed = (base64.b64decode(b"".join(crl(CA, 5).splitlines()[1:-1])) for _ in range(1000))
+    even = next(der for der in signed if not der[-1] & 1)
+    signature = x509.load_der_x509_crl(even).signature
+    changed = even[: -len(signature) - 1] + b"\x01" + signature
+    parsed = x509.load_der_x509_crl(changed)
+    pem = parsed.public_bytes(Encoding.PEM)
+    assert parsed.is_signature_valid(CA.key.public_key()), "our library does not mind"
+    assert "damaged" in refused(pem)
+    (tmp_path / "ca").write_text(pki.cert_pem(CA.certificate))
+    command = ["openssl", "crl", "-CAfile", "ca", "-noout"]
+    said = subprocess.run(command, cwd=tmp_path, input=pem, capture_output=True, check=False).stderr
+    assert b"invalid bit string bits left" in said
+
+
+@pytest.mark.parametrize("around", [b"\n", b" ", b"# comment\n", GOOD, crl(authority(nth=2), 5)])
+def test_a_file_holds_a_list_and_nothing_more(around: bytes) -> None:
+    for pem in (around + GOOD, GOOD + around, GOOD.replace(b"\n", b"\r\n")):
+        assert "damaged" in refused(pem)
+
+
+def without_number(builder: Builder) -> Builder:
+    return builder.add_extension(x509.AuthorityKeyIdentifier(bytes(20), None, None), critical=False)
+
+
+def partial(builder: Builder) -> Builder:
+    scope = x509.IssuingDistributionPoint(
+        full_name=None,
+        relative_name=None,
+        only_contains_user_certs=False,
+        only_contains_ca_certs=True,
+        only_some_reasons=None,
+        indirect_crl=False,
+        only_contains_attribute_certs=False,
+    )
+    return without_number(builder).add_extension(x509.CRLNumber(5), critical=False).add_extension(scope, critical=True)
+
+
+def difference(builder: Builder) -> Builder:
+    number, base = x509.CRLNumber(5), x509.DeltaCRLIndicator(4)
+    return without_number(builder).add_extension(number, critical=False).add_extension(base, critical=True)
+
+
+@pytest.mark.parametrize("change", [without_number, partial, difference])
+def test_lists_of_other_kinds_are_told(change: Callable[[Builder], Builder]) -> None:
+    whole = NOW.replace(microsecond=0)
+    builder = x509.CertificateRevocationListBuilder(CA.certificate.subject, whole, whole + timedelta(days=1))
+    assert "other extensions" in refused(change(builder).sign(CA.key, SHA256()).public_bytes(Encoding.PEM))
+
+
+def put(path: Path, pem: bytes, *, above: int | None = ABOVE, now: datetime = NOW) -> pki.CrlFacts:
+    return pki.publish(path, pem, CA.certificate, above=above, now=now)
+
+
+WRONG = {
+    "another authority's": crl(authority("ANOTHER"), 6),
+    "an impostor's": crl(authority(nth=2), 6),
+    "an older one": crl(CA, ABOVE),
+    "an early one": crl(CA, 6, NOW + timedelta(seconds=1)),
+    "an expired one": crl(CA, 6, NOW - timedelta(days=90)),
+    "two": GOOD + crl(CA, 6),
+    "a certificate": pki.cert_pem(CA.certificate).encode(),
+    "nothing": b"",
+}
+CUT = st.integers(0, len(GOOD) - 1).map(lambda length: GOOD[:length])
+FLIPPED = st.integers(0, 8 * len(GOOD) - 1).map(
+    lambda bit: GOOD[: bit // 8] + bytes([GOOD[bit // 8] ^ 1 << bit % 8]) + GOOD[bit // 8 + 1 :]
+)
+SPLICED = st.tuples(st.integers(0, 200), st.binary(max_size=20)).map(lambda at: GOOD[: at[0]] + at[1] + GOOD[at[0] :])
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(pem=st.sampled_from(sorted(WRONG.values())) | CUT | FLIPPED | SPLICED.filter(lambda pem: pem != GOOD))
+def test_no_wrong_list_comes_in_place_of_a_good_one(tmp_path: Path, pem: bytes) -> None:
+    path = tmp_path / "crl.pem"
+    path.write_bytes(GOOD)
+    before = path.stat()
+    with pytest.raises(pki.CrlRefused):
+        put(path, pem)
+    after = path.stat()
+    assert path.read_bytes() == GOOD
+    assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seconds=st.lists(st.integers(-3600, 3600), min_size=2, max_size=6))
+def test_openvpn_sees_each_new_list_whatever_the_clock_does(tmp_path: Path, seconds: list[int]) -> None:
+    path = tmp_path / "crl.pem"
+    path.unlink(missing_ok=True)
+    seen: list[int] = []
+    for number, second in enumerate(seconds):
+        now = NOW + timedelta(seconds=second)
+        put(path, crl(CA, number, now), above=number - 1 if number else None, now=now)
+        seen.append(int(path.stat().st_mtime))
+        assert seen[-1] >= int(now.timestamp())
+    assert all(later > earlier for earlier, later in itertools.pairwise(seen))
+
+
+def test_a_list_replaced_within_the_second_is_a_second_younger(tmp_path: Path) -> None:
+    path = tmp_path / "crl.pem"
+    first = put(path, GOOD)
+    assert path.stat().st_mtime == int(NOW.timestamp())
+    assert path.stat().st_mode & 0o777 == 0o600
+    second = put(path, crl(CA, 6), above=first.number)
+    assert path.stat().st_mtime == int(NOW.timestamp()) + 1
+    assert second.number == 6
+
+
+def test_a_scratch_file_of_a_killed_command_is_in_nobodys_way(tmp_path: Path) -> None:
+    scratch = tmp_path / f".crl.pem.{os.getpid()}"
+    scratch.symlink_to(tmp_path / "elsewhere")
+    put(tmp_path / "crl.pem", GOOD)
+    assert [*tmp_path.iterdir()] == [tmp_path / "crl.pem"]
+
+
+def test_a_disk_that_refuses_leaves_the_old_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "crl.pem"
+    put(path, GOOD)
+
+    def fail(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(OSError, match="No space left"):
+        put(path, crl(CA, 6), above=5)
+    assert path.read_bytes() == GOOD
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_openssl_agrees(tmp_path: Path) -> None:
+    today = datetime.now(UTC)
+    ca = pki.new_ca("ATLANTIS VPN", today)
+    good, bad = client(ca, "good", now=today), client(ca, "bad", now=today)
+    for name, made in (("ca", ca.certificate), ("good", good), ("bad", bad)):
+        (tmp_path / name).write_text(pki.cert_pem(made))
+    (tmp_path / "crl").write_bytes(crl(ca, 1, today, serials=(bad.serial_number,)))
+    signed = ["openssl", "crl", "-in", "crl", "-CAfile", "ca", "-noout", "-text"]
+    said = subprocess.run(signed, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "verify OK" in said.stderr
+    assert "CRL Number" in said.stdout
+    assert "Authority Key Identifier" in said.stdout
+    for name in ("good", "bad"):
+        command = ["openssl", "verify", "-x509_strict", "-crl_check", "-CRLfile", "crl", "-CAfile", "ca", name]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert (done.returncode == 0) is (name == "good"), done.stderr
+    assert "certificate revoked" in done.stderr

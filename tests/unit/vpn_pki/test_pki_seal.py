@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import base64
+import json
+import subprocess
+import sys
+from functools import cache
+from typing import TYPE_CHECKING
+
+import pyrage
+import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, PublicFormat
+
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn import pki
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.errors import NetcfgError
+
+DATA = b"-----BEGIN PRIVATE KEY-----\n\x00\xff\n"
+RIGHT, WRONG = Secret("orchard-lantern-seventeen-\u00e5"), Secret("canary-canary-canary-canary")
+IDENTITY = pyrage.x25519.Identity.generate()
+
+
+@cache
+def sealed() -> bytes:
+    """Each seal costs over a second, by intent."""
+    return pki.seal(DATA, RIGHT)
+
+
+def body(edit: Callable[[bytes], bytes]) -> bytes:
+    """A sealed file whose inside was changed, in good armour."""
+    head, *rows, tail = sealed().splitlines()
+    data = edit(base64.b64decode(b"".join(rows)))
+    return b"\n".join([head, base64.encodebytes(data).strip(), tail, b""])
+
+
+def told(call: Callable[[], object], kind: type[NetcfgError]) -> str:
+    with pytest.raises(kind) as refused:
+        call()
+    whole = f"{refused.value!r} {refused.value} {refused.value.hint} {refused.value.__cause__!r}"
+    assert "canary" not in whole
+    assert RIGHT.reveal() not in whole
+    return str(refused.value)
+
+
+def test_a_passphrase_opens_what_it_sealed() -> None:
+    assert sealed().startswith(b"-----BEGIN AGE ENCRYPTED FILE-----\n")
+    assert pki.unseal(sealed(), RIGHT) == DATA
+
+
+def test_a_wrong_passphrase_is_told() -> None:
+    assert told(lambda: pki.unseal(sealed(), WRONG), pki.WrongPassphrase) == "the passphrase does not open it"
+
+
+def test_a_changed_content_is_told() -> None:
+    changed = body(lambda data: data[:-1] + bytes([data[-1] ^ 1]))
+    assert told(lambda: pki.unseal(changed, RIGHT), pki.SealDamaged) == "the sealed file is cut or damaged"
+
+
+@pytest.mark.parametrize("keep", [0, 20, 100, -10])
+def test_a_cut_file_is_told_before_scrypt_is_asked(keep: int) -> None:
+    assert told(lambda: pki.unseal(sealed()[:keep], RIGHT), pki.SealDamaged) == "the sealed file is cut or damaged"
+
+
+def test_a_file_for_a_key_is_opened_by_no_passphrase() -> None:
+    other = pki.seal_for(DATA, str(IDENTITY.to_public()))
+    assert "no file that age has sealed with a passphrase" in told(lambda: pki.unseal(other, RIGHT), pki.SealDamaged)
+
+
+@pytest.mark.parametrize("seal", [pki.seal, pki.vault_seal])
+@pytest.mark.parametrize("short", ["", "canary"])
+def test_a_short_passphrase_seals_nothing(seal: Callable[[bytes, Secret], bytes], short: str) -> None:
+    assert "too short" in told(lambda: seal(DATA, Secret(short)), pki.WeakPassphrase)
+
+
+def test_a_vault_needs_a_longer_one() -> None:
+    assert "20 characters" in told(lambda: pki.vault_seal(DATA, Secret("canary-canary-12")), pki.WeakPassphrase)
+
+
+def test_a_recipient_opens_what_was_sealed_for_it() -> None:
+    made = pki.seal_for(DATA, str(IDENTITY.to_public()))
+    assert made.startswith(b"-----BEGIN AGE ENCRYPTED FILE-----\n")
+    assert pki.unseal_with(made, Secret(f"{IDENTITY}\n")) == DATA
+    other = Secret(str(pyrage.x25519.Identity.generate()))
+    assert "another key" in told(lambda: pki.unseal_with(made, other), pki.WrongPassphrase)
+    assert "cut or damaged" in told(lambda: pki.unseal_with(made[:-60], other), pki.SealDamaged)
+    assert "no key of age" in told(lambda: pki.unseal_with(made, Secret("canary")), pki.RecipientRefused)
+
+
+def test_several_recipients_open_it_each() -> None:
+    others = [pyrage.x25519.Identity.generate() for _ in range(2)]
+    made = pki.seal_for(DATA, *(str(one.to_public()) for one in others))
+    assert [pki.unseal_with(made, Secret(str(one))) for one in others] == [DATA, DATA]
+
+
+def test_an_ssh_key_opens_what_was_sealed_for_it() -> None:
+    key = Ed25519PrivateKey.generate()
+    public = key.public_key().public_bytes(Encoding.OpenSSH, PublicFormat.OpenSSH).decode()
+    private = key.private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption())
+    made = pki.seal_for(DATA, f"{public} technician@quay")
+    assert pyrage.decrypt(made, [pyrage.ssh.Identity.from_buffer(private)]) == DATA
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "age1",
+        "age1" + "q" * 58,
+        "AGE1" + "Q" * 58,
+        str(IDENTITY.to_public()) + "\n",
+        " " + str(IDENTITY.to_public()),
+        "ssh-ed25519 AAAA",
+        "ssh-dss AAAA",
+        "-o ProxyCommand=x",
+        "a\nssh-ed25519 AAAA",
+    ],
+)
+def test_what_is_no_recipient_is_told(text: str) -> None:
+    assert "no key of a recipient" in told(lambda: pki.check_recipient(text), pki.RecipientRefused)
+
+
+def test_a_secret_key_given_for_a_public_one_is_not_repeated() -> None:
+    said = told(lambda: pki.check_recipient(str(IDENTITY)), pki.RecipientRefused)
+    assert said == "that is a secret key; the recipient's public one is needed"
+
+
+def test_a_vault_is_ansibles() -> None:
+    made = pki.vault_seal(DATA, RIGHT)
+    assert made.startswith(b"$ANSIBLE_VAULT;1.1;AES256\n")
+    assert pki.vault_unseal(made, RIGHT) == DATA
+    assert "does not open it" in told(lambda: pki.vault_unseal(made, WRONG), pki.WrongPassphrase)
+    assert "damaged" in told(lambda: pki.vault_unseal(made[:-20], RIGHT), pki.SealDamaged)
+    assert "no file that ansible-vault" in told(lambda: pki.vault_unseal(b"x", RIGHT), pki.SealDamaged)
+
+
+def test_importing_the_package_does_not_start_ansible() -> None:
+    code = "import sys, json, atlantis_netcfg.vpn.pki; print(json.dumps('ansible' in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) is False
