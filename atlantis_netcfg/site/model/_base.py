@@ -33,6 +33,7 @@ __all__ = [
     "Sha256",
     "Ssid",
     "Text",
+    "plain",
     "wrong",
 ]
 
@@ -55,14 +56,15 @@ def wrong(what: str, hint: str) -> PydanticCustomError:
     return PydanticCustomError(WRONG, "{what}", {"what": what, "hint": hint})
 
 
-def _text(value: object) -> str:
+def plain(value: object) -> str:
+    """The text without blanks at its ends; what YAML read as something else is refused, and told as that."""
     if not isinstance(value, str):
         raise PydanticCustomError(NOT_TEXT, "not text")
     return value.strip()
 
 
 def _line(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     if not text:
         raise wrong("there is no text", "write a word or two")
     if not text.isprintable():
@@ -71,7 +73,7 @@ def _line(value: object) -> str:
 
 
 def _port(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     if not re.fullmatch(r"(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?", text):
         raise wrong(f"`{text}` is no port of a RouterOS device", "a port has its factory name, like ether1 or sfp1")
     return text
@@ -80,7 +82,7 @@ def _port(value: object) -> str:
 def _secret(value: object) -> Secret:
     if isinstance(value, Secret):
         return value
-    text = _text(value)
+    text = plain(value)
     if not text:
         raise wrong("the secret is empty", "write the secret, or EXAMPLE-… while there is none")
     return Secret(text)
@@ -89,7 +91,7 @@ def _secret(value: object) -> Secret:
 def _address(value: object) -> IPv4Address:
     if isinstance(value, IPv4Address):
         return value
-    text = _text(value)
+    text = plain(value)
     try:
         return IPv4Address(text)
     except ValueError:
@@ -113,7 +115,7 @@ def _why_no_address(text: str) -> tuple[str, str]:
 def _network(value: object) -> IPv4Network:
     if isinstance(value, IPv4Network):
         return value
-    text = _text(value)
+    text = plain(value)
     address, slash, prefix = text.partition("/")
     try:
         IPv4Address(address)
@@ -135,7 +137,7 @@ def _why_no_network(text: str, address: str) -> tuple[str, str]:
 
 
 def _mac(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     pairs = re.sub(r"[^0-9A-Fa-f]", "", text)
     if not re.fullmatch(r"(?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}", text):
         whole = re.fullmatch(r"[0-9A-Fa-f]{12}", pairs) and re.fullmatch(r"[0-9A-Fa-f.: -]+", text)
@@ -147,14 +149,14 @@ def _mac(value: object) -> str:
 
 
 def _name(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     if why := why_no_name(text):
         raise wrong(*why)
     return text
 
 
 def _dns_name(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     label = r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
     if not re.fullmatch(rf"{label}(?:\.{label})*", text) or len(text) > 253:  # noqa: PLR2004 - RFC 1035, 2.3.4
         raise wrong(f"`{text}` is no DNS name", "a DNS name is like vpn.example.org")
@@ -162,14 +164,14 @@ def _dns_name(value: object) -> str:
 
 
 def _sha256(value: object) -> str:
-    text = _text(value).lower()
+    text = plain(value).lower()
     if not re.fullmatch(r"[0-9a-f]{64}", text):
         raise wrong(f"`{text}` is no SHA-256: that has 64 hex digits", "copy what `sha256sum FILE` prints")
     return text
 
 
 def _day(value: object) -> str:
-    text = value.isoformat() if type(value) is date else _text(value)
+    text = value.isoformat() if type(value) is date else plain(value)
     try:
         return date.fromisoformat(text).isoformat()
     except ValueError:
@@ -177,14 +179,14 @@ def _day(value: object) -> str:
 
 
 def _currency(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     if not re.fullmatch(r"[A-Z]{3}", text):
         raise wrong(f"`{text}` is no currency", "three capital letters, like EUR (ISO 4217)")
     return text
 
 
 def _ssid(value: object) -> str:
-    text = _text(value)
+    text = plain(value)
     if not text or len(text.encode()) > _SSID_BYTES:
         raise wrong(f"an SSID has 1 to {_SSID_BYTES} bytes, this one has {len(text.encode())}", "choose a shorter one")
     return text

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.site.model._base import Model, Text, wrong
+from atlantis_netcfg.site.model._base import Model, Text, plain, wrong
 from atlantis_netcfg.site.model._box import LanBox
 
 __all__ = [
@@ -38,7 +38,7 @@ _KINDS = (
 
 
 def _ssh_key(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if "PRIVATE KEY" in text:
         raise wrong("this is a private key", "take it out of the inventory, and write what its .pub file holds")
     kind, _, rest = text.partition(" ")
@@ -61,32 +61,32 @@ SshKey = Annotated[str, BeforeValidator(_ssh_key)]
 
 
 def _interface(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[a-z][a-z0-9]{0,14}", text):
-        raise wrong(f"`{value}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
+        raise wrong(f"`{text}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
     return text
 
 
 def _account(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
-        raise wrong(f"`{value}` is no name of an account", "an account is like root or odroid")
+        raise wrong(f"`{text}` is no name of an account", "an account is like root or odroid")
     return text
 
 
 def _receiver(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
-        raise wrong(f"`{value}` is no name of a receiver", "a name below /dev, like ttyACM0")
+        raise wrong(f"`{text}` is no name of a receiver", "a name below /dev, like ttyACM0")
     return text
 
 
 def _network_file(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     place = r"/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+"
     if ".." in text or not re.fullmatch(place, text):
         hint = "its whole path, like /etc/netplan/50-cloud-init.yaml"
-        raise wrong(f"`{value}` is no file that configures a network", hint)
+        raise wrong(f"`{text}` is no file that configures a network", hint)
     return text
 
 

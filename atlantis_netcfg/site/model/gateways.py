@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.site.model._base import Model, SecretText, Text, wrong
+from atlantis_netcfg.site.model._base import Model, SecretText, Text, plain, wrong
 
 __all__ = [
     "ConnectionTest",
@@ -24,41 +24,41 @@ __all__ = [
 
 
 def _package(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[a-z0-9][a-z0-9+.-]+", text):
-        raise wrong(f"`{value}` is no name of a package", "small letters, digits, + - . (Debian Policy 5.6.1)")
+        raise wrong(f"`{text}` is no name of a package", "small letters, digits, + - . (Debian Policy 5.6.1)")
     return text
 
 
 def _version(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[0-9][A-Za-z0-9.+~:-]*\*?", text):
-        raise wrong(f"`{value}` is no version of a package", 'in quotes, as apt prints it: "0.9.2-1*"')
+        raise wrong(f"`{text}` is no version of a package", 'in quotes, as apt prints it: "0.9.2-1*"')
     return text
 
 
 def _revision(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,99}", text) or ".." in text or text.endswith((".lock", "/")):
-        raise wrong(f"`{value}` is no revision", "a tag, or a commit of 40 hex digits")
+        raise wrong(f"`{text}` is no revision", "a tag, or a commit of 40 hex digits")
     return text
 
 
 def _url(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     parts = urlsplit(text)
     like = "an address is like https://gitlab.example.org/group/project.git"
     if parts.scheme not in ("https", "http") or not parts.hostname or not re.fullmatch(r"[!-~]+", text):
-        raise wrong(f"`{value}` is no address of a server", like)
+        raise wrong(f"`{text}` is no address of a server", like)
     if parts.username is not None or parts.password is not None:
         raise wrong("a name or password stands in this address", "take it out; a token has a key of its own: `token:`")
     return text
 
 
 def _inside(value: object) -> str:
-    text = value.strip() if isinstance(value, str) else ""
+    text = plain(value)
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._/-]*", text) or ".." in text:
-        raise wrong(f"`{value}` is no path below the build", "a path is like config/robot-config.yml")
+        raise wrong(f"`{text}` is no path below the build", "a path is like config/robot-config.yml")
     return text
 
 
