@@ -17,7 +17,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-__all__ = ["BadRequest", "Known", "expires_after", "issue", "known", "split"]
+__all__ = ["BadRequest", "Known", "belongs", "expires_after", "issue", "known", "split"]
 
 _CURVES: dict[str, Callable[[], ec.EllipticCurve]] = {
     "prime256v1": ec.SECP256R1,
@@ -114,6 +114,12 @@ def split(text: str) -> tuple[list[str], list[str]]:
             load_pem_private_key(match[0].encode(), None)
             keys.append(match[0])
     return certificates, keys
+
+
+def belongs(key: str, certificate: str) -> bool:
+    """Whether a private key is that of a certificate."""
+    public = load_pem_private_key(key.encode(), None).public_key()
+    return public == x509.load_pem_x509_certificate(certificate.encode()).public_key()
 
 
 def _key(size: str) -> rsa.RSAPrivateKey | ec.EllipticCurvePrivateKey:

@@ -104,7 +104,7 @@ class Watched:
 class Core:
     """All state of one router."""
 
-    def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:
+    def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:  # noqa: PLR0915 - one line for each thing
         self.spec = spec
         self.now = now
         self.started = now()
@@ -127,6 +127,8 @@ class Core:
         """Properties of certificates that whoever made them knows: fingerprint, validity."""
         self.keys: dict[int, str] = {}
         """Key and certificate of rows of `/certificate`, as PEM text; a row without is a template still unsigned."""
+        self.wraps: dict[int, str] = {}
+        """Keys of tls-crypt, by interface: an import brings them, and no menu shows them."""
         self.ran: dict[int, float] = {}
         """When each job of the scheduler ran last."""
         self.run_counts: dict[int, int] = {}

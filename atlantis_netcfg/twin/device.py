@@ -243,6 +243,10 @@ class Device(ConsoleSide, FileSide):
         number = self._core.store.id_of("certificate", name)
         return None if number is None else self._core.keys.get(number)
 
+    def wrapped(self, interface: str) -> bool:
+        """Whether an interface of OpenVPN wraps its control channel by tls-crypt; no menu tells."""
+        return self._core.store.id_of("interface", interface) in self._core.wraps
+
     def give_certificate(self, name: str, pem: str) -> None:
         """Put key and certificate of a row on the flash, as its maker has done. LookupError without a row."""
         number = self._core.store.id_of("certificate", name)
@@ -283,7 +287,8 @@ class Device(ConsoleSide, FileSide):
         files = {name: [file.number, file.contents, file.modified] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
         keys = {str(number): pem for number, pem in core.keys.items()}
-        flash = {"configuration": store.dump(), "files": files, "software": software, "keys": keys}
+        wraps = {str(number): key for number, key in core.wraps.items()}
+        flash = {"configuration": store.dump(), "files": files, "software": software, "keys": keys, "wraps": wraps}
         sim = {} if self.spec.modem is None else {"tries_left": core.sim.tries_left}
         return flash | sim | {"greetings": list(core.greetings)}
 
@@ -301,6 +306,7 @@ class Device(ConsoleSide, FileSide):
         self._core.store.revision = revision + 1
         self._core.files = dict(found.files)
         self._core.keys = {int(number): pem for number, pem in flash.get("keys", {}).items()}
+        self._core.wraps = {int(number): key for number, key in flash.get("wraps", {}).items()}
         self._core.greetings = tuple(flash.get("greetings", self._core.greetings))
         self._core.sim.tries_left = flash.get("tries_left", self._core.sim.tries_left)
         self.spec = found.spec

@@ -1,6 +1,7 @@
 """`/certificate`: sign a template, import a file (Manual, Certificates). Keys stay with their row.
 
-The words of the refusals are inferred; no public source has them.
+The words of the refusals are inferred; no public source has them. Inferred, too: a certificate that is there already is
+not taken a second time, and a key without its certificate is not taken at all.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such
 from atlantis_netcfg.twin.commands.write import located
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from atlantis_netcfg.twin.commands._call import Call
     from atlantis_netcfg.twin.core import Core
     from atlantis_netcfg.twin.store import Item
 
-__all__ = ["import_", "sign"]
+__all__ = ["import_", "sign", "take"]
 
 _MENU = "/certificate"
 _SELECTORS = ("numbers", "number", ".id")
@@ -58,19 +61,43 @@ def import_(core: Core, call: Call) -> Result:
     file = core.files.get(name)
     if file is None:
         raise no_such_item()
+    stem = call.arguments.get("name", name)
+    trusted = call.arguments.get("trusted", "yes")
     try:
-        found, keys = certificates.split(str(file.contents))
+        made, keys = take(core, str(file.contents), lambda _authority, number: f"{stem}_{number}", trusted)
     except ValueError as error:
         raise Trap("failure: unable to decode file") from error
-    for number, pem in enumerate(found):
-        common = certificates.known(pem).common_name
-        row = {"name": f"{call.arguments.get('name', name)}_{number}", "common-name": common}
-        item = core.store.insert(_MENU, {**row, "trusted": call.arguments.get("trusted", "yes")})
-        core.keys[item.id] = (keys[number] if number < len(keys) else "") + pem
-    core.store.changes.clear()
-    counts = {"certificates-imported": len(found), "private-keys-imported": min(len(found), len(keys))}
+    counts = {"certificates-imported": len(made), "private-keys-imported": keys}
     row = {word: str(count) for word, count in (counts | {"files-imported": 1, "decryption-failures": 0}).items()}
     return Result(rows=[row], text="\n".join(f"  {word}: {count}" for word, count in row.items()))
+
+
+def take(core: Core, text: str, name: Callable[[bool, int], str], trusted: str = "yes") -> tuple[list[Item], int]:
+    """Make rows of the certificates in a PEM text, and let keys join theirs; rows made, and keys taken.
+
+    `name` is given whether a certificate is an authority's, and its number in the text. Raises ValueError.
+    """
+    found, keys = certificates.split(text)
+    there = {certificates.known(pem).fingerprint for pem in core.keys.values() if "BEGIN CERTIFICATE" in pem}
+    made = []
+    for number, pem in enumerate(found):
+        about = certificates.known(pem)
+        if about.fingerprint in there:
+            continue
+        row = {"name": name(about.authority, number), "common-name": about.common_name, "trusted": trusted}
+        made.append(core.store.insert(_MENU, row))
+        core.keys[made[-1].id] = pem
+    core.store.changes.clear()
+    return made, sum(_join(core, key) for key in keys)
+
+
+def _join(core: Core, key: str) -> bool:
+    """Put a key to the certificate that it belongs to."""
+    for number, pem in core.keys.items():
+        if "PRIVATE KEY" not in pem and certificates.belongs(key, pem):
+            core.keys[number] = key + pem
+            return True
+    return False
 
 
 def _row(core: Core, call: Call, named: str) -> Item:

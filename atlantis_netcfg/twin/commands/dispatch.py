@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
-from atlantis_netcfg.twin.commands import certificate, files, lte, radio, read, safe, system, write
+from atlantis_netcfg.twin.commands import certificate, files, lte, ovpn, radio, read, safe, system, write
 from atlantis_netcfg.twin.commands._call import unknown
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
@@ -32,6 +32,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/ethernet/poe/set": (system.poe, "write"),
     "/interface/lte/monitor": (lte.monitor, "read"),
     "/interface/lte/show-capabilities": (lte.capabilities, "read"),
+    "/interface/ovpn-client/import-ovpn-configuration": (ovpn.import_, "write"),
     "/interface/set": (system.interface, "write"),
     "/interface/wifi/monitor": (radio.monitor, "read"),
     "/interface/wireless/monitor": (radio.monitor, "read"),
