@@ -1,0 +1,188 @@
+"""RouterOS as a member of the VPN: what which version can, the one file that it imports, and the script of a hand-out.
+
+Sources: MikroTik manual, OpenVPN; the command trees of 7.9 to 7.24 (facts 10). A key of tls-crypt cannot be set: it
+comes with an imported `.ovpn` and is shown nowhere, so that an interface made by hand never reaches our server. Nothing
+here was tried on a real router (docs/vpn-routers.md).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.render import environment, router_view
+from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.site.model import Transport
+from atlantis_netcfg.versions import Version
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.vpn.identity import Identity
+
+__all__ = [
+    "INTERFACE",
+    "SINCE",
+    "USER_MAX",
+    "RouterTooOld",
+    "Tunnel",
+    "check_version",
+    "declared",
+    "handed_out",
+    "mark",
+    "profile",
+    "script",
+]
+
+INTERFACE = "ovpn-atlantis"
+"""Of a partner's router; a router of ours has the declared name."""
+SINCE = Version(7, 17)
+USER_MAX = 27
+"""Characters of a user, which RouterOS wants even beside a certificate, and which our server ignores."""
+
+_IMPORT_SINCE = Version(7, 9)
+_UDP_SINCE = Version(7, 0)
+_LACKS = (
+    (_UDP_SINCE, "knows OpenVPN over TCP alone, with none of the server's ciphers and without tls-crypt"),
+    (_IMPORT_SINCE, "cannot import an OpenVPN configuration, and tls-crypt comes by that way alone"),
+    (SINCE, "knows no tls-crypt, without which the server does not answer"),
+)
+_AUTH = "sha256"
+"""tls-crypt wants it, and from 7.17 on a GCM cipher may have it."""
+
+
+class RouterTooOld(DeviceFailed):
+    """A RouterOS that cannot be a member; nothing was changed on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tunnel:
+    """The interface of one router, as it has to be after the import."""
+
+    name: str
+    connect_to: str
+    port: int
+    protocol: str
+    cipher: str
+    user: str
+    password: Secret
+    comment: str
+    certificate: str
+    """The client's certificate on the device."""
+
+    def values(self) -> Mapping[str, str]:
+        """What can be set and read back: all but the password, which needs no comparison with what ignores it."""
+        return {
+            "name": self.name,
+            "connect-to": self.connect_to,
+            "port": str(self.port),
+            "protocol": self.protocol,
+            "mode": "ip",
+            "user": self.user,
+            "certificate": self.certificate,
+            "verify-server-certificate": "yes",
+            "tls-version": "only-1.2",
+            "cipher": self.cipher,
+            "auth": _AUTH,
+            "route-nopull": "yes",
+            "add-default-route": "no",
+            "use-peer-dns": "no",
+            "comment": self.comment,
+            "disabled": "no",
+        }
+
+
+def check_version(version: Version, *, where: str = "the router", upgrade: str = "") -> None:
+    """Refuse a version that cannot be a member. Raises RouterTooOld; `upgrade` is what to type instead of the hint."""
+    for since, why in _LACKS:
+        if version < since:
+            raise RouterTooOld(
+                f"{where} runs RouterOS {version}, which {why}; {SINCE} is the first that can be in the VPN",
+                hint=upgrade or f"upgrade it to RouterOS {SINCE} or later, then try again",
+            )
+
+
+def declared(declaration: Declaration, host: Host) -> Tunnel | None:
+    """The tunnel of a router of ours; None where it is not the site's end of the VPN."""
+    tunnel = router_view(declaration, host).tunnel
+    if tunnel is None:
+        return None
+    return Tunnel(
+        name=tunnel.interface,
+        connect_to=tunnel.connect_to,
+        port=tunnel.port,
+        protocol=tunnel.transport,
+        cipher=tunnel.cipher,
+        user=tunnel.user,
+        password=tunnel.password,
+        comment="atlantis: VPN",
+        certificate=tunnel.certificate,
+    )
+
+
+def handed_out(declaration: Declaration, identity: Identity) -> Tunnel:
+    """The tunnel of a partner's router. Its user is the member's name, cut where RouterOS takes no more."""
+    vpn = declaration.pilot.vpn
+    return Tunnel(
+        name=INTERFACE,
+        connect_to=vpn.endpoint_name,
+        port=vpn.port,
+        protocol=vpn.transport.value,
+        cipher=vpn.cipher,
+        user=identity.member.name[:USER_MAX],
+        password=Secret(""),
+        comment=f"VPN of {declaration.pilot.name}",
+        certificate=identity.certificate.common_name,
+    )
+
+
+def profile(declaration: Declaration, identity: Identity) -> Secret:
+    """The `.ovpn` that RouterOS imports: the words that its manual names, and no more, for it refuses unknown ones."""
+    vpn = declaration.pilot.vpn
+    view = {
+        "title": f"VPN of {declaration.pilot.name}: {identity.member.name}, for RouterOS {SINCE} and later.",
+        "proto": "udp" if vpn.transport is Transport.UDP else "tcp",
+        "remote": vpn.endpoint_name,
+        "port": vpn.port,
+        "cipher": _openvpn(vpn.cipher),
+        "blocks": _blocks(identity),
+    }
+    return Secret(environment().get_template("openvpn/routeros.ovpn.j2").render(view=view))
+
+
+def script(declaration: Declaration, identity: Identity, file: str) -> str:
+    """The `.rsc` beside it: imports `file`, names and sets the interface, and removes the file; without a secret.
+
+    It may be run again: what an earlier run has left under the same names goes first.
+    """
+    tunnel = handed_out(declaration, identity)
+    values = {name: text for name, text in tunnel.values().items() if name != "certificate"}
+    settings = " ".join(f"{name}={quote(text)}" for name, text in sorted(values.items()))
+    view = {"file": file, "tunnel": tunnel, "settings": settings, "since": SINCE}
+    return environment().get_template("openvpn/routeros.rsc.j2").render(view=view)
+
+
+def mark(identity: Identity) -> str:
+    """A MAC address that tells on the router which identity an interface was imported with.
+
+    In mode `ip` no packet ever carries it, every router makes one up, and who makes the interface anew gets another.
+    """
+    told = f"{identity.certificate.sha256} {identity.wrap_key.reveal()}"
+    digest = hashlib.sha256(told.encode()).digest()[:5]
+    return ":".join(f"{byte:02X}" for byte in (0x02, *digest))
+
+
+def _blocks(identity: Identity) -> Secret:
+    wrap = str(identity.certificate.wrap)
+    told = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
+    blocks = (*told, (wrap, identity.wrap_key.reveal()))
+    return Secret("\n".join(f"<{name}>\n{text.strip()}\n</{name}>" for name, text in blocks))
+
+
+def _openvpn(cipher: str) -> str:
+    """`aes256-gcm` in OpenVPN's words."""
+    return f"{cipher[:3]}-{cipher[3:]}".upper()
