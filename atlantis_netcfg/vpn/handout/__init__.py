@@ -7,7 +7,30 @@ same package (`accept`), so that a declared host takes the way of every partner.
 
 from __future__ import annotations
 
+from atlantis_netcfg.vpn.handout._accept import Accepted, accept, host_identity
+from atlantis_netcfg.vpn.handout._archive import NotAHandOut
+from atlantis_netcfg.vpn.handout._handout import HandOut, contents, handout, open_handout
 from atlantis_netcfg.vpn.handout._identity import NotAnIdentity, identity_file, inline, read_identity
 from atlantis_netcfg.vpn.handout._profile import profile, server_name
+from atlantis_netcfg.vpn.handout._sealed import OneTimePassphrase, Recipient, Sealing, WrongKey
 
-__all__ = ["NotAnIdentity", "identity_file", "inline", "profile", "read_identity", "server_name"]
+__all__ = [
+    "Accepted",
+    "HandOut",
+    "NotAHandOut",
+    "NotAnIdentity",
+    "OneTimePassphrase",
+    "Recipient",
+    "Sealing",
+    "WrongKey",
+    "accept",
+    "contents",
+    "handout",
+    "host_identity",
+    "identity_file",
+    "inline",
+    "open_handout",
+    "profile",
+    "read_identity",
+    "server_name",
+]

@@ -1,0 +1,327 @@
+"""Does this device get into the VPN, and if not, why? It needs Python 3.8 or later, and nothing besides.
+
+    python3 self-test.py            what can be known without root; uses the tunnel if it is up
+    sudo python3 self-test.py       also starts the tunnel for the time of the test, if it is not up
+
+It reads self-test.json and the profile, which lie beside it, and sends packets to the control centre and through
+the VPN alone. It ends in PASS, or says what is wrong and what to do. Exit code 0: PASS; 6: something failed, or could
+not be tested.
+"""
+
+# ruff: noqa: INP001, S603, S607 - partners read this program before they run it; it starts their openvpn and ping
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, Iterator, NamedTuple  # noqa: UP035 - Python 3.8
+
+OK, FAIL, UNKNOWN = "ok", "FAIL", "?"
+PASSED, FAILED = 0, 6
+DAY_S = 24 * 3600
+READY = "Initialization Sequence Completed"
+REACHED = "TLS: Initial packet from"
+BLOCKS = ("ca", "cert", "key")
+ROOT = os.name != "posix" or os.geteuid() == 0
+Facts = dict[str, Any]
+
+
+class Result(NamedTuple):
+    """What one step found; `do` is said where it is not ok."""
+
+    step: str
+    verdict: str
+    found: str
+    do: str = ""
+
+
+class Tunnel:
+    """A run of openvpn by the profile; with `dry`, one that makes no interface and needs no root."""
+
+    def __init__(self, facts: Facts, profile: Path, log: Path, *, dry: bool) -> None:
+        wait_s = facts["wait_s"]
+        words = ["--connect-retry-max", "1", "--hand-window", str(max(1, int(wait_s))), "--tls-exit", "--verb", "3"]
+        words += ["--dev", "null", "--ifconfig-noexec", "--route-noexec"] if dry else []
+        self.facts, self.log, self.wait_s, self.began = facts, log, wait_s, time.monotonic()
+        with log.open("wb") as out:
+            command = ["openvpn", "--cd", str(profile.parent), "--config", profile.name, *words]
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT)
+
+    def said(self) -> str:
+        """All that openvpn has said."""
+        return self.log.read_bytes().decode("utf-8", "replace")
+
+    def settled(self) -> str:
+        """Wait until it is up, has ended, has found a fault, or is too late; give what it said."""
+        while time.monotonic() < self.began + self.wait_s + 2:
+            ended = self.process.poll() is not None
+            said = self.said()
+            if ended or READY in said or fault(self.facts, said):
+                break
+            time.sleep(0.1)
+        return self.said()
+
+    def end(self) -> None:
+        """Take the tunnel down."""
+        self.process.terminate()
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+def fault(facts: Facts, said: str) -> tuple[str, str, str] | None:
+    """The first fault that openvpn's words tell: what is wrong, what to do, and the line that tells it."""
+    for pattern, what, do in facts["faults"]:
+        for line in said.splitlines():
+            if re.search(pattern, line):
+                return what, do, line
+    return None
+
+
+def diagnosis(facts: Facts, said: str) -> Result:
+    """Why openvpn did not connect."""
+    silent = facts["refused" if REACHED in said else "silence"]
+    what, do, line = fault(facts, said) or (*silent, "")
+    words = {"endpoint": endpoint(facts), "proto": facts["proto"].upper(), "now": utc(time.time()), "line": clean(line)}
+    return Result("tunnel", FAIL, what.format(**words), do.format(**words))
+
+
+def endpoint(facts: Facts) -> str:
+    """Where the server is reached."""
+    return "{endpoint} port {port}".format(**facts)
+
+
+def clean(line: str) -> str:
+    """A line of openvpn without its time, printable."""
+    text = re.sub(r"^(\d{4}-\d\d-\d\d \d\d:\d\d:\d\d|[A-Z][a-z]{2} [A-Z][a-z]{2} .{16}) ", "", line)
+    return "".join(letter for letter in text if letter.isprintable())[:200]
+
+
+def utc(seconds: float) -> str:
+    """A time for people."""
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(seconds))
+
+
+def clock(facts: Facts) -> Result:
+    """Whether the certificate is good by this computer's clock."""
+    now, first, last = time.time(), facts["not_before"], facts["not_after"]
+    if now < first:
+        found = f"this computer's clock says {utc(now)}, which is before the certificate begins ({utc(first)})"
+        return Result("clock", FAIL, found, "Set the clock; a computer without a battery for it does so at each start.")
+    if now > last:
+        found = f"by this computer's clock ({utc(now)}) the certificate has expired on {utc(last)}"
+        return Result("clock", FAIL, found, "If the clock is right, ask the control centre to renew this device.")
+    left = int((last - now) / DAY_S)
+    return Result("clock", OK, f"{utc(now)}; the certificate is good for {left} more days")
+
+
+def profile_whole(facts: Facts, profile: Path) -> Result:
+    """Whether the profile is all there, as it was handed out, and its owner's alone."""
+    again = "Unpack the hand-out again, and change nothing in the profile."
+    try:
+        text = profile.read_bytes()
+    except OSError as error:
+        return Result("profile", FAIL, f"{profile.name} cannot be read: {error.strerror}", again)
+    for block in (*BLOCKS, facts["wrap"]):
+        if f"<{block}>".encode() not in text or f"</{block}>".encode() not in text:
+            return Result("profile", FAIL, f"{profile.name} is not whole: its part <{block}> is missing", again)
+    if os.name == "posix" and profile.stat().st_mode & 0o077:
+        found = f"{profile.name} holds a private key, and others on this computer may read it"
+        return Result("profile", FAIL, found, f"Type: chmod 600 {profile}")
+    same = hashlib.sha256(text.replace(b"\r\n", b"\n")).hexdigest() == facts["profile_sha256"]
+    return Result("profile", OK, "whole" if same else "whole, but not as it was handed out: somebody has changed it")
+
+
+def version(facts: Facts) -> Result:
+    """Whether there is an OpenVPN that can use this profile."""
+    if shutil.which("openvpn") is None:
+        do = "Install openvpn, or start the tunnel with the program that you use, then run the test again."
+        return Result("openvpn", UNKNOWN, "the program `openvpn` is not on this computer", do)
+    run = subprocess.run(["openvpn", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    found = re.match(r"OpenVPN (\d+)\.(\d+)(\S*)", run.stdout.decode("utf-8", "replace"))
+    if found is None:
+        return Result("openvpn", UNKNOWN, "`openvpn --version` does not say what it is", "Look what program that is.")
+    number, least = (int(found[1]), int(found[2])), (2, 5) if facts["wrap"] == "tls-crypt-v2" else (2, 4)
+    if number < least:
+        do = "Install a newer one. Where that cannot be, ask for a hand-out for OpenVPN 2.4."
+        return Result("openvpn", FAIL, f"{found[0]} is too old for this profile: it needs {least[0]}.{least[1]}", do)
+    note = " (out of maintenance: take 2.6 where you can)" if number < (2, 6) else ""
+    return Result("openvpn", OK, found[0] + note)
+
+
+def is_local(address: str) -> bool:
+    """Whether an interface of this computer has the address: only then a socket can."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        try:
+            one.bind((address, 0))
+        except OSError:
+            return False
+    return True
+
+
+def refused(facts: Facts) -> bool:
+    """Whether the server's computer says at once that nothing listens; silence says nothing."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.settimeout(3)
+        try:
+            one.connect((facts["endpoint"], facts["port"]))
+            one.send(b"\0")
+            one.recv(1)
+        except ConnectionRefusedError:
+            return True
+        except OSError:
+            pass
+    return False
+
+
+def ping(address: str, size: int = 56) -> str | None:
+    """How two pings are answered, None if not at all."""
+    count, bytes_ = ("-n", "-l") if os.name == "nt" else ("-c", "-s")
+    command = ["ping", count, "2", bytes_, str(size), address]
+    try:
+        run = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=15, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    times = re.findall(rb"[=<] ?([\d.]+) ?ms", run.stdout)
+    return f"answers in {float(times[-1]):.0f} ms" if run.returncode == 0 and times else None
+
+
+def dds(address: str, port: int) -> Result:
+    """What a packet to a port of DDS shows: most of the time nothing, since DDS does not answer strangers."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.settimeout(2)
+        try:
+            one.connect((address, port))
+            one.send(b"\0")
+            one.recv(1)
+        except ConnectionRefusedError:
+            return Result("dds", OK, f"UDP {port} of {address} is reached; no DDS program runs there now")
+        except OSError:
+            pass
+    return Result("dds", UNKNOWN, f"UDP {port} of {address} is silent, as a DDS program is to a stranger")
+
+
+def through(facts: Facts) -> Iterator[Result]:
+    """What passes the tunnel that is up."""
+    server = facts["server"]
+    answer = ping(server)
+    if answer is None:
+        do = (
+            "Wait a minute and run the test again: a second device with the same profile throws this one out. Then ask."
+        )
+        yield Result("server", FAIL, f"the tunnel is up, and the server ({server}) does not answer in it", do)
+        return
+    yield Result("server", OK, f"{server} {answer}")
+    if ping(server, 1200) is None:
+        do = "Ask the network's administrator to let large and fragmented UDP packets pass, or use another network."
+        yield Result("size", FAIL, "small packets pass, and packets of 1200 bytes, as DDS sends them, do not", do)
+    for name, address in facts["ping"]:
+        answer = ping(address)
+        do = "It may be off: ask the control centre."
+        yield Result("reach", OK if answer else UNKNOWN, f"{name} ({address}) {answer or 'does not answer'}", do)
+        if facts["dds_port"] is not None:
+            yield dds(address, facts["dds_port"])
+
+
+def connected(facts: Facts, profile: Path) -> Iterator[Result]:
+    """The tunnel, and what passes through it."""
+    if is_local(facts["address"]):
+        yield Result("tunnel", OK, f"is up, with this device's address {facts['address']}")
+        yield from through(facts)
+        return
+    if shutil.which("openvpn") is None:
+        yield without_openvpn(facts)
+        return
+    with tempfile.TemporaryDirectory(prefix="self-test-") as folder:
+        tunnel = Tunnel(facts, profile, Path(folder, "log"), dry=not ROOT)
+        try:
+            yield from started(facts, tunnel)
+        finally:
+            tunnel.end()
+
+
+def started(facts: Facts, tunnel: Tunnel) -> Iterator[Result]:
+    """How the start went, and what passes then."""
+    said = tunnel.settled()
+    if READY not in said:
+        yield diagnosis(facts, said)
+        return
+    given = re.search(r"PUSH_REPLY,.*\bifconfig ([\d.]+)", said)
+    if given is None or given[1] != facts["address"]:
+        found = (
+            f"the control centre gives the address {given[1] if given else 'that nobody has'}, not {facts['address']}"
+        )
+        yield Result("tunnel", FAIL, found, "Ask the control centre, and do not use the tunnel.")
+    elif not ROOT:
+        yield Result("tunnel", OK, f"the control centre admits this device, with the address {given[1]}")
+        do = "Run the test as root, or start the tunnel as your page of instructions says and run it again."
+        yield Result("server", UNKNOWN, "without root the test makes no tunnel, so nothing was sent through it", do)
+    else:
+        yield Result("tunnel", OK, f"came up in {time.monotonic() - tunnel.began:.0f} s, with the address {given[1]}")
+        yield from through(facts)
+
+
+def without_openvpn(facts: Facts) -> Result:
+    """What is known of the way to the server without a client."""
+    if facts["proto"] == "udp" and refused(facts):
+        return diagnosis(facts, "ECONNREFUSED")
+    do = "Start the tunnel with the program that you use, then run the test again."
+    return Result("tunnel", UNKNOWN, f"is not up; {endpoint(facts)} is silent, as it is to a stranger", do)
+
+
+def steps(facts: Facts, profile: Path) -> Iterator[Result]:
+    """All results in order; what fails before the tunnel makes it no use to go on."""
+    for result in (clock(facts), profile_whole(facts, profile), version(facts)):
+        yield result
+        if result.verdict == FAIL:
+            return
+    yield from connected(facts, profile)
+
+
+def verdict(facts: Facts, results: list[Result]) -> tuple[str, int]:
+    """The last words, and the exit code. What may be off, or is silent by nature, does not spoil a PASS."""
+    decisive = [one for one in results if one.verdict == FAIL]
+    decisive += [one for one in results if one.verdict == UNKNOWN and one.step in {"openvpn", "tunnel", "server"}]
+    proved = any(one.step == "server" and one.verdict == OK for one in results)
+    if proved and not any(one.verdict == FAIL for one in results):
+        return "PASS: {name} is in the VPN.".format(**facts), PASSED
+    worst = decisive[0]
+    head = "NOT PASSED" if worst.verdict == FAIL else "NOT PASSED: not all could be tested"
+    end = "Control centre: {contact}".format(**facts)
+    return f"{head}\nWhat is wrong: {worst.found}.\nWhat to do: {worst.do}\n{end}", FAILED
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run the test and say what it finds."""
+    here = Path(__file__).resolve().parent
+    parser = argparse.ArgumentParser(description="Tests the VPN of this device; see the page of instructions.")
+    parser.add_argument("--facts", type=Path, default=here / "self-test.json", help="the file that came with the test")
+    parser.add_argument("--wait", type=float, help="seconds that the tunnel may take to come up")
+    asked = parser.parse_args(words)
+    facts = json.loads(asked.facts.read_text(encoding="utf-8"))
+    facts["wait_s"] = asked.wait or facts["wait_s"]
+    sys.stdout.write("Self-test of {name}, VPN of {pilot}\n".format(**facts))
+    results = []
+    for result in steps(facts, asked.facts.parent / facts["profile"]):
+        results.append(result)
+        sys.stdout.write(f"  {result.verdict:4}  {result.step:8}{result.found}\n")
+        sys.stdout.flush()
+    said, code = verdict(facts, results)
+    sys.stdout.write(said + "\n")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
