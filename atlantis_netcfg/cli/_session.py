@@ -20,7 +20,7 @@ from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.computers import is_gateway
+from atlantis_netcfg.operations.computers import is_computer, refuse_unfounded
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
@@ -100,7 +100,8 @@ class Session:
             mode=mode,
             rehearsed=self.rehearsed,
             targets=self.rehearsal.targets if self.rehearsal else {},
-            standins=self.rehearsal.gateways.standins if self.rehearsal else None,
+            standins=self.rehearsal.computers.standins if self.rehearsal else None,
+            authority=self.rehearsal.computers.authority if self.rehearsal else None,
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
@@ -126,9 +127,12 @@ class Session:
         Before its first byte goes over a link that is paid by the byte a person is asked, unless that is `paid`.
         """
         request = self.request(mode, plans=plans, run=run, via=via)
+        declared = self._declared(mode)
+        if not self.declaration.pilot.example_values:
+            refuse_unfounded(declared, request)
         request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
         with progress(quiet=self.as_json) as notify:
-            names = [host.name for host in (*self.asked, *self._declared(mode))]
+            names = [host.name for host in (*self.asked, *declared)]
             outcome = (
                 play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
                 if names
@@ -165,22 +169,22 @@ class Session:
         return accepted if words else request
 
     def _declared(self, mode: Mode) -> tuple[Host, ...]:
-        """What a plan or a change goes over beside the engine's hosts: 4G units of other makes, terminals, gateways.
+        """What a plan or a change goes over beside the engine's hosts: 4G units of other makes, terminals, computers.
 
         To a terminal nothing is sent: the evidence of what is declared of it is looked at.
         """
         if mode is Mode.BACKUP or self.back_to is not None or self.restore is not None:
             return ()
-        gateways = [host for host in self.hosts if is_gateway(host) and host.name not in self.left_out]
+        computers = [host for host in self.hosts if is_computer(host) and host.name not in self.left_out]
         if mode is Mode.DRIFT:
-            return tuple(gateways)
+            return tuple(computers)
         others = [host for host in self.hosts if is_unit(host) or (is_terminal(host) and mode is not Mode.RESUME)]
-        return (*others, *gateways)
+        return (*others, *computers)
 
     @property
     def contacted(self) -> tuple[Host, ...]:
-        """The hosts of a rehearsal that stand behind a bearer: what the engine handles, and the gateways."""
-        return (*self.asked, *(host for host in self.hosts if is_gateway(host) and host.name not in self.left_out))
+        """The hosts of a rehearsal that stand behind a bearer: what the engine handles, and the computers."""
+        return (*self.asked, *(host for host in self.hosts if is_computer(host) and host.name not in self.left_out))
 
     @property
     def left_out(self) -> Mapping[str, str]:
@@ -300,7 +304,7 @@ def _require_handled(hosts: tuple[Host, ...], command: str) -> None:
     """Refuse where no role has anything to do; some commands also look at what the engine does not handle."""
     also = [is_terminal, is_unit] if command in {DEFAULT, "links"} else []
     if command in {DEFAULT, "drift"}:
-        also.append(is_gateway)
+        also.append(is_computer)
     if not any(takes(host) for host in hosts for takes in (handled, *also)):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
         raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")

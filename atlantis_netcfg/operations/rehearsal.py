@@ -16,7 +16,7 @@ from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.events import ignore
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers import RehearsedGateways, rehearsed_gateways
+from atlantis_netcfg.operations.computers import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit, not_rehearsed
@@ -69,25 +69,25 @@ class Rehearsal:
     twins: SpawnedSite
     units: Mapping[str, EmulatedUnit] = field(default_factory=dict)
     """4G units that are not RouterOS."""
-    gateways: RehearsedGateways = field(default_factory=RehearsedGateways)
+    computers: RehearsedComputers = field(default_factory=RehearsedComputers)
 
     @property
     def left_out(self) -> Mapping[str, str]:
         """Hosts that nothing stands for on this computer, and why."""
-        return self.gateways.left_out
+        return self.computers.left_out
 
     def export(self, name: str) -> str:
-        """What the twin's own `/export` says now; of a 4G unit, what it is set to; of a gateway, its files."""
-        if name in self.gateways.machines:
-            return self.gateways.export(name)
+        """What the twin's own `/export` says now; of a 4G unit, what it is set to; of a computer, its files."""
+        if name in self.computers.machines:
+            return self.computers.export(name)
         if name in self.units:
             return self.units[name].export()
         return str(self.twins.do(name, "export"))
 
     def relink(self, host: Host, bearer: Bearer) -> None:
         """Put the twin of a host behind another bearer."""
-        if host.name in self.gateways.machines:
-            self.gateways.relink(host.name, bearer)
+        if host.name in self.computers.machines:
+            self.computers.relink(host.name, bearer)
             return
         self.twins.do(host.name, "link", **link(bearer, host).model_dump())
 
@@ -103,7 +103,7 @@ def rehearsal(
     with (
         tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
         emulated_units(others, Path(folder)) as units,
-        rehearsed_gateways(declaration, hosts, Path(folder) / "gateways", notify) as gateways,
+        rehearsed_computers(declaration, hosts, Path(folder) / "computers", notify) as computers,
         spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - asked), Path(folder)) as twins,
     ):
         targets = {
@@ -117,10 +117,10 @@ def rehearsal(
             for name, ready in twins.ready.items()
         }
         radio = _RADIO_NOT_REHEARSED if any(managed(declaration, host).hardware.radios for host in emulated) else ()
-        targets |= {**{name: unit.target for name, unit in units.items()}, **gateways.targets}
+        targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
         routers = NOT_REHEARSED if emulated else ()
-        untold = (*routers, *radio, *not_rehearsed(others), *gateways.not_rehearsed)
-        yield Rehearsal(targets, untold, twins, units, gateways)
+        untold = (*routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
+        yield Rehearsal(targets, untold, twins, units, computers)
 
 
 def site_spec(

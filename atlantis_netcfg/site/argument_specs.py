@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
-from atlantis_netcfg.site.model import Gateway, LteRouter, Pilot, Router, SatelliteTerminal, Site
+from atlantis_netcfg.site.model import Gateway, LteRouter, Pilot, Router, SatelliteTerminal, Site, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,6 +53,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
     "gateway_dds": (
         "Lay down the DDS profiles of gateway computers, and the environment that names the one in use",
         {"pilot": Pilot, "site": Site, "device": Gateway},
+    ),
+    "openvpn_server": (
+        "Run the server of the VPN with its members and its firewall, from the declaration and the authority's record",
+        {"pilot": Pilot, "site": Site, "device": VpnServer},
     ),
     "satellite_terminal": (
         "Compare what is declared of satellite terminals with the evidence",

@@ -1,15 +1,14 @@
 """Part `openvpn_server`: what the computer at the control centre holds so that it is the server of the VPN.
 
 Two kinds of files. Those of `server_conf` and what stands around it follow from the declaration alone: the tunnel
-starts anew when they change. The live ones (`live_files`) follow from the roll of members as well: OpenVPN reads them at
-the next handshake, the kernel at a reload, and every session goes on. Source of every line: facts 3 to 9.
+starts anew when they change. The live ones (`live_files`) follow from the roll of members as well: OpenVPN reads them
+at the next handshake, the kernel at a reload, and every session goes on. Source of every line: facts 3 to 9.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import UsageError
@@ -17,6 +16,7 @@ from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Packag
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.site.model import Router, VpnServer
 from atlantis_netcfg.vpn import _server_system as system
+from atlantis_netcfg.vpn.firewall import firewall
 from atlantis_netcfg.vpn.identity import TIMERS, Link
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ __all__ = [
     "FOLDER",
     "INTERFACE",
     "MANAGEMENT",
+    "PACKAGES",
     "SEEN",
     "SERVICE",
     "STATUS",
@@ -57,7 +58,7 @@ STATUS = "/run/atlantis-vpn/status"
 SEEN = system.SEEN
 """`{"format": 1, "seen": {common name: {"last": seconds since 1970, "real": address:port, "address": …}}}`."""
 
-_PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3")
+PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3")
 _CIPHERS = ("AES-256-GCM", "CHACHA20-POLY1305", "AES-128-GCM")
 _COMMON_NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?(?:\.[1-9][0-9]{0,5})?")
 _CERT = f"{FOLDER}/server.crt"
@@ -114,7 +115,7 @@ def openvpn_server(declaration: Declaration, host: Host, roll: Roll, authority: 
         *live_files(declaration, roll, crl, ca=ca),
     )
     return OpenvpnServer(
-        packages=tuple(Package(name) for name in _PACKAGES),
+        packages=tuple(Package(name) for name in PACKAGES),
         configuration=Configuration(
             directories=(Directory(FOLDER, mode="0750"), Directory(CCD, mode="0750")),
             files=files,
@@ -139,13 +140,8 @@ def live_files(declaration: Declaration, roll: Roll, crl: bytes, *, ca: str = ""
             if one.good
         ),
         File(f"{FOLDER}/crl.pem", crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
-        File(FIREWALL, _ruleset(declaration, roll), mode="0600", validate=("nft", "-c", "-f", "%s")),
+        File(FIREWALL, firewall(declaration, roll), mode="0600", validate=("nft", "-c", "-f", "%s")),
     )
-
-
-def _ruleset(declaration: Declaration, roll: Roll) -> str:
-    text: str = import_module("atlantis_netcfg.vpn.firewall").ruleset(declaration, roll)
-    return text
 
 
 def server_conf(declaration: Declaration, host: Host) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bundle import HostWish, Key, Library, Source, Wished
 from atlantis_netcfg.errors import NothingMatched
 from atlantis_netcfg.operations.computers import is_gateway
-from atlantis_netcfg.operations.computers.parts import PARTS
+from atlantis_netcfg.operations.computers.parts import PARTS, concerns
 from atlantis_netcfg.site import choose
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def wish_of(
 
     `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
     """
-    told = [part(declaration, host, request).get("packages") or {} for part in parts.values()]
+    told = [part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)]
     expected: Mapping[str, Any] = next((each["expected"] for each in told if each.get("expected")), {})
     return HostWish(
         host=host.name,

@@ -1,11 +1,11 @@
-"""How Ansible reaches a gateway: the declared address, or the system that stands for it in a rehearsal."""
+"""How Ansible reaches a computer: the declared address, or the system that stands for it in a rehearsal."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.site.model import Gateway
+from atlantis_netcfg.site.model import Gateway, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["gateway_access", "is_gateway"]
+__all__ = ["computer_access", "is_computer", "is_gateway", "is_server"]
 
 
 def is_gateway(host: Host) -> bool:
@@ -21,14 +21,24 @@ def is_gateway(host: Host) -> bool:
     return isinstance(host.device, Gateway)
 
 
-def gateway_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+def is_server(host: Host) -> bool:
+    """Whether a host runs the server of the VPN."""
+    return isinstance(host.device, VpnServer)
+
+
+def is_computer(host: Host) -> bool:
+    """Whether roles work on a host over SSH: a gateway computer, or the server of the VPN."""
+    return is_gateway(host) or is_server(host)
+
+
+def computer_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """Give the variables of a connection: `host`, `port`, `user`, `become`, `ssh_args`, `metered`.
 
     The host key is kept in the technician's own known_hosts under the name of the host, whatever address it is reached
     by: taken at first contact, compared ever after. Raises UsageError if the site has no such bearer as `via=` names.
     """
     device = host.device
-    assert isinstance(device, Gateway)  # noqa: S101 - callers ask `is_gateway`
+    assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - callers ask `is_computer`
     bearer = bearer_of(declaration, host, request.via.get(host.name))
     target = request.targets.get(host.name) if request.rehearsed else None
     alias = f"-o HostKeyAlias={host.name}"

@@ -1,4 +1,4 @@
-"""The gateways of a rehearsal: real Debian computers with systemd, where this computer can run them."""
+"""The computers of a rehearsal: real Debian computers with systemd, where this computer can run them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from atlantis_netcfg.machine import standins
 from atlantis_netcfg.machine.standins.git_server import serve_git
 from atlantis_netcfg.machine.standins.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.machine.standins.interop import InteropProjects
-from atlantis_netcfg.operations.computers._access import is_gateway
+from atlantis_netcfg.operations.computers._access import is_computer, is_gateway, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
-from atlantis_netcfg.site.model import Gateway
+from atlantis_netcfg.site.model import Gateway, VpnServer
+from atlantis_netcfg.vpn.server import PACKAGES as VPN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["RehearsedGateways", "rehearsed_gateways", "tree_spec"]
+__all__ = ["RehearsedComputers", "rehearsed_computers", "tree_spec"]
 
 _CODENAME = machine.TreeSpec().release
 _STATE = (
@@ -43,14 +44,16 @@ _KEYS = serialization.Encoding.OpenSSH
 
 
 @dataclass(frozen=True, slots=True)
-class RehearsedGateways:
-    """What stands for the gateways of a rehearsal."""
+class RehearsedComputers:
+    """What stands for the computers of a rehearsal."""
 
     machines: Mapping[str, machine.Machine] = field(default_factory=dict)
     targets: Mapping[str, Target] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Host name to why nothing stands for it."""
     standins: StandIns | None = None
+    authority: Path | None = None
+    """Folder of the VPN's authority that was made for it."""
     not_rehearsed: tuple[str, ...] = ()
 
     def export(self, name: str) -> str:
@@ -65,47 +68,58 @@ class RehearsedGateways:
 
 
 @contextmanager
-def rehearsed_gateways(
+def rehearsed_computers(
     declaration: Declaration, hosts: Sequence[Host], folder: Path, notify: Subscriber
-) -> Iterator[RehearsedGateways]:
-    """Start a computer for each gateway among `hosts`; they end with the context. Raises MachineFailed."""
-    gateways = [host for host in hosts if is_gateway(host)]
-    if not gateways:
-        yield RehearsedGateways()
+) -> Iterator[RehearsedComputers]:
+    """Start a computer for each of that kind among `hosts`; they end with the context. Raises MachineFailed."""
+    computers = [host for host in hosts if is_computer(host)]
+    if not computers:
+        yield RehearsedComputers()
         return
-    machine.provide(lambda words: notify(Event(gateways[0].name, Stage.CONNECTING, words)))
+    machine.provide(lambda words: notify(Event(computers[0].name, Stage.CONNECTING, words)))
     if why := machine.why_not():
-        yield RehearsedGateways(left_out={host.name: why for host in gateways})
+        yield RehearsedComputers(left_out={host.name: why for host in computers})
         return
-    for host in gateways:
+    for host in computers:
         notify(Event(host.name, Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"))
-    root = machine.tree(tree_spec(declaration, gateways))
+    root = machine.tree(tree_spec(declaration))
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
     with ExitStack() as stack:
         ground = stack.enter_context(machine.yard(folder))
-        machines = {host.name: _started(ground, declaration, host, root, public) for host in gateways}
+        machines = {host.name: _started(ground, declaration, host, root, public) for host in computers}
         targets = {name: _target(one, folder) for name, one in machines.items()}
-        served = _served(stack, ground, declaration, folder)
+        gateways, servers = (any(takes(host) for host in computers) for takes in (is_gateway, is_server))
+        served = _served(stack, ground, declaration, folder) if gateways else None
+        authority, untold = _founded(declaration, folder) if servers else (None, ())
         told = (
-            _CLOCK,
+            *((_CLOCK,) if gateways else ()),
             *(line for line in machine.NOT_REHEARSED if not line.startswith("the clock:")),
             *((*standins.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
+            *untold,
         )
-        yield RehearsedGateways(machines, targets, standins=served, not_rehearsed=told)
+        yield RehearsedComputers(machines, targets, standins=served, authority=authority, not_rehearsed=told)
+
+
+def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """Make an authority for the server; gives its folder, and what it does not stand for."""
+    from atlantis_netcfg.operations.computers import _founding  # noqa: PLC0415 - most rehearsals have no such server
+
+    return _founding.found(declaration, folder / "vpn"), _founding.NOT_REHEARSED
 
 
 def _has_network(host: Host) -> bool:
     return isinstance(host.device, Gateway) and host.device.network is not None
 
 
-def tree_spec(declaration: Declaration, gateways: Sequence[Host]) -> machine.TreeSpec:
-    """Name the Debian packages that these gateways ask for; a rehearsal has no network to fetch them from.
+def tree_spec(declaration: Declaration) -> machine.TreeSpec:
+    """Name the Debian packages that the pilot's computers ask for; a rehearsal has no network to fetch them from.
 
-    Packages of ROS come from the stand-ins, at their own place in the run.
+    All of them for any site, so that one tree is made. Packages of ROS come from the stand-ins, at their own place in
+    the run.
     """
-    asked = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl"}
-    for host in gateways:
+    asked = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN}
+    for host in filter(is_gateway, declaration.hosts.values()):
         asked |= {one.name for one in gateway_base(declaration, host).packages}
         asked |= {one.name for one in gateway_interop(declaration, host).packages}
     return machine.TreeSpec(packages=tuple(sorted(asked)))
@@ -142,9 +156,11 @@ _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 def _started(ground: machine.Yard, declaration: Declaration, host: Host, root: Path, public: str) -> machine.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, Gateway)  # noqa: S101 - `is_gateway` has said so
+    assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - `is_computer` has said so
     own = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
     started = ground.start(host.name, root, address=str(own), gateway=str(lan.gateway), keys=(public,))
+    if not is_gateway(host):
+        return started
     started.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
     started.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
     started.run("systemctl daemon-reload")

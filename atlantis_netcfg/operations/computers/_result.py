@@ -1,4 +1,4 @@
-"""How a run ended on one gateway: the shape of a device's result, so that every report can hold it."""
+"""How a run ended on one computer: the shape of a device's result, so that every report can hold it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.errors import ExitCode
 
-__all__ = ["GatewayResult"]
+__all__ = ["ComputerResult"]
 
 _MENU = "roles"
-_NO_PAST = "a gateway keeps no record of its changes"
+_NO_PAST = "a computer keeps no record of its changes"
 _PROTECTION = "files whole or not at all; a firewall without the way in is refused; the network changes under a timer"
 
 
 @dataclass(slots=True)
-class GatewayResult:
+class ComputerResult:
     """What its tasks have told so far."""
 
     name: str
@@ -84,7 +84,7 @@ class GatewayResult:
         return f"{count} to make" if self.mode is Mode.PLAN else f"{count} made"
 
     def _comparison(self) -> dict[str, Any]:
-        """The changes that a run would make, in the words of drift; whose they are and since when, no gateway tells."""
+        """The changes that a run would make, in the words of drift; whose they are, and since when, none tells."""
         unsaid: dict[str, Any] = {
             "owner": "declared",
             "mark": "",

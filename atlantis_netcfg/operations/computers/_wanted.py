@@ -1,4 +1,4 @@
-"""Answers a role: what should each gateway of this play hold. Contacts nothing."""
+"""Answers a role: what should each computer of this play hold. Contacts nothing."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.operations.asking import asked_for
 from atlantis_netcfg.operations.computers import _watch
-from atlantis_netcfg.operations.computers._access import is_gateway
+from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.computers._fetching import bundle_of, fetching, narrowed
-from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.site import load
@@ -30,29 +30,36 @@ def perform(
     """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
     with asked_for(request, plan_only=plan_only) as (asked, _):
         if part not in PARTS:
-            raise UsageError(f"`{part}` is no part of a gateway", hint=f"there are: {', '.join(PARTS)}")
+            raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
         declaration = load(inventory)
-        gateways = [declaration.hosts[name] for name in hosts if is_gateway(declaration.hosts[name])]
+        computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
         refuse_examples(declaration, rehearsed=asked.rehearsed)
-        gate(declaration, gateways, asked)
+        gate(declaration, computers, asked)
         _watch.refuse()
         if part == ACCESS:
-            _open_bundle(declaration, gateways, asked)
+            refuse_unfounded(computers, asked)
+            _open_bundle(declaration, computers, asked)
         bundle = bundle_of(asked.offline)
         return {
             "per_host": {
                 host.name: narrowed(
                     PARTS[part](declaration, host, asked), fetching(declaration, host, asked, bundle), bundle
                 )
-                for host in gateways
+                for host in computers
+                if concerns(part, host)
             }
         }
 
 
-def _open_bundle(declaration: Declaration, gateways: Sequence[Host], request: Request) -> None:
+def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: Request) -> None:
     """Hold the bundle against the declaration, before anything starts. Raises BundleRefused with all that it lacks."""
     if request.offline is None:
         return
+    if servers := [host.name for host in computers if is_server(host)]:
+        raise UsageError(
+            f"{', '.join(servers)}: the server of the VPN takes nothing from a bundle, which is made for gateways",
+            hint="name the gateways with `only=`; run the server without `--offline`",
+        )
     from atlantis_netcfg.operations import bundling  # noqa: PLC0415 - most runs have no bundle
 
-    bundling.opened(declaration, gateways, request.offline, request)
+    bundling.opened(declaration, computers, request.offline, request)

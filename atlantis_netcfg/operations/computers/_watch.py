@@ -1,4 +1,4 @@
-"""Beside the roles, in Ansible's main process: lock, journal, progress, and one result a gateway.
+"""Beside the roles, in Ansible's main process: lock, journal, progress, and one result a computer.
 
 Ansible runs each task in a process that ends with it, so that nothing which lasts a whole run can live in a task. A
 callback plugin hands every event to the `Watch`; what the watch has to refuse is raised by the next task that asks.
@@ -14,8 +14,8 @@ from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed, Outcome
 from atlantis_netcfg.operations.channel import Channel
-from atlantis_netcfg.operations.computers._access import is_gateway
-from atlantis_netcfg.operations.computers._result import GatewayResult
+from atlantis_netcfg.operations.computers._access import is_computer
+from atlantis_netcfg.operations.computers._result import ComputerResult
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.routeros.apply import Status
@@ -39,7 +39,7 @@ def refuse() -> None:
 
 @dataclass(slots=True)
 class Watch:
-    """One play over gateways."""
+    """The plays over computers, from the first one to the end."""
 
     inventory: Path
     request: Request
@@ -47,7 +47,7 @@ class Watch:
     _turns: dict[str, Turn] = field(default_factory=dict)
     _sites: dict[str, str] = field(default_factory=dict)
     """Host to site."""
-    _results: dict[str, GatewayResult] = field(default_factory=dict)
+    _results: dict[str, ComputerResult] = field(default_factory=dict)
     _started: dict[str, float] = field(default_factory=dict)
     _answered: set[str] = field(default_factory=set)
 
@@ -61,17 +61,17 @@ class Watch:
         request = self.request.model_copy(update={"mode": Mode.PLAN}) if reads else self.request
         try:
             declaration = load(self.inventory)
-            gateways = [declaration.hosts[name] for name in hosts if is_gateway(declaration.hosts[name])]
+            computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
             called = RunName()
-            for site in sorted({host.site for host in gateways}):
-                self._turns[site] = Turn(declaration, site, gateways, request, called)
+            for site in sorted({host.site for host in computers}):
+                self._turns[site] = Turn(declaration, site, computers, request, called)
                 self._turns[site].begin()
         except NetcfgError as error:
             _refusals.append(error)
             self.close()
             return
-        self._sites = {host.name: host.site for host in gateways}
-        self._results = {name: GatewayResult(name, request.mode) for name in self._sites}
+        self._sites = {host.name: host.site for host in computers}
+        self._results = {name: ComputerResult(name, request.mode) for name in self._sites}
 
     def started(self, host: str, task: str) -> None:
         """A task begins on a host."""
@@ -81,10 +81,10 @@ class Watch:
             self._channel.event(Event(host, stage, task))
 
     def ok(self, host: str, task: str, told: Mapping[str, Any]) -> None:
-        """A task ended well; one that works out what is wanted has contacted nobody."""
+        """A task ended well; one that works out what is wanted, or takes in other tasks, has contacted nobody."""
         if host in self._results:
             self._results[host].ok(task, told)
-            if "per_host" not in told:
+            if "per_host" not in told and "include" not in told:
                 self._answered.add(host)
 
     def failed(self, host: str, task: str, told: Mapping[str, Any]) -> None:
@@ -112,7 +112,7 @@ class Watch:
             turn = self._turns[self._sites[name]]
             self._journal(turn, result)
             self._channel.outcome(
-                {name: result.as_dict()}, {f"{self._sites[name]} gateways": turn.run} if turn.run else {}
+                {name: result.as_dict()}, {f"{self._sites[name]} computers": turn.run} if turn.run else {}
             )
             turn.ended(result)
         self.close()
@@ -123,7 +123,7 @@ class Watch:
             turn.close()
 
     @staticmethod
-    def _journal(turn: Turn, result: GatewayResult) -> None:
+    def _journal(turn: Turn, result: ComputerResult) -> None:
         try:
             turn.journal.write(
                 Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)

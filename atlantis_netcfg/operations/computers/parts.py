@@ -1,25 +1,27 @@
-"""What each role of a gateway asks for, by the role's name. A new role is a function and its line here."""
+"""What each role of a computer asks for, by the role's name. A new role is a function and its line here."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import StandIn, gateway_ros2
 from atlantis_netcfg.gateway.ros_key import ArchiveKey
-from atlantis_netcfg.operations.computers._access import gateway_access
+from atlantis_netcfg.operations.computers._access import computer_access, is_computer, is_gateway, is_server
 from atlantis_netcfg.operations.computers.dds import gateway_dds
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site import Declaration, Host
+from atlantis_netcfg.vpn.server import openvpn_server
 
-__all__ = ["ACCESS", "PARTS", "Part"]
+__all__ = ["ACCESS", "PARTS", "SERVER", "Part", "concerns", "refuse_unfounded"]
 
 Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]
 """Pure: what one host should hold, as JSON-able data without secrets."""
-ACCESS = "gateway_access"
+ACCESS = "computer_access"
+SERVER = "openvpn_server"
 
 
 def _ros2(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
@@ -50,8 +52,31 @@ def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str
     return gateway_dds(declaration, host).as_dict()
 
 
+def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+    """Not pure: the roll and the list are the authority's. Raises NoAuthority, AuthorityDamaged."""
+    from atlantis_netcfg.vpn.authority import Authority  # noqa: PLC0415 - most runs have no server of the VPN
+
+    authority = Authority.open(request.vpn)
+    authority.crl()  # neither a foreign list nor one that has expired leaves this computer
+    return openvpn_server(declaration, host, authority.roll(), authority.folder).as_dict()
+
+
+def concerns(part: str, host: Host) -> bool:
+    """Whether a part is one of this host."""
+    return {ACCESS: is_computer, SERVER: is_server}.get(part, is_gateway)(host)
+
+
+def refuse_unfounded(hosts: Iterable[Host], request: Request) -> None:
+    """Hold that there is an authority where the server of the VPN is among the hosts. Raises NoAuthority."""
+    if any(is_server(host) for host in hosts):
+        from atlantis_netcfg.vpn.authority import Authority  # noqa: PLC0415 - as above
+
+        Authority.open(request.vpn)
+
+
 PARTS: Mapping[str, Part] = {
-    ACCESS: gateway_access,
+    ACCESS: computer_access,
+    SERVER: _server,
     "gateway_base": _base,
     "gateway_ros2": _ros2,
     "gateway_interop": _interop,

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.machine import tree, why_not, yard
-from atlantis_netcfg.operations.computers import is_gateway, tree_spec
+from atlantis_netcfg.operations.computers import tree_spec
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.machine import Machine, Yard
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
-SPEC = tree_spec(SHIPPED, [host for host in SHIPPED.hosts.values() if is_gateway(host)])
+SPEC = tree_spec(SHIPPED)
 """That of a rehearsal of the shipped inventory, so that one tree is built for both."""
 FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
 """A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""

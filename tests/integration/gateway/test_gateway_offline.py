@@ -93,7 +93,7 @@ def test_an_ordinary_account_carries_it_too_and_a_metered_link_is_asked_for(quay
     quay.gateway.run("useradd -m odroid && cp -r /root/.ssh /home/odroid && chown -R odroid /home/odroid")
     quay.gateway.put("/etc/sudoers.d/odroid", "odroid ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
     quay.bundle(PACKAGES)
-    quay.variables |= {"ansible_user": "odroid", "ansible_become": True, "gateway_reached": {"metered": "4g"}}
+    quay.variables |= {"ansible_user": "odroid", "ansible_become": True, "computer_reached": {"metered": "4g"}}
     code, said = quay.run()
     assert code == 2
     assert "of the bundle would go over 4g, which is paid by the byte" in said

@@ -76,7 +76,7 @@ def test_a_mistyped_site_ends_with_what_exists(tmp_path: Path) -> None:
 
 
 def test_devices_that_no_role_handles_are_not_called_done(tmp_path: Path) -> None:
-    done = provision(tmp_path, "site=scc", "only=scc-vpn", "--rehearse", code=7)
+    done = provision(tmp_path, "site=scc", "only=scc-control", "--rehearse", code=7)
     assert "no role handles these devices yet" in done.stderr
 
 

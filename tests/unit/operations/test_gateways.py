@@ -69,7 +69,7 @@ def ask(tmp_path: Path, part: str, inventory: Path = SHIPPED, **asked: Any) -> A
 
 def test_a_rehearsed_gateway_is_reached_where_it_really_is(tmp_path: Path) -> None:
     target = Target(host="127.0.0.1", port=2222, known_hosts="/k", identity="/i")
-    told = ask(tmp_path, "gateway_access", rehearsed=True, targets={HOST: target})
+    told = ask(tmp_path, "computer_access", rehearsed=True, targets={HOST: target})
     assert set(told) == {HOST}
     reached = told[HOST]
     assert (reached["host"], reached["port"], reached["user"]) == ("127.0.0.1", 2222, "root")
@@ -81,11 +81,11 @@ def test_a_real_gateway_is_pinned_under_its_own_name(tmp_path: Path) -> None:
     inventory = tmp_path / "inventory"
     shutil.copytree(SHIPPED, inventory)
     host = inventory / "host_vars" / f"{HOST}.yml"
-    told = perform(inventory, [HOST], {"state": str(tmp_path), "rehearsed": True}, "gateway_access", plan_only=False)
+    told = perform(inventory, [HOST], {"state": str(tmp_path), "rehearsed": True}, "computer_access", plan_only=False)
     assert told["per_host"][HOST]["host"] == "10.64.1.10"
     assert not told["per_host"][HOST]["become"]
     host.write_text(host.read_text("utf-8") + "  ssh: {user: atlantis, port: 2200}\n", "utf-8")
-    told = perform(inventory, [HOST], {"state": str(tmp_path), "rehearsed": True}, "gateway_access", plan_only=False)
+    told = perform(inventory, [HOST], {"state": str(tmp_path), "rehearsed": True}, "computer_access", plan_only=False)
     reached = told["per_host"][HOST]
     assert (reached["user"], reached["port"], reached["become"]) == ("atlantis", 2200, True)
     assert f"HostKeyAlias={HOST}" in reached["ssh_args"]
@@ -93,11 +93,11 @@ def test_a_real_gateway_is_pinned_under_its_own_name(tmp_path: Path) -> None:
 
 def test_example_values_lead_to_no_gateway(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="example values"):
-        ask(tmp_path, "gateway_access")
+        ask(tmp_path, "computer_access")
 
 
 def test_a_part_that_is_none_is_told(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no part of a gateway"):
+    with pytest.raises(UsageError, match="no part of a computer"):
         ask(tmp_path, "gateway_misspelt", rehearsed=True)
 
 
@@ -196,7 +196,7 @@ def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(watch: Watch
     with Store(tmp_path, rehearsed=True).lock("coastal", "provision site=coastal"):
         watch.begin([HOST])
     with pytest.raises(SiteBusy, match="provision site=coastal"):
-        ask(tmp_path, "gateway_access", rehearsed=True)
+        ask(tmp_path, "computer_access", rehearsed=True)
 
 
 def test_the_site_is_held_until_the_end(watch: Watch, tmp_path: Path) -> None:

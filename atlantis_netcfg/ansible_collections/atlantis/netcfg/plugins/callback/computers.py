@@ -1,4 +1,4 @@
-"""Callback `atlantis.netcfg.computers`: lock, journal and results of a play over gateway computers.
+"""Callback `atlantis.netcfg.computers`: lock, journal and results of a play over computers: gateways, and the server of the VPN.
 
 Ordinary roles tell Ansible how each task ended; this hands it to `atlantis_netcfg.operations.computers`, which holds
 the site's lock as long as the play lasts. Enabled in ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
@@ -21,12 +21,12 @@ name: computers
 type: notification
 short_description: Lock, journal and results of computers
 description:
-  - Holds the lock of each site while the roles of its gateways run, and writes its journal.
-  - Hands the result of every gateway to C(provision), if that is who asked.
+  - Holds the lock of each site while the roles of its computers run, and writes its journal.
+  - Hands the result of every computer to C(provision), if that is who asked.
 requirements:
   - enabled in C(callbacks_enabled) of ansible.cfg
 """
-GROUP = "gateways"
+GROUPS = ("vpn_servers", "gateways")
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
@@ -42,10 +42,11 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         self._watch: Watch | None = None
 
     def v2_playbook_on_play_start(self, play: Any) -> None:  # noqa: ANN401
-        """A play begins: one over the group of the gateways is watched from here to the end of the playbook."""
+        """A play begins: one over computers is watched from here to the end of the playbook."""
         manager = play.get_variable_manager()
         hosts = manager._inventory.get_hosts(play.hosts)  # noqa: SLF001 - a callback is not told in another way
-        if self._watch is not None or GROUP not in play.hosts or not hosts:
+        over = {name for pattern in play.hosts for name in pattern.split(":")}
+        if self._watch is not None or not over.intersection(GROUPS) or not hosts:
             return
         from atlantis_netcfg.operations.computers import Watch  # noqa: PLC0415 - Ansible imports every plugin
         from atlantis_netcfg.operations.request import Request, consent  # noqa: PLC0415 - as above

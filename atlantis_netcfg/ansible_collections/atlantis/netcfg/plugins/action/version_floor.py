@@ -1,0 +1,11 @@
+"""Action `atlantis.netcfg.version_floor`: stands before the module of that name, which documents it."""
+
+from __future__ import annotations
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin
+
+
+class ActionModule(Thin):
+    """The module `version_floor`, run out of the tool that the computer keeps."""
+
+    module = "version_floor"
