@@ -3,20 +3,149 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
-__all__ = ["LONGEST", "NAME", "check_name", "member_name"]
+from atlantis_netcfg.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Container
+
+    from atlantis_netcfg.vpn.identity import Member, Roll
+
+__all__ = ["LONGEST", "NAME", "RESERVED", "NameRefused", "NameTaken", "check_free", "check_name", "member_name"]
 
 LONGEST = 48
 """Characters of a name; with a successor's `.2` it stays below the 64 of a common name (RFC 5280, ub-common-name)."""
 NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?")
 """The grammar, to be matched in full: `$` would let a newline at the end through."""
 
+_OPENVPN = "default server"
+"""OpenVPN's file for clients that have none of their own (`DEFAULT`, whatever the case of a disk), and the server."""
+_NFT = """
+    accept add after ah all and any arp at audit auth before bridge burst bypass bytes bypassed cgroup chain chains
+    classid code comment comp confirmed constant continue count counter counters cpu create ct daddr day dccp delete
+    describe device devices dnat dport drop dscp dup dynamic ecn element elements eq error esp ether expectation
+    expires exthdr export false fanout fib filter flags flow flowtable flowtables flush frag fwd ge geneve get goto gre
+    gretap group gt handle hash hbh helper hook hour ibriport icmp icmpv6 id igmp iif iifname import in include index
+    inet ingress insert interface interval ip ip6 jhash jump l4proto label last le length level limit limits list log
+    lt map maps mark masquerade memory meta meter meters mh missing monitor mss name ne netdev never notrack nothdr
+    numgen offset oif oifname or original osf output over packets performance persistent pkttype policy position
+    postrouting prefix prerouting priority proto protocol queue quota quotas random rate redefine redirect reject
+    rename replace reply reset return rt rule rules ruleset saddr sctp secmark seed set sets size snaplen snat socket
+    sport src srh state status symhash synproxy table tables tcp th time timeout tproxy true ttl type typeof udp
+    udplite undefine until update used version vlan vmap vxlan wscale xt xor zone
+"""
+RESERVED = frozenset(f"{_OPENVPN} {_NFT}".split())
+"""Words that mean something else where a name is used: nft cannot tell a set called `log` from the statement."""
+
+_SHOWN = 60
+_WHY = {
+    "\0": "has a NUL in it: what comes after it is not read by everybody",
+    "/": "has a `/` in it, which leads to another folder",
+    "\\": "has a backslash in it",
+    ".": "has a dot in it",
+    "_": "has a `_` in it: write `-`",
+    " ": "has a space in it",
+}
+
+
+class NameRefused(UsageError):
+    """Not of the grammar, or a reserved word."""
+
+
+class NameTaken(UsageError):
+    """The name is somebody else's, or was: names never return."""
+
 
 def check_name(text: str, what: str) -> str:
-    """`text`, if it may be a name; else UsageError that says what is wrong with `what` and offers a valid name."""
-    raise NotImplementedError
+    """`text`, if it may be a name; else NameRefused that says what is wrong with `what` and offers a valid name."""
+    if NAME.fullmatch(text) is None:
+        raise NameRefused(f"{what} `{_shown(text)}` {_why(text)}", hint=_offer(text, what))
+    if text in RESERVED:
+        raise NameRefused(
+            f"{what} `{text}` is a reserved word of OpenVPN or nft", hint=f"{what}={text}-1, for instance"
+        )
+    return text
 
 
 def member_name(partner: str, device: str) -> str:
-    """`PARTNER-DEVICE`, each part and the whole checked. Raises UsageError."""
-    raise NotImplementedError
+    """`PARTNER-DEVICE`, each part and the whole checked. Raises NameRefused."""
+    name = f"{check_name(partner, 'partner')}-{check_name(device, 'device')}"
+    if len(name) > LONGEST:
+        room = LONGEST - len(partner) - 1
+        short = device[: max(room, 0)].rstrip("-")
+        raise NameRefused(
+            f"`{name}` has {len(name)} characters: partner and device have {LONGEST} together at most, with the `-`",
+            hint=f"device={short}, for instance" if short else "take a shorter key for the partner",
+        )
+    return check_name(name, "name")
+
+
+def check_free(name: str, partner: str | None, device: str, roll: Roll, declared: Container[str] = ()) -> Member | None:
+    """The member of that name, if it is this device; None if the name is free; else NameTaken.
+
+    `declared`: names of the declaration's hosts, which no partner's device may have.
+    """
+    if partner is not None and name in declared:
+        raise NameTaken(
+            f"`{name}` is the name of a declared host: device `{device}` of partner `{partner}` cannot have it",
+            hint=f"device={device}-2, for instance",
+        )
+    member = roll.members.get(name)
+    if member is None or (member.partner, member.device) == (partner, device):
+        return member
+    raise NameTaken(f"`{name}` is the name of {_whose(member)}", hint=f"device={device}-2, for instance")
+
+
+def _whose(member: Member) -> str:
+    if member.partner is None:
+        return f"the pilot's own `{member.device}`"
+    return f"device `{member.device}` of partner `{member.partner}`"
+
+
+def _shown(text: str) -> str:
+    """As it may be printed: look-alikes and control characters are told by their numbers."""
+    said = ascii(text)[1:-1]
+    return said if len(said) <= _SHOWN else f"{said[:_SHOWN]}…"
+
+
+def _why(text: str) -> str:
+    if not text:
+        return "is empty"
+    if text.endswith(("\n", "\r")):
+        return "has a line break at its end"
+    if strange := next((letter for letter in text if not letter.isascii()), None):
+        return f"has {_called(strange)} in it: letters are a to z without accents"
+    for letter, why in _WHY.items():
+        if letter in text:
+            return why
+    return _why_plain(text)
+
+
+def _why_plain(text: str) -> str:
+    if text.startswith("-"):
+        return "begins with `-`, as options do"
+    if text.endswith("-"):
+        return "ends with `-`"
+    if any(letter.isupper() for letter in text):
+        return "has capital letters: names are written small"
+    if wrong := next((letter for letter in text if not (letter.isalnum() or letter == "-")), None):
+        return f"has `{_shown(wrong)}` in it: names have a to z, 0 to 9, and `-` between them"
+    return f"has {len(text)} characters: {LONGEST} at most"
+
+
+def _called(letter: str) -> str:
+    import unicodedata  # noqa: PLC0415 - only errors need it
+
+    return unicodedata.name(letter, f"character U+{ord(letter):04X}")
+
+
+def _offer(text: str, what: str) -> str:
+    """The hint: the valid name that is nearest, where one is left."""
+    import unicodedata  # noqa: PLC0415 - as above
+
+    plain = unicodedata.normalize("NFKD", text[: 4 * LONGEST]).encode("ascii", "ignore").decode()
+    near = re.sub(r"[^a-z0-9]+", "-", plain.lower())[:LONGEST].strip("-")
+    if near and near not in RESERVED:
+        return f"{what}={near}, for instance"
+    return "a name has a to z, 0 to 9 and `-` between them, like sparus2"

@@ -12,18 +12,20 @@ from __future__ import annotations
 
 from atlantis_netcfg.vpn.authority._authority import Authority
 from atlantis_netcfg.vpn.authority._errors import (
+    AddressTaken,
     AuthorityBusy,
     AuthorityDamaged,
     AuthorityFailed,
     ClockBehind,
-    NameTaken,
     NoAuthority,
     NoSuchMember,
+    OtherMember,
     PoolFull,
 )
 from atlantis_netcfg.vpn.authority._signer import Signer
 from atlantis_netcfg.vpn.authority._types import (
     CLIENT_DAYS,
+    Change,
     Delivered,
     Issued,
     Revoked,
@@ -32,20 +34,25 @@ from atlantis_netcfg.vpn.authority._types import (
     Wish,
 )
 from atlantis_netcfg.vpn.ledger import Entry
+from atlantis_netcfg.vpn.names import NameRefused, NameTaken
 
 __all__ = [
     "CLIENT_DAYS",
+    "AddressTaken",
     "Authority",
     "AuthorityBusy",
     "AuthorityDamaged",
     "AuthorityFailed",
+    "Change",
     "ClockBehind",
     "Delivered",
     "Entry",
     "Issued",
+    "NameRefused",
     "NameTaken",
     "NoAuthority",
     "NoSuchMember",
+    "OtherMember",
     "PoolFull",
     "Revoked",
     "ServerNames",

@@ -2,8 +2,24 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.journal import Holder
+from atlantis_netcfg.vpn import ledger, pki
+from atlantis_netcfg.vpn.authority import _check as checks
+from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority import _founding as founding
+from atlantis_netcfg.vpn.authority import _sealed as sealed
+from atlantis_netcfg.vpn.authority._book import Book, new_operation
+from atlantis_netcfg.vpn.authority._desk import Desk
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
+from atlantis_netcfg.vpn.authority._lock import Lock
+from atlantis_netcfg.vpn.authority._sighting import sighting
+from atlantis_netcfg.vpn.authority._signer import Signer
+from atlantis_netcfg.vpn.authority._types import ServerNames
+from atlantis_netcfg.vpn.ledger import records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -11,8 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.secret import Secret
-    from atlantis_netcfg.vpn.authority._signer import Signer
-    from atlantis_netcfg.vpn.authority._types import Delivered, ServerNames, Sighting
+    from atlantis_netcfg.vpn.authority._types import Delivered, Sighting
     from atlantis_netcfg.vpn.identity import Roll
     from atlantis_netcfg.vpn.ledger import Entry
 
@@ -28,48 +43,66 @@ class Authority:
     @classmethod
     def exists(cls, folder: Path) -> bool:
         """Whether the folder has a complete authority."""
-        raise NotImplementedError
+        return founding.is_complete(folder)
 
     @classmethod
     def init(
-        cls,
-        folder: Path,
-        passphrase: Secret,
-        wish: ServerNames,
-        who: str,
-        sealed_by: Literal["age", "vault"] = "age",
+        cls, folder: Path, passphrase: Secret, wish: ServerNames, who: str, sealed_by: founding.Sealing = "age"
     ) -> Authority:
         """Found an authority: CA, server certificate, tls-crypt keys, an empty list.
 
         Killed at any moment, the repeat begins anew; a complete one is never overwritten: it is returned if it was
         founded with the same names, else UsageError.
         """
-        raise NotImplementedError
+        founding.prepare(folder)
+        with Lock(folder, who):
+            founding.found(folder, passphrase, wish, who, sealed_by)
+        return cls(folder)
 
     @classmethod
     def open(cls, folder: Path) -> Authority:
         """The authority of a folder. Raises NoAuthority."""
-        raise NotImplementedError
+        founding.require(folder)
+        return cls(folder)
 
     def roll(self) -> Roll:
         """Who is in the VPN. Raises LedgerDamaged."""
-        raise NotImplementedError
+        return self._fold().roll()
 
     def history(self) -> tuple[Entry, ...]:
         """Every entry of the ledger, oldest first. Raises LedgerDamaged."""
-        raise NotImplementedError
+        return ledger.read(self.folder / ledger.FILE).sound().entries
 
     def server(self) -> ServerNames:
-        """What the server's certificate is made out to."""
-        raise NotImplementedError
+        """What the server's certificate is made out to. Raises LedgerDamaged."""
+        server = self._fold().server
+        if server is None:
+            raise AuthorityDamaged("the ledger names no server", hint="restore the ledger from a backup")
+        return ServerNames(server.common_name, server.dns, server.addresses)
+
+    def handed_out(self, common_name: str) -> records.Delivered | None:
+        """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""
+        return self._fold().delivered.get(common_name)
 
     def crl(self) -> bytes:
-        """The published list, PEM; AuthorityDamaged if it is not the one that the record names, or has expired."""
-        raise NotImplementedError
+        """The published list, PEM.
 
-    def check(self) -> list[str]:
+        Raises CrlRefused if no server may have it, AuthorityDamaged if it is not the one that the record names.
+        """
+        with translated("the revocation list cannot be read"):
+            pem = (self.folder / files.CRL).read_bytes()
+            ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
+        facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
+        if facts.sha256 != self.roll().crl_sha256:
+            raise AuthorityDamaged(
+                f"{files.CRL} (number {facts.number}) is not the list that was recorded last",
+                hint="provision vpn publish signs a new one",
+            )
+        return pem
+
+    def check(self, now: datetime | None = None) -> list[str]:
         """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""
-        raise NotImplementedError
+        return list(checks.problems(self.folder, ledger.utc_now() if now is None else now))
 
     @contextmanager
     def unlocked(
@@ -86,21 +119,74 @@ class Authority:
         the last record, because that record's was wrong. Raises WrongPassphrase, AuthorityBusy, LedgerDamaged,
         ClockBehind, AuthorityFailed.
         """
-        raise NotImplementedError
-        yield
+        # Asked and opened before the lock: nobody waits for somebody who looks for the note with the passphrase.
+        ca = sealed.unseal(self.folder, passphrase())
+        with self._signing(ca, who, waiting=waiting, trust_clock=trust_clock) as signer:
+            yield signer
+
+    @contextmanager
+    def _signing(
+        self, ca: pki.Ca, who: str, *, waiting: Callable[[str], None] | None = None, trust_clock: bool = False
+    ) -> Iterator[Signer]:
+        with self._writing(who, waiting) as (book, left):
+            if book.fold.founded is None or book.fold.founded.ca_sha256 != pki.sha256(ca.certificate):
+                raise AuthorityDamaged(
+                    f"{files.CA} is not the certificate authority of the ledger",
+                    hint="restore both from the same backup of the authority",
+                )
+            book.check_clock(trusted=trust_clock)
+            desk = Desk(self.folder, book, ca)
+            desk.recover(left=left)
+            yield Signer(desk)
+
+    @contextmanager
+    def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[Book, bool]]:
+        founding.require(self.folder)
+        with ExitStack() as held:
+            lock = held.enter_context(Lock(self.folder, who or _me(), waiting))
+            yield held.enter_context(Book(self.folder, who or _me())), lock.left
 
     def seen(self, sightings: Mapping[str, datetime], who: str = "") -> Sighting:
-        """Record which common names the server had sessions of, and when last; an older certificate is superseded."""
-        raise NotImplementedError
+        """Record which common names the server had sessions of, and when last; an older certificate is superseded.
+
+        Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
+        """
+        if not sighting(self._fold(), sightings)[0]:
+            return sighting(self._fold(), sightings)[1]
+        with self._writing(who) as (book, _):
+            new, answer = sighting(book.fold, sightings)
+            book.write(new, new_operation())
+        return answer
 
     def settled(self, common_names: Iterable[str], who: str = "") -> None:
         """Record that the server confirmed: these revoked certificates have no session and get none."""
-        raise NotImplementedError
+        wanted = set(common_names)
+        if not wanted.intersection(self.roll().queued):
+            return
+        with self._writing(who) as (book, _):
+            out = [one for one in book.fold.roll().queued if one in wanted]
+            book.write([records.Settled(common_name=one) for one in out], new_operation())
 
     def delivered(self, common_name: str, delivered: Delivered, who: str = "") -> None:
-        """Record that a member's file was made out or handed over once more."""
-        raise NotImplementedError
+        """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
+        with self._writing(who) as (book, _):
+            good = {one.common_name for _, one in book.fold.roll().certificates() if one.good}
+            if common_name not in good:
+                raise UsageError(
+                    f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use", hint="provision vpn list"
+                )
+            record = records.Delivered(common_name=common_name, path=delivered.path, sha256=delivered.sha256)
+            book.write([record], new_operation())
 
-    def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Literal["age", "vault"] = "age") -> None:
-        """Put the CA key under another passphrase."""
-        raise NotImplementedError
+    def reseal(self, old: Secret, new: Secret, who: str, sealed_by: founding.Sealing = "age") -> None:
+        """Put the CA key under another passphrase. Once more after it was done: nothing is left to do."""
+        with self._writing(who) as (book, _):
+            sealed.reseal(self.folder, book, (old, new), sealed_by)
+
+    def _fold(self) -> ledger.Fold:
+        return ledger.Fold(self.history())
+
+
+def _me() -> str:
+    holder = Holder.me("")
+    return f"{holder.user}@{holder.host}"

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 __all__ = [
+    "AddressTaken",
     "AuthorityBusy",
     "AuthorityDamaged",
     "AuthorityFailed",
     "ClockBehind",
-    "NameTaken",
     "NoAuthority",
     "NoSuchMember",
+    "OtherMember",
     "PoolFull",
+    "translated",
 ]
 
 
@@ -24,8 +32,12 @@ class NoSuchMember(UsageError, LookupError):
     """The roll has no member of this name."""
 
 
-class NameTaken(UsageError):
-    """The name is somebody else's, or was: names never return."""
+class OtherMember(UsageError):
+    """A member of this name is there, and is not the one that was wished for."""
+
+
+class AddressTaken(UsageError):
+    """The address is in use, or cannot be given to a member."""
 
 
 class PoolFull(UsageError):
@@ -54,3 +66,16 @@ class ClockBehind(NetcfgError):
     """This computer's clock stands before the last record: what it would sign might not be valid, or end too early."""
 
     exit = ExitCode.FAILED
+
+
+@contextmanager
+def translated(what: str) -> Iterator[None]:
+    """Say in words that a file of the authority could not be read or written."""
+    try:
+        yield
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename else ""
+        raise AuthorityFailed(
+            f"{what}: {error.strerror or error}{where}",
+            hint="make room on the disk or correct its permissions, then run the same command again",
+        ) from error

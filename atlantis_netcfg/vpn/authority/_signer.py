@@ -4,64 +4,128 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.vpn.authority import _plan as plan
+from atlantis_netcfg.vpn.authority import _types as types
+from atlantis_netcfg.vpn.authority._book import new_operation
+from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.authority._files import CRL
+from atlantis_netcfg.vpn.authority._issuing import hand_out
+from atlantis_netcfg.vpn.identity import Certificate, Member, Standing
+from atlantis_netcfg.vpn.ledger import records
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.vpn.authority._types import Delivered, Issued, Revoked, Wish
-    from atlantis_netcfg.vpn.identity import Identity, KeyType, Link, Roll, Wrap
+    from atlantis_netcfg.vpn.authority._desk import Desk
+    from atlantis_netcfg.vpn.identity import Identity, Roll
 
 __all__ = ["Signer"]
+
+SUPERSEDED = "superseded"
 
 
 class Signer:
     """Got by `Authority.unlocked()`; good inside that block only."""
 
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+
     @property
     def roll(self) -> Roll:
         """The roll as it stands after what this signer has done."""
-        raise NotImplementedError
+        return self._desk.book.fold.roll()
 
     def issue(
         self,
-        wishes: Sequence[Wish],
-        deliver: Callable[[Identity], Delivered],
+        wishes: Sequence[types.Wish],
+        deliver: Callable[[Identity], types.Delivered],
         *,
         reserved: Collection[IPv4Address] = (),
-    ) -> tuple[Issued, ...]:
+    ) -> tuple[types.Issued, ...]:
         """Make members, all checked before the first is made; answers are in the order of the wishes.
 
         `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved` are
         addresses that are not given away: the server's own, and those of declared hosts. UsageError for a name that is
         refused or taken, for a member of this name that is not the one wished for, for an address in use.
         """
-        raise NotImplementedError
+        planned = plan.issuing(self.roll, wishes, reserved)
+        new = [one for one in planned if isinstance(one, plan.Planned)]
+        if new:
+            hand_out(self._desk, "issue", new, deliver)
+        names = {one.member.name for one in new}
+        return tuple(self._issued(wish.name, already=wish.name not in names) for wish in wishes)
 
     def renew(
-        self,
-        name: str,
-        deliver: Callable[[Identity], Delivered],
-        *,
-        days: int | None = None,
-        wrap: Wrap | None = None,
-        key: KeyType | None = None,
-        link: Link | None = None,
-        request_id: str = "",
-    ) -> Issued:
+        self, name: str, deliver: Callable[[Identity], types.Delivered], change: types.Change | None = None
+    ) -> types.Issued:
         """Give a member a successor `NAME.2`, `NAME.3` …; the certificate in use works until the new one was seen.
 
         Successors that were handed out before and never seen are revoked (`Issued.replaced`).
-        None: as its newest certificate has it.
         """
-        raise NotImplementedError
+        planned = plan.renewing(plan.known(self.roll, name), change or types.Change())
+        hand_out(self._desk, "renew", [planned], deliver)
+        return self._issued(name, replaced=planned.replaces)
 
-    def revoke(self, names: Sequence[str], reason: str) -> Revoked:
+    def revoke(self, names: Sequence[str], reason: str) -> types.Revoked:
         """Revoke every certificate of these members, and publish the list. The names never return.
 
         Once more for members that are revoked: nothing new is recorded, the answer is the same.
         """
-        raise NotImplementedError
+        roll = self.roll
+        members = [plan.known(roll, name) for name in dict.fromkeys(names)]
+        if not members:
+            raise UsageError("nobody was named whose certificates are to be revoked", hint="provision vpn list")
+        why = plan.text(reason, "the reason") or "no reason was given"
+        lost = [_revocable(member) for member in members]
+        if any(lost):
+            crl = self._revoke([member.name for member in members], [one for some in lost for one in some], why)
+        else:
+            with translated("the revocation list cannot be read"):
+                crl = (self._desk.folder / CRL).read_bytes()
+        handed_out = self._desk.book.fold.delivered
+        every = (one.common_name for member in members for one in member.certificates)
+        return types.Revoked(
+            common_names=tuple(one for one in every if one in handed_out),
+            members=tuple(member.name for member in members),
+            crl=crl,
+            already=tuple(member.name for member, some in zip(members, lost, strict=True) if not some),
+        )
 
     def publish(self) -> bytes:
         """Sign the list anew, superseded certificates on it as well; PEM."""
-        raise NotImplementedError
+        old = [one for _, one in self.roll.certificates() if one.standing is Standing.SUPERSEDED]
+        operation = new_operation()
+        begun = records.Begun(command="publish")
+        self._desk.book.write([begun, *_revocations(old, SUPERSEDED)], operation)
+        return self._listed(operation)
+
+    def _revoke(self, names: Sequence[str], certificates: Iterable[Certificate], why: str) -> bytes:
+        operation = new_operation()
+        begun = records.Begun(command="revoke", names=tuple(names))
+        self._desk.book.write([begun, *_revocations(certificates, why)], operation)
+        return self._listed(operation)
+
+    def _listed(self, operation: str) -> bytes:
+        pem = self._desk.publish(operation)
+        self._desk.book.write([records.Committed()], operation)
+        return pem
+
+    def _issued(self, name: str, *, already: bool = False, replaced: tuple[str, ...] = ()) -> types.Issued:
+        fold = self._desk.book.fold
+        member = fold.member(name)
+        newest = member.good[-1]
+        last = fold.delivered[newest.common_name]
+        return types.Issued(member, newest, types.Delivered(last.path, last.sha256), already, replaced)
+
+
+def _revocable(member: Member) -> list[Certificate]:
+    """What a revocation of the member is about; once for one that was never handed out, so that its name is retired."""
+    good = [one for one in member.certificates if one.standing is not Standing.REVOKED]
+    waits = not good and all(one.reason == plan.NEVER_HANDED_OUT for one in member.certificates)
+    return list(member.certificates) if waits else good
+
+
+def _revocations(certificates: Iterable[Certificate], why: str) -> list[records.Record]:
+    return [records.Revoked(common_name=one.common_name, reason=why) for one in certificates]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.identity import Certificate, Kind, Member
 
-__all__ = ["CLIENT_DAYS", "Delivered", "Issued", "Revoked", "ServerNames", "Sighting", "Wish"]
+__all__ = ["CLIENT_DAYS", "Change", "Delivered", "Issued", "Revoked", "ServerNames", "Sighting", "Wish"]
 
 CLIENT_DAYS = 397
 """A year, and a month to renew in."""
@@ -48,6 +48,18 @@ class Wish:
     """How long the certificate is good for."""
     request_id: str = ""
     """Recorded beside the certificate: whose request it answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a renewal changes; None: as the newest certificate has it."""
+
+    days: int | None = None
+    """How long the successor is good for; None: a year and a month."""
+    wrap: Wrap | None = None
+    key: KeyType | None = None
+    link: Link | None = None
+    request_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)

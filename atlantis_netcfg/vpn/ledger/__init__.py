@@ -9,5 +9,22 @@ from __future__ import annotations
 
 from atlantis_netcfg.vpn.ledger._entry import Entry
 from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged, LedgerFailed
+from atlantis_netcfg.vpn.ledger._file import FILE, Ledger, Reading, first_lines, read, utc_now
+from atlantis_netcfg.vpn.ledger._fold import NEVER_HANDED_OUT, Fold, roll
+from atlantis_netcfg.vpn.ledger.records import Record
 
-__all__ = ["Entry", "LedgerDamaged", "LedgerFailed"]
+__all__ = [
+    "FILE",
+    "NEVER_HANDED_OUT",
+    "Entry",
+    "Fold",
+    "Ledger",
+    "LedgerDamaged",
+    "LedgerFailed",
+    "Reading",
+    "Record",
+    "first_lines",
+    "read",
+    "roll",
+    "utc_now",
+]

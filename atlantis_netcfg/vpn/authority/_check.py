@@ -1,0 +1,128 @@
+"""Problems of the folder, in words, for `status`: each is looked for, whatever the others are."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.vpn import ledger, pki
+from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority import _lists as lists
+from atlantis_netcfg.vpn.authority._lock import is_held
+from atlantis_netcfg.vpn.ledger import records
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    from cryptography import x509
+
+    from atlantis_netcfg.vpn.ledger import Entry, Fold
+
+__all__ = ["problems"]
+
+SOON = timedelta(days=30)
+"""Before a list or a certificate ends."""
+CA_SOON = timedelta(days=365)
+"""Before the CA ends: a new one means new files for everybody."""
+_PRIVATE = (*files.SEALED.values(), ledger.FILE, files.SERVER_KEY, files.TLS_CRYPT, files.TLS_CRYPT_V2)
+
+
+def problems(folder: Path, now: datetime) -> Iterator[str]:
+    """What a person has to look at."""
+    try:
+        reading = ledger.read(folder / ledger.FILE)
+        ca = pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
+    except (NetcfgError, OSError, ValueError) as error:
+        yield f"the authority in {folder} cannot be read: {error}"
+        return
+    if reading.damage is not None:
+        yield f"{reading.damage}; nothing is signed while it is so"
+    fold = ledger.Fold(reading.entries)
+    yield from _times(reading.entries)
+    yield from _unfinished(folder, fold)
+    yield from _ca(fold, ca, now)
+    yield from _server(folder, fold, now)
+    yield from _copies(folder, fold)
+    yield from _list(folder, fold, ca, now)
+    yield from _members(fold, now)
+    yield from _modes(folder)
+
+
+def _times(entries: Sequence[Entry]) -> Iterator[str]:
+    for before, after in pairwise(entries):
+        if after.at < before.at and not isinstance(after.record, records.ClockTrusted):
+            yield f"line {after.number} of the ledger is older than the line before it"
+
+
+def _unfinished(folder: Path, fold: Fold) -> Iterator[str]:
+    if fold.open and not is_held(folder):
+        commands = ", ".join(sorted(f"{one.command} {' '.join(one.names[:3])}".strip() for one in fold.open.values()))
+        yield f"a command did not end ({commands}): the next one that signs puts it in order"
+
+
+def _ca(fold: Fold, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+    if fold.founded is None or fold.founded.ca_sha256 != pki.sha256(ca):
+        yield f"{files.CA} is not the certificate authority of the ledger"
+    if ca.not_valid_after_utc - now < CA_SOON:
+        yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
+
+
+def _server(folder: Path, fold: Fold, now: datetime) -> Iterator[str]:
+    if fold.server is None:
+        return
+    try:
+        certificate = pki.load_cert((folder / files.SERVER_CERT).read_text(encoding="ascii"))
+    except (pki.KeyDamaged, OSError, ValueError) as error:
+        yield f"{files.SERVER_CERT} cannot be read: {error}"
+        return
+    if pki.sha256(certificate) != fold.server.sha256:
+        yield f"{files.SERVER_CERT} is not the certificate that was recorded"
+    if fold.server.not_after - now < SOON:
+        yield f"the server's certificate ends on {fold.server.not_after:%Y-%m-%d}"
+
+
+def _copies(folder: Path, fold: Fold) -> Iterator[str]:
+    known = {f"{name}.pem": files.copy_of(one) for name, one in fold.issued.items()}
+    there = {path.name: path for path in sorted((folder / files.CERTS).glob("[!.]*"))}
+    for name, path in there.items():
+        if name not in known:
+            yield f"{files.CERTS}/{name} is not in the record: nobody issued it here, or the ledger is an old copy"
+        elif path.read_bytes() != known[name]:
+            yield f"{files.CERTS}/{name} is not the certificate that was recorded"
+    for name in known.keys() - there.keys():
+        yield f"{files.CERTS}/{name} is missing; the next command that signs writes it again"
+
+
+def _list(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+    try:
+        facts = pki.check_crl((folder / files.CRL).read_bytes(), ca, above=None, now=now)
+    except OSError as error:
+        yield f"{files.CRL} cannot be read: {error.strerror}"
+        return
+    except pki.CrlRefused as error:
+        yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
+        return
+    roll = fold.roll()
+    if facts.sha256 != roll.crl_sha256:
+        yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
+    for lost in sorted({one.serial for one in lists.revoked(roll)} - facts.serials):
+        yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn publish"
+    if facts.next_update - now < SOON:
+        yield f"{files.CRL} ends on {facts.next_update:%Y-%m-%d}, and then nobody gets in: provision vpn publish"
+
+
+def _members(fold: Fold, now: datetime) -> Iterator[str]:
+    for member in fold.roll().members.values():
+        if member.good and (last := member.good[-1]).not_after - now < SOON:
+            ends = "ended" if last.not_after <= now else "ends"
+            yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew {member.name}"
+
+
+def _modes(folder: Path) -> Iterator[str]:
+    for path in (folder, *(folder / name for name in _PRIVATE)):
+        if path.exists() and path.stat().st_mode & 0o077:
+            yield f"{path} can be read by others: chmod go= {path}"

@@ -1,0 +1,80 @@
+"""What signing needs: the folder, the ledger open for writing, the CA with its key; held under the lock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority import _lists as lists
+from atlantis_netcfg.vpn.authority._book import new_operation
+from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.identity import Wrap
+from atlantis_netcfg.vpn.ledger.records import Committed, RolledBack
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.vpn.authority._book import Book
+
+__all__ = ["Desk"]
+
+
+@dataclass(frozen=True)
+class Desk:
+    """One for each command that signs."""
+
+    folder: Path
+    book: Book
+    ca: pki.Ca
+
+    @cached_property
+    def ca_pem(self) -> str:
+        """The CA's certificate."""
+        return pki.cert_pem(self.ca.certificate)
+
+    def wrap_key(self, wrap: Wrap, common_name: str) -> Secret:
+        """Key of a member's control channel."""
+        if wrap is Wrap.TLS_CRYPT:
+            return self._shared
+        return pki.client_key(self._server, f"cn={common_name}".encode())
+
+    def publish(self, operation: str) -> bytes:
+        """Put a list in place that says what the record says."""
+        return lists.publish(self.folder, self.book, self.ca, operation)
+
+    def recover(self, *, left: bool) -> None:
+        """Finish or withdraw what commands before this one left; `left`: the last one was killed.
+
+        What is wrong is found by looking, not by remembering: this may be killed as well.
+        """
+        with translated("the authority cannot be put in order"):
+            if left or self.book.fold.open:
+                files.sweep(self.folder)
+            files.folders(self.folder)
+            for operation in tuple(self.book.fold.open):
+                self.book.write([self._end(operation)], operation)
+            files.restore_copies(self.folder, self.book.fold.issued.values())
+        if lists.due(self.folder, self.book, self.ca):
+            self.publish(new_operation())
+
+    def _end(self, operation: str) -> Committed | RolledBack:
+        fold = self.book.fold
+        lost = tuple(name for name, of in fold.pending.items() if of == operation)
+        whole = fold.done[operation].issuperset(fold.open[operation].names)
+        return Committed() if whole and not lost else RolledBack(common_names=lost)
+
+    @cached_property
+    def _server(self) -> Secret:
+        return self._secret(files.TLS_CRYPT_V2)
+
+    @cached_property
+    def _shared(self) -> Secret:
+        return self._secret(files.TLS_CRYPT)
+
+    def _secret(self, name: str) -> Secret:
+        with translated("a key of the server cannot be read"):
+            return Secret((self.folder / name).read_text(encoding="ascii"))

@@ -1,0 +1,154 @@
+"""How an authority comes into being: everything beside the ledger first, the ledger last and at once.
+
+A folder with a ledger is an authority; one with the mark `founding` and no ledger is what a killed `init` left, and
+holds nothing that anybody has seen: it is made again from the beginning.
+"""
+
+from __future__ import annotations
+
+import secrets
+from typing import TYPE_CHECKING, Literal
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.vpn import ledger, pki
+from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority._book import new_operation
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, NoAuthority, translated
+from atlantis_netcfg.vpn.authority._lists import sign
+from atlantis_netcfg.vpn.identity import KeyType
+from atlantis_netcfg.vpn.ledger.records import Founded, ServerIssued
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.vpn.authority._types import ServerNames
+
+__all__ = ["Sealing", "found", "is_complete", "new_server", "prepare", "require", "seal"]
+
+Sealing = Literal["age", "vault"]
+MARK = "founding"
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether the folder has an authority."""
+    return (folder / ledger.FILE).exists()
+
+
+def require(folder: Path) -> None:
+    """Raise NoAuthority, or AuthorityDamaged where only the ledger is missing."""
+    if is_complete(folder):
+        return
+    _unfinished(folder)
+    raise NoAuthority(f"there is no authority in {folder}", hint="provision vpn init makes one; authority=DIR names it")
+
+
+def prepare(folder: Path) -> None:
+    """Make the folder, for its owner alone."""
+    with translated("there is no place for the authority"):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if folder.stat().st_mode & 0o077:
+            folder.chmod(0o700)
+
+
+def found(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
+    """Make it, under the lock; nothing if it is there. Raises UsageError if it is there for other names."""
+    if is_complete(folder):
+        _same_names(folder, names)
+    else:
+        _make(folder, passphrase, names, who, sealing)
+    with translated("the authority cannot be completed"):
+        files.forget(folder / MARK)
+        files.sweep(folder)
+
+
+def seal(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
+    """The CA key as it lies on disk. Raises WeakPassphrase."""
+    encrypt = pki.seal if sealing == "age" else pki.vault_seal
+    return encrypt(key.reveal().encode(), passphrase)
+
+
+def new_server(ca: pki.Ca, names: ServerNames, now: datetime, kind: KeyType) -> tuple[dict[str, bytes], ServerIssued]:
+    """The server's key and certificate, as files, and their record."""
+    key = pki.new_key(kind)
+    certificate = pki.new_server(
+        ca, key.public_key(), names.common_name, names.dns, names.addresses, pki.new_serial(), now
+    )
+    record = ServerIssued(
+        common_name=names.common_name,
+        dns=names.dns,
+        addresses=names.addresses,
+        serial=certificate.serial_number,
+        sha256=pki.sha256(certificate),
+        not_before=certificate.not_valid_before_utc,
+        not_after=certificate.not_valid_after_utc,
+    )
+    written = {
+        files.SERVER_KEY: pki.key_pem(key).reveal().encode(),
+        files.SERVER_CERT: pki.cert_pem(certificate).encode(),
+    }
+    return written, record
+
+
+def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
+    _unfinished(folder)
+    now = ledger.utc_now()
+    # Each authority has a name of its own: OpenVPN takes a list of another CA of the same name with a mere warning.
+    ca = pki.new_ca(f"ATLANTIS VPN {secrets.token_hex(4)}", now)
+    server, issued = new_server(ca, names, now, KeyType.EC)
+    crl, published = sign(ca, (), 1, now)
+    written = {
+        files.SEALED[sealing]: seal(pki.key_pem(ca.key), passphrase, sealing),
+        files.CA: pki.cert_pem(ca.certificate).encode(),
+        **server,
+        files.TLS_CRYPT_V2: pki.server_key().reveal().encode(),
+        files.TLS_CRYPT: pki.shared_key().reveal().encode(),
+        files.CRL: crl,
+    }
+    founded = Founded(
+        ca_common_name=ca.certificate.subject.rfc4514_string().removeprefix("CN="),
+        ca_sha256=pki.sha256(ca.certificate),
+        ca_not_after=ca.certificate.not_valid_after_utc,
+        sealed_by=sealing,
+    )
+    lines = ledger.first_lines([founded, issued, published], who, new_operation(), now)
+    with translated("the authority cannot be made"):
+        write_atomically(folder / MARK, b"provision vpn init was not completed here: run it again\n")
+        for other in files.SEALED.values():
+            (folder / other).unlink(missing_ok=True)
+        files.folders(folder)
+        for name, data in written.items():
+            write_atomically(folder / name, data)
+        write_atomically(folder / ledger.FILE, lines)
+
+
+def _unfinished(folder: Path) -> None:
+    """Raise AuthorityDamaged if what is there is not what a killed `init` left."""
+    if not (folder / MARK).exists() and (left := _remains(folder)):
+        raise AuthorityDamaged(
+            f"{folder} has {left}, but not the ledger: nothing can be issued or revoked without it",
+            hint=f"restore {ledger.FILE} from your backup of the authority",
+        )
+
+
+def _remains(folder: Path) -> str | None:
+    """What only an authority has, if the folder has it."""
+    kept = (files.CA, files.CRL, *files.SEALED.values())
+    found = [name for name in kept if (folder / name).exists()]
+    return ", ".join(found) or None
+
+
+def _same_names(folder: Path, names: ServerNames) -> None:
+    server = ledger.Fold(ledger.read(folder / ledger.FILE).sound().entries).server
+    if server is None or (server.common_name, server.dns, server.addresses) != (
+        names.common_name,
+        names.dns,
+        names.addresses,
+    ):
+        made = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
+        raise UsageError(
+            f"there is an authority in {folder} already, whose server is {made}: it is not overwritten",
+            hint="name another folder: authority=DIR",
+        )

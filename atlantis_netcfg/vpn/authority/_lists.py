@@ -1,0 +1,79 @@
+"""The revocation list: made out from the record, recorded, then put in place."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+from cryptography import x509
+
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.authority._files import CRL
+from atlantis_netcfg.vpn.identity import Standing
+from atlantis_netcfg.vpn.ledger.records import Published
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.vpn.authority._book import Book
+    from atlantis_netcfg.vpn.identity import Roll
+
+__all__ = ["due", "publish", "revoked", "sign"]
+
+BACKDATED = timedelta(days=1)
+"""A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
+FRESH = timedelta(days=60)
+"""A list with less than this until its `nextUpdate` is signed anew in passing: who works often never sees an alarm."""
+
+
+def revoked(roll: Roll) -> list[pki.RevokedSerial]:
+    """What must be on the list."""
+    return [
+        pki.RevokedSerial(one.serial, one.revoked)
+        for _, one in roll.certificates()
+        if one.standing is Standing.REVOKED and one.revoked is not None
+    ]
+
+
+def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime) -> tuple[bytes, Published]:
+    """A list with its record. Raises CrlRefused: never one that a server could not have now."""
+    back = max(now - BACKDATED, ca.certificate.not_valid_before_utc)
+    pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + BACKDATED.days)
+    facts = pki.check_crl(pem, ca.certificate, above=number - 1, now=now)
+    held = len(facts.serials)
+    return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=held)
+
+
+def publish(folder: Path, book: Book, ca: pki.Ca, operation: str) -> bytes:
+    """Sign the list of the record's state, record it, and put it in place; PEM."""
+    path, roll, now = folder / CRL, book.fold.roll(), book.now()
+    above = max(roll.crl_number, _number_on_disk(path, ca.certificate))
+    pem, record = sign(ca, revoked(roll), above + 1, now)
+    book.write([record], operation)
+    with translated("the revocation list cannot be written"):
+        pki.publish(path, pem, ca.certificate, above=above, now=now)
+    return pem
+
+
+def due(folder: Path, book: Book, ca: pki.Ca) -> bool:
+    """Whether the list in place is not the one that the record asks for, or is getting old."""
+    roll, now = book.fold.roll(), book.now()
+    try:
+        facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
+    except (OSError, pki.CrlRefused):
+        return True
+    serials = frozenset(one.serial for one in revoked(roll))
+    return (facts.sha256, facts.serials) != (roll.crl_sha256, serials) or facts.next_update - now < FRESH
+
+
+def _number_on_disk(path: Path, ca: x509.Certificate) -> int:
+    """Of a list of ours, also an expired one; it is above the record's if the ledger came from an older backup."""
+    try:
+        crl = x509.load_pem_x509_crl(path.read_bytes())
+        ours = crl.is_signature_valid(ca.public_key())  # type: ignore[arg-type] # a CA of ours signs
+        return crl.extensions.get_extension_for_class(x509.CRLNumber).value.crl_number if ours else 0
+    except (OSError, ValueError, TypeError, x509.ExtensionNotFound):
+        return 0

@@ -1,0 +1,106 @@
+"""One process at a time writes; the kernel frees the lock when its process dies."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import time
+from contextlib import suppress
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.journal import Holder
+from atlantis_netcfg.vpn.authority._errors import AuthorityBusy, translated
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+__all__ = ["FILE", "Lock", "is_held"]
+
+FILE = "lock"
+PATIENCE_S = 60.0
+"""Six people who onboard at once queue for some seconds; a minute is somebody who went to lunch."""
+_PAUSE_S = 0.05
+
+
+class Lock:
+    """Held from `__enter__` to `__exit__`. Raises AuthorityBusy, naming the holder, when it is not free in time."""
+
+    def __init__(self, folder: Path, who: str, waiting: Callable[[str], None] | None = None) -> None:
+        self._path = folder / FILE
+        self._who = who
+        self._waiting = waiting
+        self._descriptor = -1
+        self.left = False
+        """Whether the one who held it before us was killed."""
+
+    def __enter__(self) -> Self:
+        with translated("the authority cannot be locked"):
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+            self._descriptor = os.open(self._path, flags, 0o600)
+            try:
+                self._wait()
+                self.left = os.fstat(self._descriptor).st_size > 0
+            except BaseException:
+                os.close(self._descriptor)
+                raise
+        self._sign()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # The file stays: were it removed, a third process could lock a new file while a second holds the old one.
+        # A name that cannot be taken out tells the next one to look closer, no more.
+        try:
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, 0)
+        finally:
+            os.close(self._descriptor)
+
+    def _wait(self) -> None:
+        until = time.monotonic() + PATIENCE_S
+        told = False
+        while not _try(self._descriptor, fcntl.LOCK_EX):
+            if time.monotonic() >= until:
+                raise AuthorityBusy(
+                    f"the authority is being worked on by {self._holder()}, and was not free within {PATIENCE_S:.0f} s",
+                    hint="wait until that command has ended, then run the same command again",
+                )
+            if not told and self._waiting is not None:
+                self._waiting(f"waiting for {self._holder()}, who works on the authority")
+            told = True
+            time.sleep(_PAUSE_S)
+
+    def _sign(self) -> None:
+        """Say who we are. The name is a courtesy to who waits: a full disk does not make the lock weaker."""
+        data = json.dumps(asdict(Holder.me(f"as {self._who}"))).encode()
+        with suppress(OSError):
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, data, 0)
+
+    def _holder(self) -> str:
+        try:
+            return str(Holder(**json.loads(self._path.read_bytes())))
+        except (OSError, ValueError, TypeError):
+            return "somebody who has just started"
+
+
+def is_held(folder: Path) -> bool:
+    """Whether somebody works on the authority now."""
+    try:
+        descriptor = os.open(folder / FILE, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        return not _try(descriptor, fcntl.LOCK_SH)
+    finally:
+        os.close(descriptor)
+
+
+def _try(descriptor: int, how: int) -> bool:
+    try:
+        fcntl.flock(descriptor, how | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -1,0 +1,186 @@
+"""What the wishes come to: pure, all of them checked before the first certificate is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.near import nearest
+from atlantis_netcfg.vpn import names
+from atlantis_netcfg.vpn.authority._addresses import Addresses
+from atlantis_netcfg.vpn.authority._errors import NoSuchMember, OtherMember
+from atlantis_netcfg.vpn.authority._types import CLIENT_DAYS
+from atlantis_netcfg.vpn.identity import Member, Standing
+from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.vpn.authority._types import Change, Wish
+    from atlantis_netcfg.vpn.identity import Certificate, KeyType, Roll, Wrap
+
+__all__ = ["NEVER_HANDED_OUT", "Planned", "issuing", "known", "renewing", "text"]
+
+_TEXT = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One certificate that shall be made."""
+
+    member: Member
+    """As it will be, its new certificate aside."""
+    common_name: str
+    wrap: Wrap
+    key: KeyType
+    days: int
+    request_id: str = ""
+    replaces: tuple[str, ...] = ()
+    """Common names to be revoked when it is handed out."""
+
+
+def issuing(roll: Roll, wishes: Sequence[Wish], reserved: Collection[IPv4Address]) -> list[Planned | Member]:
+    """What to make for each wish, in their order; a Member where there is nothing to make. Raises UsageError."""
+    addresses = Addresses(roll, reserved)
+    found = [_found(roll, wish) for wish in wishes]
+    _once([wish.name for wish in wishes])
+    # Declared addresses first: none of the others may get one of them.
+    for member in found:
+        if member is not None and not member.good:
+            addresses.free(member)
+    taken = {
+        wish.name: addresses.take(address, wish.pool, wish.name)
+        for wish, member in zip(wishes, found, strict=True)
+        if (address := _declared(wish, member)) is not None
+    }
+    return [
+        member if member is not None and member.good else _planned(wish, member, taken, addresses)
+        for wish, member in zip(wishes, found, strict=True)
+    ]
+
+
+def renewing(member: Member, change: Change) -> Planned:
+    """The successor of a member's certificate. Raises UsageError."""
+    if not member.good:
+        raise UsageError(
+            f"`{member.name}` was revoked: it gets no certificate any more",
+            hint="onboard the device under another name",
+        )
+    newest = member.good[-1]
+    in_use = next((one for one in reversed(member.good) if one.standing is Standing.SEEN), member.good[0])
+    return Planned(
+        member=member if change.link is None else replace(member, link=change.link),
+        common_name=_next_name(member),
+        wrap=newest.wrap if change.wrap is None else change.wrap,
+        key=newest.key if change.key is None else change.key,
+        days=CLIENT_DAYS if change.days is None else change.days,
+        request_id=text(change.request_id, "the request's number"),
+        replaces=tuple(one.common_name for one in member.good if one is not in_use),
+    )
+
+
+def known(roll: Roll, name: str) -> Member:
+    """The member of that name. Raises NoSuchMember."""
+    if (member := roll.members.get(name)) is not None:
+        return member
+    near = nearest(name, roll.members)
+    raise NoSuchMember(
+        f"the record has no member `{ascii(name)[1:-1][:60]}`",
+        hint=f"did you mean `{near}`?" if near else "provision vpn list shows them all",
+    )
+
+
+def _found(roll: Roll, wish: Wish) -> Member | None:
+    """The member that the wish is about, if there is one."""
+    _check(wish)
+    member = names.check_free(wish.name, wish.partner, wish.device, roll)
+    if member is None:
+        return None
+    if member.good:
+        _same(wish, member)
+    elif any(one.reason != NEVER_HANDED_OUT for one in member.certificates):
+        raise names.NameTaken(
+            f"`{member.name}` was revoked: {member.certificates[-1].reason}. Names never return",
+            hint=f"device={wish.device}-2, for instance",
+        )
+    return member
+
+
+def _check(wish: Wish) -> None:
+    if wish.partner is None:
+        names.check_name(wish.name, "host")
+        right = wish.device
+    else:
+        right = names.member_name(wish.partner, wish.device)
+    if wish.name != right:
+        raise names.NameRefused(f"`{ascii(wish.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE")
+    if wish.vehicle is not None:
+        text(wish.vehicle, "the vehicle")
+    text(wish.request_id, "the request's number")
+    if wish.address is None and wish.pool is None:
+        raise UsageError(f"`{wish.name}` has neither an address nor a pool to take one from", hint="declare its pool")
+
+
+def _same(wish: Wish, member: Member) -> None:
+    """Refuse a wish of a member that is there and is another one: nothing of it is changed in passing."""
+    newest = member.good[-1]
+    pairs = (
+        ("kind", member.kind, wish.kind),
+        ("link", member.link, wish.link),
+        ("vehicle", member.vehicle or "none", wish.vehicle or "none"),
+        ("address", member.address, member.address if wish.address is None else wish.address),
+        ("wrap", newest.wrap, wish.wrap),
+        ("key", newest.key, wish.key),
+    )
+    other = [f"{word} is {has}, not {wished}" for word, has, wished in pairs if has != wished]
+    if wish.pool is not None and member.address not in wish.pool:
+        other.append(f"its address {member.address} is outside of {wish.pool}")
+    if other:
+        raise OtherMember(
+            f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
+            hint=f"provision vpn renew {member.name} changes link, wrap and key; for anything else take another name",
+        )
+
+
+def _declared(wish: Wish, member: Member | None) -> IPv4Address | None:
+    """The address that is not ours to choose: declared, or what a member got that was never handed out."""
+    if member is None:
+        return wish.address
+    if member.good:
+        return None
+    keeps = wish.pool is None or member.address in wish.pool
+    return wish.address if wish.address is not None or not keeps else member.address
+
+
+def _planned(wish: Wish, member: Member | None, taken: dict[str, IPv4Address], addresses: Addresses) -> Planned:
+    address = taken.get(wish.name)
+    if address is None:
+        assert wish.pool is not None  # noqa: S101 - _check has refused it
+        address = addresses.give(wish.pool, wish.name)
+    certificates = () if member is None else member.certificates
+    planned = Member(wish.name, wish.kind, wish.partner, wish.device, address, wish.link, wish.vehicle, certificates)
+    return Planned(planned, _next_name(planned), wish.wrap, wish.key, wish.days, wish.request_id)
+
+
+def _next_name(member: Member) -> str:
+    """A common name is never used twice, also where the one before was never handed out."""
+    used: tuple[Certificate, ...] = member.certificates
+    return member.name if not used else f"{member.name}.{len(used) + 1}"
+
+
+def _once(wished: list[str]) -> None:
+    if twice := next((name for name in wished if wished.count(name) > 1), None) if _repeats(wished) else None:
+        raise UsageError(f"`{twice}` is wished for twice in one go", hint="leave one of them out")
+
+
+def _repeats(wished: list[str]) -> bool:
+    return len(set(wished)) < len(wished)
+
+
+def text(said: str, what: str) -> str:
+    """A person's words, as they may be printed. Raises UsageError."""
+    if not said.isprintable() or len(said) > _TEXT:
+        raise UsageError(f"{what} is no short text in one line: {ascii(said)[:_TEXT]}", hint="write a word or two")
+    return said

@@ -1,0 +1,63 @@
+"""The CA key at rest, under a passphrase."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority._book import new_operation
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
+from atlantis_netcfg.vpn.authority._founding import Sealing, require, seal
+from atlantis_netcfg.vpn.ledger.records import Resealed
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.vpn.authority._book import Book
+
+__all__ = ["reseal", "unseal"]
+
+
+def unseal(folder: Path, passphrase: Secret) -> pki.Ca:
+    """The CA with its key. Raises NoAuthority, WrongPassphrase, SealDamaged, AuthorityDamaged."""
+    require(folder)
+    with translated("the certificate authority cannot be read"):
+        certificate = (folder / files.CA).read_text(encoding="ascii")
+        found = {
+            sealing: (folder / name).read_bytes() for sealing, name in files.SEALED.items() if (folder / name).exists()
+        }
+    if not found:
+        raise AuthorityDamaged(f"the CA key is missing in {folder}", hint="restore it from a backup of the authority")
+    wrong: Exception | None = None
+    # Two lie there after a change of the seal that was killed at its end: either passphrase opens its own.
+    for sealing, data in found.items():
+        try:
+            opened = pki.unseal(data, passphrase) if sealing == "age" else pki.vault_unseal(data, passphrase)
+        except (pki.WrongPassphrase, pki.SealDamaged) as error:
+            wrong = error
+        else:
+            return pki.load_ca(certificate, Secret(opened.decode("ascii")))
+    assert wrong is not None  # noqa: S101 - there was one to open
+    raise wrong
+
+
+def reseal(folder: Path, book: Book, passphrases: tuple[Secret, Secret], sealing: Sealing) -> None:
+    """Old passphrase and new; recorded, then replaced at once."""
+    old, new = passphrases
+    try:
+        ca = unseal(folder, old)
+    except pki.WrongPassphrase:
+        # The repeat of a command that was killed at its end: done, if the new one opens it.
+        if not (folder / files.SEALED[sealing]).exists():
+            raise
+        ca = unseal(folder, new)
+    data = seal(pki.key_pem(ca.key), new, sealing)
+    book.write([Resealed(sealed_by=sealing)], new_operation())
+    with translated("the CA key cannot be written"):
+        write_atomically(folder / files.SEALED[sealing], data)
+        for other, name in files.SEALED.items():
+            if other != sealing:
+                files.forget(folder / name)

@@ -1,0 +1,210 @@
+"""The records of the ledger: what happened, in the order in which it became certain.
+
+A record that announces (`Begun`, `Issued`, `Revoked`, `Published`) is on disk before anything leaves or is put in
+place; `Delivered` follows the file that it names. None holds a secret.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime  # noqa: TC003 - pydantic reads the fields' types
+from ipaddress import IPv4Address  # noqa: TC003 - as above
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, PlainSerializer
+
+from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap  # noqa: TC001 - as above
+
+__all__ = [
+    "Begun",
+    "ClockTrusted",
+    "Command",
+    "Committed",
+    "Delivered",
+    "Founded",
+    "Issued",
+    "Published",
+    "Record",
+    "Resealed",
+    "Revoked",
+    "RolledBack",
+    "Seen",
+    "ServerIssued",
+    "Settled",
+    "Superseded",
+]
+
+Command = Literal["issue", "renew", "revoke", "publish"]
+Serial = Annotated[
+    int,
+    BeforeValidator(lambda value: int(value, 16) if isinstance(value, str) else value),
+    PlainSerializer(lambda value: f"{value:x}"),
+]
+"""In hex, as openssl prints it: tools that read JSON's numbers as fractions would round it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Founded:
+    """First record of every ledger: whose it is."""
+
+    kind: Literal["founded"] = "founded"
+    ca_common_name: str
+    ca_sha256: str
+    """Of the CA's certificate in DER form."""
+    ca_not_after: datetime
+    sealed_by: Literal["age", "vault"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServerIssued:
+    """The server got this certificate; it takes the place of the one before."""
+
+    kind: Literal["server-issued"] = "server-issued"
+    common_name: str
+    dns: tuple[str, ...]
+    addresses: tuple[IPv4Address, ...]
+    serial: Serial
+    sha256: str
+    not_before: datetime
+    not_after: datetime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Begun:
+    """A command begins; it is open until `Committed` or `RolledBack` of the same operation."""
+
+    kind: Literal["begun"] = "begun"
+    command: Command
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Issued:
+    """A certificate was made, and is in this process' memory only. Without a `Delivered` it counts as revoked."""
+
+    kind: Literal["issued"] = "issued"
+    name: str
+    device_kind: Kind
+    partner: str | None
+    device: str
+    address: IPv4Address
+    link: Link
+    vehicle: str | None
+    common_name: str
+    serial: Serial
+    sha256: str
+    not_before: datetime
+    not_after: datetime
+    wrap: Wrap
+    key: KeyType
+    request_id: str = ""
+    der: str
+    """The certificate, base64: its copy in `certs/` can be made again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delivered:
+    """The member's file is on disk."""
+
+    kind: Literal["delivered"] = "delivered"
+    common_name: str
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Committed:
+    """The command is complete."""
+
+    kind: Literal["committed"] = "committed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RolledBack:
+    """The command did not complete: these certificates were never handed out, and stay revoked."""
+
+    kind: Literal["rolled-back"] = "rolled-back"
+    common_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Revoked:
+    """No server may admit this certificate any more."""
+
+    kind: Literal["revoked"] = "revoked"
+    common_name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """The server had a session of this certificate; `last` is its clock's."""
+
+    kind: Literal["seen"] = "seen"
+    common_name: str
+    last: datetime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Superseded:
+    """A successor was seen: the server admits this one no more, and the next list will hold it."""
+
+    kind: Literal["superseded"] = "superseded"
+    common_name: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settled:
+    """The server confirmed that this revoked certificate has no session, and gets none."""
+
+    kind: Literal["settled"] = "settled"
+    common_name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Published:
+    """This list was signed, and is about to be put in place."""
+
+    kind: Literal["published"] = "published"
+    number: int
+    sha256: str
+    next_update: datetime
+    revoked: int
+    """How many certificates are on it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resealed:
+    """The CA key is about to be put under another passphrase."""
+
+    kind: Literal["resealed"] = "resealed"
+    sealed_by: Literal["age", "vault"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockTrusted:
+    """The clock stood before the last record, and a person said that the clock is right."""
+
+    kind: Literal["clock-trusted"] = "clock-trusted"
+    before: datetime
+    """Time of that last record."""
+
+
+Record = Annotated[
+    Founded
+    | ServerIssued
+    | Begun
+    | Issued
+    | Delivered
+    | Committed
+    | RolledBack
+    | Revoked
+    | Seen
+    | Superseded
+    | Settled
+    | Published
+    | Resealed
+    | ClockTrusted,
+    Field(discriminator="kind"),
+]
