@@ -3,6 +3,7 @@ from __future__ import annotations
 import base64
 import itertools
 import os
+import stat
 import subprocess
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
@@ -47,6 +48,7 @@ def test_what_a_list_says() -> None:
     assert facts.next_update == NOW.replace(microsecond=0) + timedelta(days=90)
     assert len(facts.sha256) == 64
     assert check(GOOD, above=None) == facts
+    assert check(pki.new_crl(CA, [], 5, NOW)).next_update == facts.next_update
     assert check(crl(CA, 5, serials=())).serials == frozenset()
 
 
@@ -191,6 +193,24 @@ def test_a_scratch_file_of_a_killed_command_is_in_nobodys_way(tmp_path: Path) ->
     scratch.symlink_to(tmp_path / "elsewhere")
     put(tmp_path / "crl.pem", GOOD)
     assert [*tmp_path.iterdir()] == [tmp_path / "crl.pem"]
+
+
+def test_a_list_is_on_disk_before_it_is_in_place_and_its_place_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, seen = tmp_path / "crl.pem", []
+
+    def sync(descriptor: int) -> None:
+        about = os.fstat(descriptor)
+        whole = stat.S_ISREG(about.st_mode) and (about.st_size, int(about.st_mtime)) == (
+            len(GOOD),
+            int(NOW.timestamp()),
+        )
+        seen.append(("file" if whole else "folder", path.exists()))
+
+    monkeypatch.setattr(os, "fsync", sync)
+    put(path, GOOD)
+    assert seen == [("file", False), ("folder", True)]
 
 
 def test_a_disk_that_refuses_leaves_the_old_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
