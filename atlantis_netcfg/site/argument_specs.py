@@ -42,6 +42,10 @@ ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
         "Give gateway computers their locale, name, time, SSH by key, firewall, bounded journal and watchdog",
         {"pilot": Pilot, "site": Site, "device": Gateway},
     ),
+    "openvpn_client": (
+        "Make gateway computers members of the VPN, with the identities that they were handed",
+        {"pilot": Pilot, "site": Site, "device": Gateway},
+    ),
     "gateway_ros2": (
         "Install ROS 2 on gateway computers from the declared archive, and let a listener hear a talker",
         {"pilot": Pilot, "site": Site, "device": Gateway},

@@ -91,7 +91,7 @@ def rehearsed_computers(
         targets = {name: _target(one, folder) for name, one in machines.items()}
         gateways, servers = (any(takes(host) for host in computers) for takes in (is_gateway, is_server))
         served = _served(stack, ground, declaration, folder) if gateways else None
-        authority, untold = _founded(declaration, folder) if servers else (None, ())
+        authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
         told = (
             *((_CLOCK,) if gateways else ()),
             *(line for line in machine.NOT_REHEARSED if not line.startswith("the clock:")),
@@ -106,6 +106,13 @@ def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, .
     from atlantis_netcfg.operations.computers import _founding  # noqa: PLC0415 - most rehearsals have no such server
 
     return _founding.found(declaration, folder / "vpn"), _founding.NOT_REHEARSED
+
+
+def _introduced(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """Make identities for gateways that no server of this rehearsal knows; gives their folder, and what is lacking."""
+    from atlantis_netcfg.operations.vpn import rehearsed  # noqa: PLC0415 - as above
+
+    return rehearsed.identities(declaration, hosts, folder / "vpn"), rehearsed.NOT_REHEARSED
 
 
 def _has_network(host: Host) -> bool:

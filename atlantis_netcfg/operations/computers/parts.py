@@ -14,6 +14,7 @@ from atlantis_netcfg.operations.computers._access import computer_access, is_com
 from atlantis_netcfg.operations.computers.dds import gateway_dds
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site import Declaration, Host
+from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import openvpn_server
 
 __all__ = ["ACCESS", "PARTS", "SERVER", "Part", "concerns", "refuse_unfounded"]
@@ -52,6 +53,10 @@ def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str
     return gateway_dds(declaration, host).as_dict()
 
 
+def _client(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
+    return openvpn_client(declaration, host, request.identity_of(host.name)).as_dict()
+
+
 def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """Not pure: the roll and the list are the authority's. Raises NoAuthority, AuthorityDamaged."""
     from atlantis_netcfg.vpn.authority import Authority  # noqa: PLC0415 - most runs have no server of the VPN
@@ -78,6 +83,7 @@ PARTS: Mapping[str, Part] = {
     ACCESS: computer_access,
     SERVER: _server,
     "gateway_base": _base,
+    "openvpn_client": _client,
     "gateway_ros2": _ros2,
     "gateway_interop": _interop,
     "gateway_dds": _dds,
