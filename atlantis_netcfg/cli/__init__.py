@@ -64,6 +64,8 @@ class _Line:
             return self._overview()
         if self.typed == ["--version"]:
             self.typed = ["version"]
+        if group := self._group():
+            return _print_overview(group)
         name, rest = choose(self.typed, self.table)
         module = load(name, self.table)
         self.command = module.COMMAND
@@ -73,12 +75,26 @@ class _Line:
 
         return module.run(parse(module.COMMAND, rest))
 
+    def _group(self) -> dict[str, str]:
+        """The commands whose first word alone was typed, where it is asked what they are: `provision vpn --help`."""
+        words = [argument for argument in self.typed if argument not in _HELP]
+        if len(words) != 1 or words == self.typed:
+            return {}
+        return {name: module for name, module in self.table.items() if name.startswith(f"{words[0]} ")}
+
     def _overview(self) -> ExitCode:
         from atlantis_netcfg.cli._help import overview
 
         asked = bool(self.typed)
         print(overview(self.table), file=sys.stdout if asked else sys.stderr)
         return ExitCode.DONE if asked else ExitCode.USAGE
+
+
+def _print_overview(table: Mapping[str, str]) -> ExitCode:
+    from atlantis_netcfg.cli._help import overview
+
+    print(overview(table))
+    return ExitCode.DONE
 
 
 def _print_help(command: Command) -> ExitCode:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Command
 
-__all__ = ["crashed", "failed", "interrupted"]
+__all__ = ["crashed", "failed", "harmless", "interrupted", "tell"]
 
 
 def failed(error: NetcfgError, *, as_json: bool) -> ExitCode:
@@ -24,7 +24,7 @@ def failed(error: NetcfgError, *, as_json: bool) -> ExitCode:
 
 def interrupted(command: Command | None, typed: Sequence[str], *, as_json: bool) -> ExitCode:
     """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
-    if command is not None and command.changes and not _harmless(command, typed):
+    if command is not None and command.changes and not _changes_nothing(command, typed):
         message = "stopped by Ctrl-C; what a device kept is not known here"
         hint = "`provision runs` shows what was confirmed, `provision resume` goes on from there"
         _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
@@ -33,7 +33,7 @@ def interrupted(command: Command | None, typed: Sequence[str], *, as_json: bool)
     return ExitCode.FAILED
 
 
-def _harmless(command: Command, typed: Sequence[str]) -> bool:
+def _changes_nothing(command: Command, typed: Sequence[str]) -> bool:
     return any(flag.harmless and f"--{flag.name}" in typed for flag in command.flags)
 
 
@@ -52,8 +52,23 @@ def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: 
         rows = [{"message": message, "hint": hint} for message, hint in errors]
         print(json.dumps({"exit": int(code), "errors": rows}, ensure_ascii=False))
         return
+    _tell_person(errors)
+
+
+def tell(errors: Sequence[NetcfgError]) -> None:
+    """Tell a person what is wrong beside a result that stands."""
+    _tell_person([(str(error), error.hint) for error in errors])
+
+
+def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
     for message, hint in errors:
         lines = message.splitlines() + (hint.splitlines() if hint else [])
-        print(
-            "\n".join(f"{'       ' if place else 'error: '}{line}" for place, line in enumerate(lines)), file=sys.stderr
-        )
+        text = "\n".join(f"{'       ' if place else 'error: '}{harmless(line)}" for place, line in enumerate(lines))
+        print(text, file=sys.stderr)
+
+
+def harmless(line: str) -> str:
+    """A line in which nothing moves the cursor, hides text or turns its direction: errors repeat what was typed."""
+    if line.isprintable():
+        return line
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in line)

@@ -1,0 +1,94 @@
+"""How the commands that change who is in the VPN tell what became of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from typing import Any
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations.vpn.deploying import Deployed
+    from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
+    from atlantis_netcfg.vpn.authority import Revoked
+
+__all__ = ["close", "close_revoked", "close_synced", "outlet"]
+
+
+def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
+    """How hand-outs leave. Raises UsageError where `to=` is no folder."""
+    from pathlib import Path
+
+    from atlantis_netcfg.operations.vpn.onboarding import CONTACT, Outlet
+
+    to, contact = arguments.optional("to"), arguments.optional("contact")
+    return Outlet(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
+
+
+def close(arguments: Arguments, handed: Sequence[Handed], deployed: Deployed) -> ExitCode:
+    """Tell what was issued, its one-time passphrases among it, and whether the server knows."""
+    from atlantis_netcfg.cli import _vpn
+
+    told = {"members": [_row(one) for one in handed], **deployed.as_json()}
+    lines = [*(line for one in handed for line in _lines(one)), *deployed.lines]
+    return _vpn.tell(arguments, deployed.exit, told, lines, deployed.errors)
+
+
+def _row(one: Handed) -> dict[str, Any]:
+    """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
+    from datetime import UTC, datetime
+
+    from atlantis_netcfg.operations.vpn.records import member_row
+
+    return {
+        **member_row(one.issued.member, datetime.now(UTC)),
+        "common_name": one.issued.certificate.common_name,
+        "already": one.issued.already,
+        "replaced": list(one.issued.replaced),
+        "file": str(one.file),
+        "copy": str(one.copy) if one.copy is not None else None,
+        "sha256": one.issued.delivered.sha256,
+        "passphrase": one.passphrase.reveal() if one.passphrase is not None else None,
+    }
+
+
+def _lines(one: Handed) -> Iterator[str]:
+    member, certificate = one.issued.member, one.issued.certificate
+    what = "already so" if one.issued.already else certificate.common_name
+    yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
+    yield f"  file        {one.copy or one.file}"
+    if one.issued.already:
+        yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
+        return
+    if one.passphrase is not None:
+        yield f"  passphrase  {one.passphrase.reveal()}"
+        yield "              shown this once: tell it by telephone, never in the message that the file goes with"
+    for gone in one.issued.replaced:
+        yield f"  revoked     {gone}, which was handed out before and never used"
+    if member.partner is None:
+        yield f"              `provision site=… only={member.name}` brings it there"
+    else:
+        yield "              the partner opens it with age and follows README.txt inside; then runs self-test.py"
+
+
+def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) -> ExitCode:
+    """Tell who is out, and by which evidence."""
+    from atlantis_netcfg.cli import _vpn
+
+    told = {
+        "members": list(revoked.members),
+        "common_names": list(revoked.common_names),
+        "already": list(revoked.already),
+        **deployed.as_json(),
+    }
+    lines = [f"{name}: {'already so' if name in revoked.already else 'revoked'}" for name in revoked.members]
+    return _vpn.tell(arguments, deployed.exit, told, [*lines, *deployed.lines], deployed.errors)
+
+
+def close_synced(arguments: Arguments, deployed: Deployed) -> ExitCode:
+    """Tell what the server was brought to."""
+    from atlantis_netcfg.cli import _vpn
+
+    return _vpn.tell(arguments, deployed.exit, deployed.as_json(), deployed.lines, deployed.errors)

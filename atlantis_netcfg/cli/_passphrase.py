@@ -1,0 +1,118 @@
+"""The passphrase of the CA key: typed on a terminal or read from a file descriptor.
+
+Never an argument, never in the environment: both are open to other programs, and are kept by shells and by logs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import Flag
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.secret import Secret
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.cli._arguments import Arguments
+
+__all__ = ["PASSPHRASE_FD", "asked", "chosen"]
+
+PASSPHRASE_FD = Flag("passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N")
+_MOST = 1024
+_WORDS = "the passphrase of the CA key"
+
+
+def asked(arguments: Arguments, what: str = _WORDS) -> Callable[[], Secret]:
+    """What asks for the passphrase when it is needed, once: its answer is kept. Raises UsageError when nobody is there.
+
+    A descriptor that cannot be read is told at once, before anything is done.
+    """
+    known: list[Secret] = []
+    number = _number(arguments)
+    if number is None:
+        _require_person(what)
+
+    def ask() -> Secret:
+        if not known:
+            known.append(_typed(f"{what[0].upper()}{what[1:]}: ") if number is None else _read(number))
+        return known[0]
+
+    return ask
+
+
+def chosen(arguments: Arguments, least: int) -> Secret:
+    """A new passphrase, typed twice or read once. Raises UsageError for one with less than `least` characters."""
+    number = _number(arguments)
+    if number is not None:
+        return _long_enough(_read(number), least)
+    _require_person(_WORDS)
+    first = _long_enough(_typed(f"Choose {_WORDS} ({least} characters or more): "), least)
+    if _typed("The same again: ") != first:
+        raise UsageError("the two are not the same, so nothing was made", hint="type the command again")
+    return first
+
+
+def _number(arguments: Arguments) -> int | None:
+    text = arguments.value(PASSPHRASE_FD.name)
+    if text is None:
+        return None
+    if not (text.isascii() and text.isdecimal()) or len(text) > 6:  # noqa: PLR2004 - more than any system has
+        raise UsageError(
+            f"`--passphrase-fd {text}` is no number of a file descriptor", hint="as in `--passphrase-fd 3 3<FILE`"
+        )
+    return int(text)
+
+
+def _require_person(what: str) -> None:
+    if not sys.stdin.isatty():
+        raise UsageError(
+            f"{what} is needed, and nobody is here to type it",
+            hint="type the command on a terminal, or hand it over as in `--passphrase-fd 3 3<FILE`",
+        )
+
+
+def _typed(question: str) -> Secret:
+    from getpass import getpass
+
+    try:
+        return _whole(getpass(question))
+    except EOFError:
+        return _whole("")
+
+
+def _read(number: int) -> Secret:
+    """Its first line."""
+    data = b""
+    try:
+        while b"\n" not in data and len(data) <= _MOST and (more := os.read(number, _MOST)):
+            data += more
+    except OSError as error:
+        raise UsageError(
+            f"file descriptor {number} cannot be read: {error.strerror}", hint="as in `--passphrase-fd 3 3<FILE`"
+        ) from error
+    line = data.partition(b"\n")[0].removesuffix(b"\r")
+    if len(line) > _MOST:
+        raise UsageError(f"what file descriptor {number} gives is too long for a passphrase", hint="one line is read")
+    try:
+        return _whole(line.decode())
+    except UnicodeDecodeError:
+        raise UsageError(f"what file descriptor {number} gives is no text", hint="one line of UTF-8 is read") from None
+
+
+def _whole(text: str) -> Secret:
+    if not text:
+        raise UsageError("the passphrase is empty", hint="type the command again")
+    return Secret(text)
+
+
+def _long_enough(secret: Secret, least: int) -> Secret:
+    length = len(secret.reveal())
+    if length < least:
+        raise UsageError(
+            f"the passphrase has {length} characters and needs {least}: nobody counts the guesses at a file",
+            hint="choose four or five words that nobody would put together",
+        )
+    return secret

@@ -1,0 +1,129 @@
+"""What the `provision vpn` commands share: the authority, the declaration, who works, and how a result is told."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Flag, Word
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+    from typing import Any
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.operations.vpn.deploying import Server
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.authority import Authority
+
+__all__ = [
+    "AUTHORITY",
+    "INVENTORY",
+    "NO_PUSH",
+    "declared",
+    "folder",
+    "opened",
+    "server",
+    "table",
+    "tell",
+    "waiting",
+    "who",
+]
+
+AUTHORITY = Word("authority", "folder of the authority; `vpn` in the state directory if left out")
+NO_PUSH = Flag("no-push", "only record it and make the files; `provision vpn sync` brings it to the server later")
+
+
+def folder(arguments: Arguments) -> Path:
+    """The folder of the authority, whether it is there or not."""
+    from pathlib import Path
+
+    from atlantis_netcfg import paths
+
+    named = arguments.optional(AUTHORITY.name)
+    return Path(named).absolute() if named is not None else paths.state_dir() / "vpn"
+
+
+def opened(arguments: Arguments) -> Authority:
+    """The authority. Raises NoAuthority."""
+    from atlantis_netcfg.vpn.authority import Authority
+
+    return Authority.open(folder(arguments))
+
+
+def declared(arguments: Arguments) -> Declaration:
+    """The whole pilot, checked; vaulted values stay sealed."""
+    from pathlib import Path
+
+    from atlantis_netcfg import paths
+    from atlantis_netcfg.site import load
+
+    named = arguments.optional(INVENTORY.name)
+    return load(Path(named) if named else paths.checkout() / "inventory")
+
+
+def who() -> str:
+    """Who the record says it was: account and computer."""
+    import os
+    import pwd
+    import socket
+
+    try:
+        account = pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        account = str(os.getuid())
+    person = os.environ.get("SUDO_USER", "")
+    name = f"{person} as {account}" if person.isalnum() and account == "root" else account
+    return f"{name}@{socket.gethostname()}"
+
+
+def waiting(arguments: Arguments) -> Callable[[str], None]:
+    """What tells a person that somebody else has the authority's lock."""
+
+    def tell_person(words: str) -> None:
+        if not arguments.flag(JSON.name):
+            print(words, file=sys.stderr, flush=True)
+
+    return tell_person
+
+
+def tell(
+    arguments: Arguments,
+    code: ExitCode,
+    told: Mapping[str, Any],
+    lines: Iterable[str],
+    errors: Sequence[NetcfgError] = (),
+) -> ExitCode:
+    """Print the result: one JSON object, or lines on the output and errors as every error is told."""
+    from atlantis_netcfg.cli import _outcome
+
+    if arguments.flag(JSON.name):
+        rows = [{"message": str(error), "hint": error.hint} for error in errors]
+        print(json.dumps({"exit": int(code), "errors": rows, **told}, ensure_ascii=False))
+        return code
+    for line in lines:
+        print(_outcome.harmless(line))
+    sys.stdout.flush()
+    _outcome.tell(errors)
+    return code
+
+
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines with columns that stand below each other; the last one is as wide as it is."""
+    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]) - 1)] if rows else []
+    return [
+        "  ".join([*(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip()
+        for row in rows
+    ]
+
+
+def server(arguments: Arguments, declaration: Declaration) -> Server:
+    """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
+    from atlantis_netcfg.operations.vpn.deploying import Later
+
+    if arguments.command.flag(NO_PUSH.name) is not None and arguments.flag(NO_PUSH.name):
+        return Later()
+    raise NotImplementedError

@@ -1,0 +1,85 @@
+"""`provision vpn onboard`: let a partner's device, or a declared computer, into the VPN."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
+from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY, NO_PUSH
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations.vpn.wishes import Asked
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "vpn onboard",
+    "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
+    words=(
+        Word("partner", "whose device it is", example="iqua"),
+        Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
+        Word("kind", "what it is", example="robot"),
+        Word("host", "a declared computer instead, by its name in the inventory", example="coastal-gateway"),
+        Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
+        Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
+        Word("link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"),
+        Word("wrap", "tls-crypt-v2 (if left out); tls-crypt for OpenVPN before 2.5", example="tls-crypt"),
+        Word("key", "ec (if left out) or rsa; routers get rsa", example="rsa"),
+        Word("days", "how long the certificate is good; 397 if left out", example="90"),
+        Word("address", "a fixed address of the partner's pool; the next free one if left out"),
+        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        Word("to", "also put the file into this folder", example="/media/usb"),
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(NO_PUSH, PASSPHRASE_FD, JSON, VERBOSE),
+    details=(
+        "Repeating it makes nothing new; a different wish for the same name is refused. Exit code 5 says that all is "
+        "recorded and handed out, and the server does not know of it yet: `provision vpn sync` goes on."
+    ),
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Check everything, issue, hand out, tell the server."""
+    from atlantis_netcfg.cli import _members, _vpn
+    from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.operations.vpn.founding import refuse_example_authority
+    from atlantis_netcfg.operations.vpn.onboarding import Onboarding
+    from atlantis_netcfg.operations.vpn.recipients import recipients_of
+    from atlantis_netcfg.operations.vpn.wishes import wishes_of
+
+    declaration, requested = _vpn.declared(arguments), _asked(arguments)
+    wishes = wishes_of(declaration, requested)
+    outlet = _members.outlet(arguments, recipients_of(requested, [wish.name for wish in wishes]))
+    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
+    authority = _vpn.opened(arguments)
+    server = _vpn.server(arguments, declaration)
+    onboarding = Onboarding(declaration, authority, outlet, _vpn.who(), _vpn.waiting(arguments))
+    handed = onboarding.finished(wishes) or onboarding.issue(wishes, asked(arguments))
+    return _members.close(arguments, handed, server.deploy(authority))
+
+
+def _asked(arguments: Arguments) -> Sequence[Asked]:
+    """What was asked for: the words, or the records of a file. Raises UsageError, ListInvalid."""
+    from pathlib import Path
+
+    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.operations.vpn.wishes import KEYS, Asked
+    from atlantis_netcfg.site.lists import read
+
+    words = {key: arguments.optional(key) for key in KEYS}
+    batch = arguments.optional("batch")
+    if batch is None:
+        return [Asked("", **words)]
+    if given := [key for key, value in words.items() if value is not None and key != "recipient"]:
+        raise UsageError(f"`{given[0]}=` does not go with `batch=`", hint="write it into the file, for each device")
+    common = {key: value for key, value in words.items() if value is not None}
+    rows = read(Path(batch), KEYS)
+    return [Asked(**{**common, **row.values, "place": row.place}) for row in rows]

@@ -1,0 +1,64 @@
+"""Who did what with the VPN, out of the record, which tells of itself whether it is whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.operations.vpn.records import of_partner, period
+from atlantis_netcfg.vpn.ledger import LedgerDamaged
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.vpn.authority import Authority, Entry
+
+__all__ = ["Audit", "audited", "first_moment"]
+
+
+@dataclass(frozen=True, slots=True)
+class Audit:
+    """Entries that were asked for, and what is wrong with the record."""
+
+    entries: tuple[Entry, ...]
+    total: int
+    """Entries of the whole record."""
+    broken: tuple[NetcfgError, ...]
+
+
+def audited(authority: Authority, since: datetime | None, partner: str | None) -> Audit:
+    """Read the record. One that is not whole is told as such, and none of its entries is told as true."""
+    try:
+        entries = authority.history()
+        names = None if partner is None else {member.name for member in of_partner(authority.roll(), partner)}
+    except LedgerDamaged as error:
+        return Audit((), 0, (error,))
+    asked = tuple(
+        entry
+        for entry in entries
+        if (since is None or entry.at >= since) and (names is None or names & _concerned(entry.facts()))
+    )
+    return Audit(asked, len(entries), ())
+
+
+def _concerned(told: object) -> set[str]:
+    """Every member that an entry names, whatever its kind: a common name stands for its member."""
+    if isinstance(told, dict):
+        return {name for value in told.values() for name in _concerned(value)}
+    if isinstance(told, list | tuple):
+        return {name for value in told for name in _concerned(value)}
+    return {told.partition(".")[0]} if isinstance(told, str) else set()
+
+
+def first_moment(since: str) -> datetime:
+    """The moment that a day (`2026-11-01`) or a span (`30d`) begins with. Raises UsageError."""
+    try:
+        day = date.fromisoformat(since) if len(since) == len("2026-11-01") else None
+    except ValueError:
+        day = None
+    if day is not None:
+        return datetime(day.year, day.month, day.day, tzinfo=UTC)
+    try:
+        return datetime.now(UTC) - period(since, "since")
+    except UsageError as error:
+        raise UsageError(str(error), hint="a day or a span, as in `since=2026-11-01` or `since=30d`") from None

@@ -1,0 +1,164 @@
+"""Letting devices in, and renewing them: issued, sealed, and written where they are fetched from.
+
+The hand-out is made inside the authority's transaction: the certificate is on record before a file exists, and the
+file exists before the record says that it was issued. A killed command is therefore repeated, and nothing is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.operations.vpn._computers import computers
+from atlantis_netcfg.paths import private_directory
+from atlantis_netcfg.vpn import handout as handouts
+from atlantis_netcfg.vpn.authority import Delivered, Issued
+from atlantis_netcfg.vpn.names import check_free
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.authority import Authority, Change, Wish
+    from atlantis_netcfg.vpn.identity import Identity, Member
+
+__all__ = ["CONTACT", "Handed", "Onboarding", "Outlet", "reserved"]
+
+CONTACT = "whoever gave you this file"
+
+
+@dataclass(frozen=True, slots=True)
+class Outlet:
+    """How hand-outs leave: to whom they are sealed, and where they are copied to."""
+
+    recipients: Mapping[str, str] = field(default_factory=dict)
+    """Public key by the name of the member; the others get a one-time passphrase."""
+    copies: Path | None = None
+    contact: str = CONTACT
+    """Whom the owner of a device calls, on the page of instructions."""
+
+    def __post_init__(self) -> None:
+        """Raise UsageError where nothing can be copied to, before anything is issued."""
+        if self.copies is not None and not self.copies.is_dir():
+            raise UsageError(f"there is no folder {self.copies}", hint="make it first, or leave `to=` out")
+
+
+@dataclass(frozen=True, slots=True)
+class Handed:
+    """A member, its newest certificate, and the file that goes to whoever holds the device."""
+
+    issued: Issued
+    file: Path
+    copy: Path | None = None
+    passphrase: Secret | None = None
+    """Opens the file; this is the only time that it is told."""
+
+
+def reserved(declaration: Declaration, wishes: Sequence[Wish] = ()) -> frozenset[IPv4Address]:
+    """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
+
+    An address that a wish names is meant for that member.
+    """
+    pilot = declaration.pilot
+    server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
+    peers = pilot.dds.peers if pilot.dds is not None else ()
+    taken = {*computers(declaration).values(), *(peer.address for peer in peers)}
+    return frozenset({*taken, *([] if server is None else [server])} - {wish.address for wish in wishes})
+
+
+@dataclass(slots=True)
+class Onboarding:
+    """One command's issuing: what was handed out is kept by common name until the command tells it."""
+
+    declaration: Declaration
+    authority: Authority
+    outlet: Outlet
+    who: str
+    waiting: Callable[[str], None]
+    _handed: dict[str, tuple[Path, Path | None, Secret | None]] = field(default_factory=dict)
+
+    def finished(self, wishes: Sequence[Wish]) -> tuple[Handed, ...]:
+        """The members, if all of them are in the VPN just as they are wished for: nobody needs to type a passphrase.
+
+        Empty if anything is left to do. Raises NameTaken.
+        """
+        roll = self.authority.roll()
+        found = [check_free(wish.name, wish.partner, wish.device, roll) for wish in wishes]
+        pairs = [(wish, member) for wish, member in zip(wishes, found, strict=True) if member is not None]
+        same = all(_same(wish, member) for wish, member in pairs)
+        return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(wishes) else ()
+
+    def _there(self, member: Member) -> Handed:
+        newest = member.good[-1]
+        path = _place(self.authority.folder, newest.common_name)
+        if member.partner is None and not path.exists():
+            path = handouts.host_identity(self.authority.folder, member.name)
+        digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+        return Handed(Issued(member, newest, Delivered(str(path), digest), already=True), path)
+
+    def issue(self, wishes: Sequence[Wish], passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
+        """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
+        kept = reserved(self.declaration, wishes)
+        with self.authority.unlocked(passphrase, self.who, waiting=self.waiting) as signer:
+            return tuple(self._told(one) for one in signer.issue(wishes, self._deliver, reserved=kept))
+
+    def renew(self, members: Sequence[Member], change: Change, passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
+        """Give each a successor of its certificate."""
+        with self.authority.unlocked(passphrase, self.who, waiting=self.waiting) as signer:
+            return tuple(self._told(signer.renew(one.name, self._deliver, change)) for one in members)
+
+    def _told(self, issued: Issued) -> Handed:
+        name = issued.certificate.common_name
+        return Handed(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
+
+    def _deliver(self, identity: Identity) -> Delivered:
+        """Write the member's file, before the record says that it has one."""
+        recipient = self.outlet.recipients.get(identity.member.name)
+        if identity.member.partner is None:
+            delivered = self._keep(identity)
+            if recipient is None and self.outlet.copies is None:
+                return delivered
+        sealing = handouts.OneTimePassphrase() if recipient is None else handouts.Recipient(recipient)
+        made = handouts.handout(self.declaration, identity, sealing, contact=self.outlet.contact)
+        common_name = identity.certificate.common_name
+        place = _place(self.authority.folder, common_name)
+        private_directory(place.parent)
+        write_atomically(place, made.data)
+        self._handed[common_name] = (place, self._copied(made.file_name, made.data), made.passphrase)
+        return Delivered(str(place), made.sha256)
+
+    def _keep(self, identity: Identity) -> Delivered:
+        """The identity of a declared computer, for the role that brings it there."""
+        data = handouts.identity_file(identity).reveal().encode()
+        place = handouts.host_identity(self.authority.folder, identity.member.name)
+        private_directory(place.parent)
+        write_atomically(place, data)
+        return Delivered(str(place), sha256(data).hexdigest())
+
+    def _copied(self, name: str, data: bytes) -> Path | None:
+        if self.outlet.copies is None:
+            return None
+        place = self.outlet.copies / name
+        write_atomically(place, data)
+        return place
+
+
+def _place(folder: Path, common_name: str) -> Path:
+    return folder / "handouts" / common_name / f"{common_name}.tar.age"
+
+
+def _same(wish: Wish, member: Member) -> bool:
+    """Whether a wish is fulfilled by the member as it is."""
+    newest = member.good[-1] if member.good else None
+    return (
+        newest is not None
+        and (member.kind, member.link, member.vehicle) == (wish.kind, wish.link, wish.vehicle)
+        and (newest.wrap, newest.key) == (wish.wrap, wish.key)
+        and wish.address in {None, member.address}
+    )

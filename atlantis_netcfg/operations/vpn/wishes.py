@@ -1,0 +1,96 @@
+"""From what somebody asked for to the wish that the authority takes: everything is checked before anything is opened.
+
+All that the declaration says is held against it here (partner, pool, vehicle, declared host), so that a refused name
+costs no passphrase and leaves no file. What only the record knows (a name or an address that is taken) the authority
+refuses by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.operations.vpn._check import Check, Refused
+from atlantis_netcfg.operations.vpn._computers import wish_of_host
+from atlantis_netcfg.operations.vpn._devices import wish_of_device
+from atlantis_netcfg.vpn.authority import Change
+from atlantis_netcfg.vpn.identity import KeyType, Link, Wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.authority import Wish
+
+__all__ = ["KEYS", "Asked", "Refused", "change_of", "wish_of", "wishes_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a person, or one record of a file, has asked for; nothing of it is checked yet."""
+
+    place: str = ""
+    """`FILE:LINE` of a record; empty for a command line."""
+    partner: str | None = None
+    device: str | None = None
+    kind: str | None = None
+    host: str | None = None
+    vehicle: str | None = None
+    link: str | None = None
+    wrap: str | None = None
+    key: str | None = None
+    days: str | None = None
+    address: str | None = None
+    recipient: str | None = None
+
+
+KEYS = tuple(one.name for one in fields(Asked) if one.name != "place")
+"""What a record of a file may hold; the words of the command are the same."""
+
+
+def wishes_of(declaration: Declaration, asked: Iterable[Asked]) -> tuple[Wish, ...]:
+    """The wishes, in the order of what was asked for. Raises Refused with everything that is wrong."""
+    wishes: list[Wish] = []
+    errors: list[NetcfgError] = []
+    seen: dict[str, Asked] = {}
+    for one in asked:
+        try:
+            wish = wish_of(declaration, one)
+        except UsageError as error:
+            errors += [_placed(one, each) for each in getattr(error, "errors", (error,))]
+            continue
+        wishes.append(wish)
+        if wish.name in seen:
+            errors.append(_placed(one, UsageError(f"`{wish.name}` is there twice, first in {seen[wish.name].place}")))
+        seen.setdefault(wish.name, one)
+    if errors:
+        raise Refused(errors)
+    return tuple(wishes)
+
+
+def _placed(one: Asked, error: NetcfgError) -> NetcfgError:
+    return UsageError(f"{one.place}: {error}", hint=error.hint) if one.place else error
+
+
+def wish_of(declaration: Declaration, one: Asked) -> Wish:
+    """The wish for a partner's device, or for a declared host. Raises UsageError, Refused when more is wrong."""
+    check = Check(asdict(one))
+    wish = wish_of_host(declaration, check) if one.host is not None else wish_of_device(declaration, check)
+    check.close()
+    if wish is None:
+        raise AssertionError("refused without a reason")
+    return wish
+
+
+def change_of(**words: str | None) -> Change:
+    """What a renewal changes, from the words. Raises UsageError, Refused when more is wrong."""
+    check = Check(words)
+    change = Change(
+        days=check.days(),
+        wrap=check.choice("wrap", list(Wrap)),
+        key=check.choice("key", list(KeyType)),
+        link=check.choice("link", list(Link)),
+    )
+    check.close()
+    return change
