@@ -28,6 +28,8 @@ _NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
 _UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
+_DELAY = re.compile(r":delay[ \t]+\d+(?:ms|[smh])?(?![\w.])")
+"""What a device needs time for, the twin has done at once."""
 _IF = re.compile(r":if(?=\s|\()")
 _LEN = re.compile(r"\[:len\s+")
 _VARIABLE = re.compile(r"\$(?:\"[a-z0-9-]+\"|[a-z0-9]+)")
@@ -88,6 +90,8 @@ class Parser:
             return Put(self._bracket() if self.text.peek() == "[" else self._put_text())
         if self.text.match(_DO) is not None:
             return self._attempt()
+        if self.text.match(_DELAY) is not None:
+            return None
         if self.text.match(_IF) is not None:
             return self._choice()
         if self.text.peek() in tuple(":{}()[]$\\\"'"):
