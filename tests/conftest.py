@@ -19,7 +19,7 @@ MARKERS = (
     "slow: takes more than a few seconds; CI runs it as well",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
-MACHINES = ("machine", "gateway", "bundle")
+MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
 """Folders whose tests start real systemd hosts; a rehearsal in any other test goes without them."""
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
 

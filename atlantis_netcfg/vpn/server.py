@@ -70,7 +70,9 @@ _SECRETS = {
 }
 """Path on the server, and in the folder of the authority."""
 
-_SIGNED = 'printf %s "$2" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1 | grep -qx "verify OK"'
+_SIGNED = (
+    'echo "$2" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1 | tee /dev/stderr | grep -qx "verify OK"'
+)
 """`openssl crl -verify` ends with 0 whatever it finds."""
 _FOREIGN = (
     "it is not signed by this authority, with which a revoked member would be let in: "

@@ -1,6 +1,6 @@
 """The files of the computer: read, compared, and replaced so that a power cut leaves the old one or the new one."""
 
-# ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH118, PTH120, PTH123, PTH211
+# ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH116, PTH118, PTH120, PTH123, PTH211
 # One system call a line, in an order that a power cut cannot break.
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Found", "Tree"]
 
 _PERMISSIONS = 0o7777
+_SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,11 @@ class Tree:
             self._sync(os.path.dirname(real))
 
     def stage(self, path: str, content: bytes, mode: int, uid: int, gid: int) -> str:
-        """Write `content` beside `path`, safe on the disk; gives the name of what was written."""
+        """Write `content` beside `path`, safe on the disk; gives the name of what was written.
+
+        It is a whole second younger than what it replaces: OpenVPN, as others, takes a file of the same second and the
+        same size for the one that it has read (facts of the VPN, 4).
+        """
         beside = self._beside(path)
         with self._words(path):
             with contextlib.suppress(FileNotFoundError):
@@ -128,10 +133,17 @@ class Tree:
                 if (uid, gid) != (os.geteuid(), os.getegid()):
                     os.fchown(handle, uid, gid)
                 os.fchmod(handle, mode)
+                self._younger(handle, path)
                 os.fsync(handle)
             finally:
                 os.close(handle)
         return beside
+
+    def _younger(self, handle: int, path: str) -> None:
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            after = (os.lstat(self.at(path)).st_mtime_ns // _SECOND_NS + 1) * _SECOND_NS
+            if os.fstat(handle).st_mtime_ns < after:
+                os.utime(handle, ns=(after, after))
 
     def put(self, path: str) -> None:
         """Let what was staged take its place."""
@@ -185,6 +197,13 @@ class Tree:
         """A name that no program which reads whole directories takes, and that the next run finds again."""
         folder, name = os.path.split(self.at(path))
         return os.path.join(folder, f".{name}.atlantis-new")
+
+    def _later(self, handle: int, path: str) -> None:
+        """Let it be younger than what it replaces: OpenVPN compares whole seconds of its list's time."""
+        with contextlib.suppress(OSError):
+            old = int(os.stat(self.at(path)).st_mtime)
+            if int(os.fstat(handle).st_mtime) <= old:
+                os.utime(handle, (old + 1, old + 1))
 
     @staticmethod
     def _own(real: str, uid: int, gid: int) -> None:
