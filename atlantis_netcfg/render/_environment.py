@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,9 +31,14 @@ def template_folder() -> Path:
 
 
 def environment(templates: Path | None = None) -> Environment:
-    """Make the environment; `templates` overrides where it looks."""
+    """The environment, in which a template is compiled once; `templates` overrides where it looks."""
+    return _made(templates or template_folder())
+
+
+@cache
+def _made(folder: Path) -> Environment:
     made = Environment(
-        loader=FileSystemLoader(templates or template_folder()),
+        loader=FileSystemLoader(folder),
         undefined=StrictUndefined,
         autoescape=False,  # noqa: S701 - router text, not HTML: `&` must stay `&`; the filter `quote` does RouterOS' escaping
         trim_blocks=True,
