@@ -89,6 +89,7 @@ def _real(text: str) -> str:
         text = text.replace(documentation, real)
     text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
     text = text.replace("ssid: EXAMPLE-", "ssid: ").replace("internet.example", "internet.atlantis.internal")
+    text = text.replace("{name: EXAMPLE-", "{name: ")
     text = text.replace(" EXAMPLE technician", " technician").replace("revision: EXAMPLE-", "revision: ")
     return re.sub(r"EXAMPLE-([a-z0-9-]+)", lambda found: _vaulted(f"a-real-{found[1]}"), text)
 
