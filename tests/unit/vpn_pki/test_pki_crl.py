@@ -67,6 +67,12 @@ def test_a_list_of_another_time_is_told() -> None:
     assert "has expired on 2026-08-30 12:00 UTC" in refused(GOOD, now=NOW + timedelta(days=90))
 
 
+def test_a_list_is_good_from_its_first_second_to_its_last() -> None:
+    facts = check(GOOD, now=NOW.replace(microsecond=0))
+    assert check(GOOD, now=facts.next_update - timedelta(seconds=1)) == facts
+    assert "has expired" in refused(GOOD, now=facts.next_update)
+
+
 def test_no_cut_list_passes() -> None:
     for length in range(len(GOOD)):
         assert "damaged" in refused(GOOD[:length])
@@ -186,6 +192,15 @@ def test_a_list_replaced_within_the_second_is_a_second_younger(tmp_path: Path) -
     second = put(path, crl(CA, 6), above=first.number)
     assert path.stat().st_mtime == int(NOW.timestamp()) + 1
     assert second.number == 6
+
+
+def test_a_list_for_a_server_can_be_read_whatever_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        pki.publish(tmp_path / "crl.pem", GOOD, CA.certificate, above=ABOVE, now=NOW, mode=0o644)
+    finally:
+        os.umask(before)
+    assert (tmp_path / "crl.pem").stat().st_mode & 0o777 == 0o644
 
 
 def test_a_scratch_file_of_a_killed_command_is_in_nobodys_way(tmp_path: Path) -> None:
