@@ -1,0 +1,181 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address, IPv4Network
+
+import pytest
+from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, pilot, roll
+
+from atlantis_netcfg.site.model import Dds, DdsPath, RosDistribution
+from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy
+
+PING = Flow(Protocol.ICMP)
+SSH = Flow(Protocol.TCP, 22)
+WEB = Flow(Protocol.TCP, 8443)
+DDS = (Flow(Protocol.UDP, 7410), Flow(Protocol.UDP, 7429))
+NOT_DDS = (Flow(Protocol.TCP, 7410), *(Flow(Protocol.UDP, port) for port in (7400, 7409, 7430, 7660)))
+FLOWS = {"p": PING, "d": DDS[0], "w": WEB, "s": SSH}
+"""Ping, DDS, the shipped service, everything else."""
+WHO = {
+    "S": "10.80.0.1",
+    "R": "10.80.0.11",
+    "G": "10.80.0.21",
+    "C": "10.80.0.2",
+    "A": "10.80.16.1",
+    "Z": "10.80.16.2",
+    "I": "10.80.17.1",
+    "P": "10.80.17.2",
+    "M": "10.80.0.61",
+    "L": "10.64.1.22",
+    "T": "10.64.101.10",
+    "E": "10.64.0.77",
+    "X": "10.80.17.3",
+    "Y": "10.80.30.1",
+    "W": "198.51.100.7",
+}
+"""Server, router, gateway, centre, inesc's laptop and Zarco, iqua's laptop and Sparus, our Mares; in the LAN behind the
+router and its technician; in the server's own LAN; revoked, undeclared, the internet."""
+ALL = "pdws"
+TABLE = {
+    # from: to S     R    G    C    A     Z     I    P    M    L    T    E
+    "S": (ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL),
+    "R": ("p", ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
+    "G": ("p", ALL, ALL, ALL, "", "pd", "", "pd", "pd", ALL, ALL, ALL),
+    "C": ("p", ALL, ALL, ALL, "pd", "pd", "pd", "pd", "pd", ALL, ALL, ALL),
+    "A": ("p", "", "", "pdw", ALL, ALL, "", "pd", "", "", "", ""),
+    "Z": ("p", "", "pd", "pdw", ALL, ALL, "", "pd", "", "", "", ""),
+    "I": ("p", "", "", "pdw", "", "", ALL, ALL, "", "", "", ""),
+    "P": ("p", "", "pd", "pdw", "pd", "pd", ALL, ALL, "", "", "", ""),
+    "M": ("p", "", "pd", "pdw", "", "", "", "", "", "", "", ""),
+    "L": ("p", ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
+    "T": (ALL, ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
+    "E": (ALL, ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
+}
+"""inesc sees Sparus; who stands in no line and in no column reaches nobody and is reached by nobody."""
+
+
+def party(letter: str) -> Party:
+    return Party(letter, IPv4Address(WHO[letter]))
+
+
+@pytest.fixture(scope="module")
+def matrix() -> Policy:
+    return policy(pilot({"inesc": ("sparus",)}), roll(*MEMBERS))
+
+
+@pytest.mark.parametrize("source", WHO)
+def test_table(matrix: Policy, source: str) -> None:
+    told = dict(zip(TABLE, TABLE.get(source, ("",) * len(TABLE)), strict=True))
+    for destination in WHO:
+        if destination != source:
+            found = "".join(
+                key for key, flow in FLOWS.items() if matrix.allows(party(source), party(destination), flow)
+            )
+            assert found == told.get(destination, ""), f"{source} to {destination}"
+
+
+def test_the_server_is_itself_by_its_address_in_the_lan(matrix: Policy) -> None:
+    lan = Party("server", IPv4Address("10.64.0.10"))
+    assert [matrix.allows(party("G"), lan, flow) for flow in (PING, SSH)] == [True, False]
+    assert matrix.allows(party("T"), lan, SSH)
+    assert not matrix.allows(party("A"), lan, SSH)
+
+
+def test_dds_is_its_unicast_ports(matrix: Policy) -> None:
+    assert all(matrix.allows(party("A"), party("C"), flow) for flow in DDS)
+    assert not any(matrix.allows(party("A"), party("C"), flow) for flow in NOT_DDS)
+
+
+@pytest.mark.parametrize(("domain", "participants", "first", "last"), [(0, 1, 7410, 7411), (101, 50, 32660, 32759)])
+def test_dds_ports_of_other_domains(domain: int, participants: int, first: int, last: int) -> None:
+    dds = Dds(distribution=RosDistribution.FOXY, domain=domain, participants=participants)
+    declaration = pilot()
+    changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
+    found = policy(changed, roll(*MEMBERS))
+    around = range(first - 20, last + 20)
+    ports = [one for one in around if found.allows(party("A"), party("C"), Flow(Protocol.UDP, one))]
+    assert ports == list(range(first, last + 1))
+
+
+def test_without_dds_there_are_pings() -> None:
+    declaration = pilot()
+    changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": None}))
+    found = policy(changed, roll(*MEMBERS))
+    assert found.allows(party("A"), party("C"), PING)
+    assert not any(found.allows(party("A"), party("C"), Flow(Protocol.UDP, port)) for port in range(1, 65536, 7))
+    assert not any(found.allows(party("A"), party("C"), flow) for flow in DDS)
+
+
+def test_dds_of_the_lans() -> None:
+    declaration = pilot()
+    dds = Dds(distribution=RosDistribution.FOXY, over=DdsPath.LAN)
+    changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
+    centre = Party("centre", IPv4Address("10.64.0.11"))
+    assert policy(changed, roll(*MEMBERS)).allows(party("A"), centre, DDS[0])
+    assert not policy(declaration, roll(*MEMBERS)).allows(party("A"), centre, DDS[0])
+
+
+def test_sees_is_both_ways_and_of_the_robot_alone() -> None:
+    found = policy(pilot({"inesc": ("sparus",)}), roll(*MEMBERS))
+    assert found.allows(party("P"), party("A"), DDS[0])
+    assert not found.allows(party("P"), party("A"), SSH)
+    assert not found.allows(party("I"), party("A"), PING)
+    without = policy(pilot(), roll(*MEMBERS))
+    assert not without.allows(party("P"), party("A"), PING)
+
+
+def test_services_of_the_server_and_of_udp() -> None:
+    found = policy(pilot(services=(MINE, TIME)), roll(*MEMBERS))
+    for guest in "AZIPM":
+        assert found.allows(party(guest), party("S"), Flow(Protocol.TCP, 8080))
+        assert not found.allows(party(guest), party("S"), Flow(Protocol.UDP, 8080))
+        assert found.allows(party(guest), party("G"), Flow(Protocol.UDP, 123))
+    assert not found.allows(party("G"), party("A"), Flow(Protocol.UDP, 123))
+    assert not found.allows(party("G"), party("S"), Flow(Protocol.TCP, 8080))
+
+
+def test_without_its_router_a_site_is_nobody() -> None:
+    found = policy(pilot(), roll(*(one for one in MEMBERS if one.name != ROUTER)))
+    for letter in "LTR":
+        assert not found.allows(party("G"), party(letter), PING)
+        assert not found.allows(party(letter), party("C"), PING)
+        assert not found.allows(party("S"), party(letter), PING)
+
+
+def test_what_goes_when_a_member_goes(matrix: Policy) -> None:
+    assert matrix.members["inesc-zarco"] == (IPv4Network("10.80.16.2/32"),)
+    networks = ("10.80.0.11/32", "10.64.1.0/24", "10.64.101.0/24")
+    assert matrix.members[ROUTER] == tuple(map(IPv4Network, networks))
+    assert {"iqua-lost", "gone-laptop"}.isdisjoint(matrix.members)
+    assert set(matrix.admitted.networks) == {one for networks in matrix.members.values() for one in networks}
+
+
+def test_a_partners_device_that_is_called_like_a_router_brings_no_network() -> None:
+    found = policy(pilot(), roll(member(ROUTER, "10.80.16.9", kind=Kind.ROUTER, partner="inesc")))
+    assert found.members[ROUTER] == (IPv4Network("10.80.16.9/32"),)
+    assert not found.allows(Party("it", IPv4Address("10.80.16.9")), party("E"), PING)
+
+
+def test_a_host_that_is_declared_no_more_is_nobody() -> None:
+    assert policy(pilot(), roll(member("te4sea-old", "10.80.0.99"))).members == {}
+
+
+def test_every_zone_has_one_name(matrix: Policy) -> None:
+    named = {zone for one in matrix.permissions for zone in (one.source, one.destination) if zone is not None}
+    assert len({zone.name for zone in named}) == len(named) == len(matrix.zones)
+
+
+def test_names_of_partners_and_of_our_own_zones_never_meet(matrix: Policy) -> None:
+    partners = {f"p_{name}" for name in pilot().partners}
+    own = {zone.name for zone in matrix.zones} - partners
+    assert {name for name in own if "_" not in name[2:]} == {"p_members"}
+
+
+def test_nobody_is_in_an_empty_roll() -> None:
+    found = policy(pilot(), roll())
+    assert found.admitted.networks == ()
+    assert not found.allows(party("A"), party("C"), PING)
+    assert found.allows(party("E"), party("S"), SSH), "the server's own LAN is not the tunnel's business"
+    assert CENTRE in pilot().hosts
+    assert GATEWAY in pilot().hosts
