@@ -86,9 +86,10 @@ def test_menus_that_are_ours_entirely(site: str) -> None:
     assert sorted(directives) == sorted(f"atlantis:entire {menu}" for menu in (*ENTIRE, *more))
 
 
-def test_what_netwatch_moves_is_no_drift() -> None:
+def test_what_netwatch_moves_or_an_import_sets_is_no_drift() -> None:
     directives = [line for line in parsed("coastal").remarks() if line.startswith("atlantis:run-time")]
     assert directives == [
+        "atlantis:run-time /interface ovpn-client auth=null auth=sha256",
         "atlantis:run-time /ip route distance=10 distance=110",
         "atlantis:run-time /ip route distance=11 distance=111",
         "atlantis:run-time /ip route disabled=yes disabled=no",

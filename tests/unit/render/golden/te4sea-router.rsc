@@ -55,8 +55,10 @@ add address=10.64.2.1 comment="atlantis: te4sea-router.te4sea.example.org" name=
 add address=10.10.10.1 comment="atlantis: te4sea-sat.te4sea.example.org" name=te4sea-sat.te4sea.example.org
 add address=203.0.113.2 comment="atlantis: vpn.example.org" name=vpn.example.org
 # VPN: this router is the site's end. RouterOS does not negotiate ciphers, so cipher and auth equal the server's; auth=null is
-# what GCM ciphers need up to 7.16 and is right later, too. The server's certificate is compared with connect-to, a name that
-# our own DNS answers. Routes are declared below; what the server pushes is ignored.
+# what GCM ciphers need up to 7.16. From 7.17 on `provision vpn install` imports the interface, for a key of tls-crypt comes
+# by no other way, and tls-crypt wants sha256. The server's certificate is compared with connect-to, a name that our own DNS
+# answers. Routes are declared below; what the server pushes is ignored.
+# atlantis:run-time /interface ovpn-client auth=null auth=sha256
 /interface ovpn-client
 add add-default-route=no auth=null certificate=atlantis-vpn cipher=aes256-gcm comment="atlantis: VPN" connect-to=vpn.example.org disabled=no mode=ip name=ovpn-scc password=EXAMPLE-vpn-te4sea port=1194 protocol=udp route-nopull=yes tls-version=only-1.2 use-peer-dns=no user=te4sea-router verify-server-certificate=yes
 # Interface lists: the firewall speaks of these. Ours entirely, because one wrong member opens the LAN to the world.
