@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import errno
+import io
 import json
 import os
 import subprocess
@@ -15,11 +16,11 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import tool
+from atlantis_netcfg import carried as tool
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board import basic, install
 from atlantis_netcfg.operations.costs._gate import _TOOL
 
-PLUGINS = Path(tool.__file__).parents[1]
+PLUGINS = Path(basic.__file__).parents[2]
 MODULES = sorted(path.stem for path in (PLUGINS / "modules").glob("*.py"))
 ELSEWHERE = {"variables": {}, "ours": [], "why": "because"}
 
@@ -78,7 +79,21 @@ def test_documentation_stays_here_and_the_rest_of_a_module_goes(tmp_path: Path) 
             before = ast.parse((PLUGINS / "modules" / f"{name}.py").read_text()).body
             assert len(ast.parse(text).body) == len(before) - 3
         for path in (PLUGINS / "module_utils").glob("*.py"):
-            assert archive.read(f"atlantis/module_utils/{path.name}") == path.read_bytes()
+            if not path.name.startswith("vpn_"):
+                assert archive.read(f"atlantis/module_utils/{path.name}") == path.read_bytes()
+
+
+def test_what_serves_at_the_vpns_server_is_a_tool_of_its_own_and_whole(tmp_path: Path) -> None:
+    made = tool.build_live()
+    assert made.content == tool.build_live().content
+    (tmp_path / "tool").write_bytes(made.content)
+    with zipfile.ZipFile(tmp_path / "tool") as archive:
+        names = set(archive.namelist())
+    with zipfile.ZipFile(io.BytesIO(tool.build().content)) as archive:
+        assert not [name for name in archive.namelist() if "vpn_" in name], "no gateway pays for it"
+    assert {"__main__.py", "atlantis/module_utils/vpn_serve.py", install.WORDS} <= names
+    done = subprocess.run([sys.executable, "-I", tmp_path / "tool"], input=b"", capture_output=True, check=True)
+    assert done.stdout.startswith(b"ATLANTIS-VPN ")
 
 
 def test_the_shim_has_all_that_the_modules_use() -> None:

@@ -23,7 +23,7 @@ from ansible.module_utils.errors import UnsupportedError
 from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.tool import INSTALL, build
+from atlantis_netcfg.carried import INSTALL, build
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -1,6 +1,7 @@
-"""All our remote modules as one program for a gateway: a few dozen kB that go over its link once.
+"""Programs of ours that go to a computer: all our remote modules as one, a few dozen kB that go over a link once.
 
-Ansible itself sends every call of a module as a program of its own, 170 kB each.
+Ansible itself sends every call of a module as a program of its own, 170 kB each. What answers at the VPN's server while
+it runs is a program of its own, made of the same files: no gateway pays for it.
 """
 
 from __future__ import annotations
@@ -16,15 +17,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
-__all__ = ["INSTALL", "Tool", "build"]
+__all__ = ["INSTALL", "Tool", "build", "build_live"]
 
-_PLUGINS = Path(__file__).parents[1]
-_BOARD = Path(__file__).parent / "board"
+_PLUGINS = Path(__file__).parent / "ansible_collections/atlantis/netcfg/plugins"
+_BOARD = _PLUGINS / "plugin_utils" / "board"
 INSTALL = _BOARD / "install.py"
 """The program that takes a tool in on the gateway."""
 _DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
+_LIVE = "vpn_"
+"""How the files begin that only the VPN's server needs."""
+_SERVES = "vpn_serve"
 _BEGINNING = (1980, 1, 1, 0, 0, 0)
 """The first time that a zip archive can hold; the same files make the same bytes at any time."""
 
@@ -48,9 +52,18 @@ class Tool:
 
 def build(plugins: Path = _PLUGINS) -> Tool:
     """Make the tool of the modules as they are now; about 20 ms."""
+    return _packed(_files(plugins))
+
+
+def build_live(plugins: Path = _PLUGINS) -> Tool:
+    """Make the tool of the VPN's server: what serves there, and what that imports."""
+    return _packed(_live_files(plugins))
+
+
+def _packed(files: Iterable[tuple[str, str]]) -> Tool:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for name, text in sorted(_files(plugins)):
+        for name, text in sorted(files):
             entry = zipfile.ZipInfo(name, _BEGINNING)
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, text)
@@ -63,9 +76,30 @@ def _files(plugins: Path) -> Iterator[tuple[str, str]]:
     for package in ("ansible", "ansible/module_utils", "atlantis", "atlantis/modules", "atlantis/module_utils"):
         yield f"{package}/__init__.py", ""
     for path in plugins.glob("module_utils/*.py"):
-        yield f"atlantis/module_utils/{path.name}", path.read_text(encoding="utf-8")
+        if not path.name.startswith(_LIVE):
+            yield f"atlantis/module_utils/{path.name}", path.read_text(encoding="utf-8")
     for path in plugins.glob("modules/*.py"):
         yield f"atlantis/modules/{path.name}", _undocumented(path.read_text(encoding="utf-8"))
+
+
+def _live_files(plugins: Path) -> Iterator[tuple[str, str]]:
+    yield "__main__.py", (_BOARD / "live.py").read_text(encoding="utf-8")
+    for package in ("atlantis", "atlantis/module_utils"):
+        yield f"{package}/__init__.py", ""
+    needed, read = [_SERVES], set[str]()
+    while needed:
+        if (name := needed.pop()) not in read:
+            text = (plugins / "module_utils" / f"{name}.py").read_text(encoding="utf-8")
+            yield f"atlantis/module_utils/{name}.py", text
+            read.add(name)
+            needed += _imported(text)
+
+
+def _imported(text: str) -> Iterator[str]:
+    """Files beside this one that it imports, in `from .name import …` and `from . import name`."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and node.level == 1:
+            yield from [node.module] if node.module else [one.name for one in node.names]
 
 
 def _undocumented(text: str) -> str:

@@ -1,0 +1,140 @@
+"""The management interface of OpenVPN on its Unix socket: one command, its reply, and what the server says in between.
+
+It serves one client at a time. A second one is connected by the kernel and then hears nothing (OpenVPN issue 660), so
+that every wait has an end here, and silence is an answer of its own: `Held`. Source: doc/management-notes.txt.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import socket
+import time
+from typing import TYPE_CHECKING
+
+from .vpn_status import END, sessions
+
+if TYPE_CHECKING:
+    from typing import Iterator
+
+    from .vpn_status import Session
+
+__all__ = ["Closed", "Down", "Held", "Management", "opened"]
+
+_GREETING = ">INFO:"
+_CHUNK = 65536
+_REAL = re.compile(r"(?:[a-z0-9-]+:)?[0-9a-fA-F.:\[\]]+:[0-9]{1,5}")
+"""An address and a port; nothing that could end the line and begin another command."""
+
+
+class Down(Exception):
+    """Nobody listens on the socket: no server runs that has made it."""
+
+
+class Held(Exception):
+    """Somebody listens and says nothing: another client has it, or the server hangs."""
+
+
+class Closed(Exception):
+    """The server has ended the conversation: it went down, or does not take this user for its client."""
+
+
+class Management:
+    """A conversation with the server. Raises `Held` when a reply does not come in time, `Closed` when it ends."""
+
+    def __init__(self, connected: socket.socket, patience_s: float) -> None:
+        self._socket = connected
+        self._patience_s = patience_s
+        self._buffer = b""
+
+    def greeted(self) -> None:
+        """Wait for the greeting, which only the one client gets that is served."""
+        end = time.monotonic() + self._patience_s
+        while not self._line(end).startswith(_GREETING):
+            pass
+
+    def sessions(self) -> list[Session]:
+        """Who has a session now, also those whose handshake is not through."""
+        self._send("status 3")
+        end = time.monotonic() + self._patience_s
+        lines = []
+        while True:
+            line = self._word(end)
+            if line.startswith("ERROR:"):
+                raise Closed(f"the server does not tell its status: {line}")
+            lines.append(line)
+            if line == END:
+                return sessions(lines)
+
+    def halt(self, cid: int) -> str:
+        """Let the server tell a client to stop for good; gives the reply, `SUCCESS: …` or `ERROR: …`.
+
+        The session lives on until the client goes, or for five seconds more: a client that does not listen uses them.
+        """
+        return self._order(f"client-kill {int(cid)} HALT")
+
+    def kill(self, real: str) -> str:
+        """End a session at once, by its client's real address; the client is told nothing. Gives the reply.
+
+        The message of `halt` is sent in the server's next round: without 10 ms between them it is lost [measured].
+        """
+        if not _REAL.fullmatch(real):
+            raise ValueError(f"no address and port of a client: {real!r}")
+        return self._order(f"kill {real}")
+
+    def _order(self, command: str) -> str:
+        self._send(command)
+        end = time.monotonic() + self._patience_s
+        while True:
+            line = self._word(end)
+            if line.startswith(("SUCCESS:", "ERROR:")):
+                return line
+
+    def _send(self, command: str) -> None:
+        try:
+            self._socket.sendall(command.encode() + b"\n")
+        except OSError as error:
+            raise Closed(f"the server has closed its management socket: {error.strerror or error}") from error
+
+    def _word(self, end: float) -> str:
+        """The next line that is no notice: those begin with `>` and come at any time."""
+        while True:
+            line = self._line(end)
+            if not line.startswith(">"):
+                return line
+
+    def _line(self, end: float) -> str:
+        while b"\n" not in self._buffer:
+            ready, _, _ = select.select([self._socket], [], [], max(0.0, end - time.monotonic()))
+            if not ready:
+                raise Held(f"the management socket is silent for {self._patience_s:g} s")
+            try:
+                got = self._socket.recv(_CHUNK)
+            except OSError as error:
+                raise Closed(f"the server has closed its management socket: {error.strerror or error}") from error
+            if not got:
+                raise Closed("the server has closed its management socket")
+            self._buffer += got
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return line.rstrip(b"\r").decode(errors="replace")
+
+
+@contextlib.contextmanager
+def opened(path: str, patience_s: float) -> Iterator[Management]:
+    """Connect, without waiting for the greeting. Raises `Down` when nobody listens."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as made:
+        made.settimeout(patience_s)
+        try:
+            made.connect(_short(path))
+        except (FileNotFoundError, ConnectionRefusedError) as error:
+            raise Down(f"nobody listens on {path}") from error
+        except OSError as error:  # a full backlog among them: clients that wait before this one
+            raise Held(f"{path} takes no connection: {error.strerror or error}") from error
+        yield Management(made, patience_s)
+
+
+def _short(path: str) -> str:
+    """Paths of sockets have 107 bytes at most; a relative one may do where the whole does not."""
+    return os.path.relpath(path) if len(os.fsencode(path)) > 107 else path  # noqa: PLR2004 - unix(7)

@@ -1,0 +1,166 @@
+"""What the running server is, as it has told it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE
+from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.operations.vpn.link import ServerLink
+
+__all__ = ["PLACE", "Crl", "ServerState", "Session", "observe", "sessions_of"]
+
+PLACE: Mapping[str, str] = {
+    "ca": f"{FOLDER}/ca.crt",
+    "ccd": CCD,
+    "crl": f"{FOLDER}/crl.pem",
+    "firewall": FIREWALL,
+    "table": f"inet {TABLE}",
+    "members": ADMITTED,
+    "socket": MANAGEMENT,
+    "status": STATUS,
+    "seen": SEEN,
+    "unit": SERVICE,
+    "firewall_unit": "atlantis-vpn-firewall.service",
+}
+"""For every request: where things are on the server."""
+_ANSWERS = "answers"
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A session that the server has."""
+
+    common_name: str
+    """`UNDEF` as long as no certificate came."""
+    real: str
+    """Address and port of the client."""
+    address: str
+    """In the VPN; empty: it is not through its handshake."""
+    since: datetime
+    received_bytes: int
+    sent_bytes: int
+
+    @property
+    def is_up(self) -> bool:
+        """Whether its client was admitted."""
+        return bool(self.address)
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            "common_name": self.common_name,
+            "real": self.real,
+            "address": self.address,
+            "since": self.since.isoformat(),
+            "received_bytes": self.received_bytes,
+            "sent_bytes": self.sent_bytes,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Crl:
+    """The list of revoked certificates that the server has."""
+
+    number: int
+    begins: datetime
+    ends: datetime
+    signed: bool
+    """By the authority whose certificate the server has."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerState:
+    """All that `provision vpn status` tells of the server."""
+
+    ready: bool
+    """The role has set it up."""
+    files: Mapping[str, str]
+    """Path of each live file that is there to its SHA-256."""
+    crl: Crl | None
+    """None: there is none, or none that can be read; then nobody can connect."""
+    members: tuple[IPv4Network, ...] | None
+    """Who passes the firewall; None: it is not loaded, or does not answer."""
+    firewall_as_file: bool | None
+    """Whether the kernel's firewall is what its file says; None: that cannot be told."""
+    firewall_why: str
+    version: str | None
+    """Of OpenVPN."""
+    package: str | None
+    """Version of its Debian package."""
+    unit: Mapping[str, str]
+    """What systemd tells of the server's unit."""
+    sessions: tuple[Session, ...]
+    asked: bool
+    """Whether the sessions are the server's own word of this moment; else they are from its status file."""
+    why: str
+    """Why it was not asked."""
+    at: datetime
+    """To when the sessions belong; the server's clock."""
+    seen: Mapping[str, datetime]
+    """Common name to when it had a session last, as the server's timer has noted it."""
+    clock: datetime
+    clock_ahead_s: float
+    """The server's clock, compared with this computer's."""
+
+    @property
+    def active(self) -> bool | None:
+        """Whether the server's unit runs; None: systemd does not tell."""
+        return self.unit["ActiveState"] == "active" if "ActiveState" in self.unit else None
+
+
+def observe(link: ServerLink) -> ServerState:
+    """Look at the server, in one request. Raises ServerAway, AnswerLost, ServerRefused."""
+    began = time.time()
+    told = link.ask("look", place=dict(PLACE))
+    middle = (began + time.time()) / 2
+    crl = told["list"]
+    return ServerState(
+        ready=told["ready"],
+        files=told["files"],
+        crl=Crl(crl["number"], _moment(crl["begins"]), _moment(crl["ends"]), crl["signed"]) if crl else None,
+        members=tuple(map(IPv4Network, told["members"])) if told["members"] is not None else None,
+        firewall_as_file=told["as_file"],
+        firewall_why=told["firewall_why"],
+        version=told["version"],
+        package=told["package"],
+        unit=told["unit"],
+        sessions=sessions_of(told),
+        asked=told["management"] == _ANSWERS,
+        why=told["why"],
+        at=_moment(told["at"]),
+        seen=_seen(told["seen"]),
+        clock=_moment(told["clock"]),
+        clock_ahead_s=told["clock"] - middle,
+    )
+
+
+def sessions_of(told: Mapping[str, Any]) -> tuple[Session, ...]:
+    """The sessions in an answer."""
+    return tuple(
+        Session(one["common_name"], one["real"], one["virtual"], _moment(one["since"]), one["received"], one["sent"])
+        for one in told["sessions"]
+    )
+
+
+def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
+    rows = (noted or {}).get("seen")
+    if not isinstance(rows, dict):
+        return {}
+    return {
+        name: _moment(row["last"])
+        for name, row in rows.items()
+        if isinstance(row, dict) and isinstance(row.get("last"), int | float)
+    }
+
+
+def _moment(seconds: float) -> datetime:
+    return datetime.fromtimestamp(seconds, UTC)

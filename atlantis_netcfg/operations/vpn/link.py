@@ -1,0 +1,276 @@
+"""The way to the VPN's server for as long as a command runs: one process there, one round trip a request.
+
+`SshLink` opens the same connection as Ansible does, and shares it where one is open; `LocalLink` is for a server on
+this very computer. Either starts the live tool, which is sent once and kept there under its SHA-256.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import select
+import shlex
+import subprocess
+import tempfile
+import time
+import zlib
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self
+
+from atlantis_netcfg.carried import INSTALL, Tool, build_live
+from atlantis_netcfg.operations.vpn._ssh import in_words, ssh_words
+from atlantis_netcfg.operations.vpn._trouble import AnswerLost, ServerAway, ServerRefused
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from types import TracebackType
+
+__all__ = ["FOLDER", "LocalLink", "ServerLink", "SshLink"]
+
+FOLDER: Final = "/var/lib/atlantis/live"
+"""On the server: the live tool; the one of the modules has a folder of its own, for each removes what is older."""
+PYTHON: Final = (3, 8)
+_MARK: Final = b"ATLANTIS-VPN "
+"""Before each answer, because shells greet (`vpn_serve.py`)."""
+_ASKS: Final = "ATLANTIS-PYTHON "
+_INSTALLED: Final = "ATLANTIS-RESULT "
+"""What the installing program says goes after it; it says something only where it fails."""
+_VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
+_START_S: Final = 150.0
+"""For the first word: a connection may begin in a gap of 70 s, and the tool goes over the link after it."""
+_ANSWER_S: Final = 300.0
+
+
+class ServerLink(Protocol):
+    """What asks the running server. `round_trips` counts what was asked, the start included."""
+
+    round_trips: int
+
+    def ask(self, do: str, **what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
+        """Have one thing done. Raises ServerAway, AnswerLost, ServerRefused."""
+
+    def close(self) -> None:
+        """End it; what the server was told before is done."""
+
+
+class _Link:
+    """One process, lines to it and lines from it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.round_trips = 0
+        self._number = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._buffer = b""
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed with the link
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def ask(self, do: str, **what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
+        """Have one thing done; the first request starts the process. Raises ServerAway, AnswerLost, ServerRefused."""
+        if self._process is None:
+            self._start()
+        self._number += 1
+        self._send(_packed({"id": self._number, "do": do, **what}) + b"\n")
+        self.round_trips += 1
+        answer = self._answer(do)
+        if "refused" in answer:
+            raise ServerRefused(f"{self.name}: {answer['refused']}", hint=answer.get("hint") or None)
+        if "broken" in answer:
+            raise AnswerLost(
+                f"{self.name}: the toolkit's program there failed at `{do}`: {answer['broken']}",
+                hint="this is our fault: please report it; nothing says how far it came",
+            )
+        done: dict[str, Any] = answer["done"]
+        return done
+
+    def close(self) -> None:
+        """Let the process come to its end."""
+        process, self._process = self._process, None
+        if process is not None:
+            assert process.stdin is not None  # noqa: S101 - it was started so
+            assert process.stdout is not None  # noqa: S101 - as above
+            with suppress(OSError):
+                process.stdin.close()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            process.stdout.close()
+        self._said.close()
+
+    def _words(self, command: str) -> Sequence[str]:
+        """How a shell's command is run there."""
+        raise NotImplementedError
+
+    def _trouble(self, code: int | None, said: str) -> ServerAway:
+        """Why it has ended before its first word."""
+        raise NotImplementedError
+
+    def _start(self) -> None:
+        tool = build_live()
+        self._process = subprocess.Popen(  # noqa: S603 - our own words
+            self._words(_command(tool)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said, bufsize=0
+        )
+        self.round_trips += 1
+        end = time.monotonic() + _START_S
+        while True:
+            line = self._line(end)
+            if line is None:
+                raise self._ended()
+            if line.startswith(_ASKS.encode()):
+                self._install(tool, line)
+            elif line.startswith(_INSTALLED.encode()):
+                raise _not_installed(self.name, line)
+            elif line.startswith(_MARK):
+                return
+
+    def _install(self, tool: Tool, line: bytes) -> None:
+        found = tuple(int(number) for number in line.split()[1:])
+        if found < PYTHON:
+            is_there, needed = (".".join(map(str, version)) for version in (found, PYTHON))
+            raise ServerAway(
+                f"{self.name} has Python {is_there}, and at least {needed} is needed",
+                hint="that comes with Debian 11 and Ubuntu 20.04",
+            )
+        self._send(INSTALL.read_bytes() + tool.packed)
+        self.round_trips += 1
+
+    def _send(self, data: bytes) -> None:
+        assert self._process is not None  # noqa: S101 - callers have started it
+        assert self._process.stdin is not None  # noqa: S101 - as above
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[os.write(self._process.stdin.fileno(), left) :]
+        except OSError as error:
+            raise self._lost() from error
+
+    def _answer(self, do: str) -> dict[str, Any]:
+        end = time.monotonic() + _ANSWER_S
+        while (line := self._line(end)) is not None:
+            if not line.startswith(_MARK):
+                continue
+            try:
+                answer = _unpacked(line[len(_MARK) :])
+            except ValueError:
+                break
+            if answer.get("id") == self._number:
+                return answer
+        raise self._lost(do)
+
+    def _line(self, end: float) -> bytes | None:
+        """The next line; None: it has ended, or has not come in time."""
+        assert self._process is not None  # noqa: S101 - callers have started it
+        assert self._process.stdout is not None  # noqa: S101 - as above
+        while b"\n" not in self._buffer:
+            ready, _, _ = select.select([self._process.stdout], [], [], max(0.0, end - time.monotonic()))
+            got = os.read(self._process.stdout.fileno(), 65536) if ready else b""
+            if not got:
+                return None
+            self._buffer += got
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return line.strip()
+
+    def _ended(self) -> ServerAway:
+        code = self._code()
+        return self._trouble(code, self._last_words())
+
+    def _lost(self, do: str = "") -> AnswerLost:
+        code = self._code()
+        why = self._last_words().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no answer"]
+        return AnswerLost(
+            f"{self.name}: the connection was lost before an answer came{f' to `{do}`' if do else ''} ({why[0]})",
+            hint="what was asked for may have been done: `provision vpn sync` looks, and goes on",
+        )
+
+    def _code(self) -> int | None:
+        """How the process has ended; one that hangs is ended."""
+        process, self._process = self._process, None
+        assert process is not None  # noqa: S101 - callers have started it
+        for pipe in (process.stdin, process.stdout):
+            assert pipe is not None  # noqa: S101 - it was started so
+            with suppress(OSError):
+                pipe.close()
+        try:
+            return process.wait(2)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            return None
+
+    def _last_words(self) -> str:
+        self._said.seek(0)
+        return self._said.read()[-4000:].decode(errors="replace")
+
+
+class SshLink(_Link):
+    """Over SSH, with the account, the port and the options of Ansible's connection to that computer."""
+
+    def __init__(self, name: str, access: Mapping[str, Any]) -> None:
+        """`access` is what `computer_access` gives."""
+        super().__init__(name)
+        self._access = access
+
+    def _words(self, command: str) -> Sequence[str]:
+        if self._access["become"]:
+            command = f"sudo -H -S -n sh -c {shlex.quote(command)}"
+        return [*ssh_words(self._access), command]
+
+    def _trouble(self, code: int | None, said: str) -> ServerAway:
+        return in_words(self.name, self._access, code, said)
+
+
+class LocalLink(_Link):
+    """On this computer, as its root. `enter` is a program that goes where the server is, like `nsenter -t PID -n`."""
+
+    def __init__(self, name: str = "this computer", enter: Sequence[str] = ()) -> None:
+        super().__init__(name)
+        self._enter = tuple(enter)
+
+    def _words(self, command: str) -> Sequence[str]:
+        return [*self._enter, "sh", "-c", command]
+
+    def _trouble(self, code: int | None, said: str) -> ServerAway:
+        words = f": {last}" if (last := said.strip().rpartition("\n")[2]) else ""
+        return ServerAway(f"{self.name}: the toolkit's program did not start (exit {code}){words}")
+
+
+def _command(tool: Tool) -> str:
+    """Run the tool if it is there and whole; else say which Python is there, and wait for the tool."""
+    path = f"{FOLDER}/{tool.sha256}.pyz"
+    program = f"import sys; exec(sys.stdin.buffer.read({INSTALL.stat().st_size}))"
+    words = (FOLDER, tool.sha256, str(len(tool.packed)), _INSTALLED, "serve")
+    return (
+        f"if echo '{tool.sha256}  {path}' | sha256sum -c --status 2>/dev/null; then exec python3 -I {path}; fi; "
+        f"python3 -I -c {shlex.quote(_VERSION)} && "
+        f"exec python3 -I -c {shlex.quote(program)} {shlex.join(words)}"
+    )
+
+
+def _packed(told: dict[str, Any]) -> bytes:
+    return base64.b64encode(zlib.compress(json.dumps(told, separators=(",", ":")).encode(), 6))
+
+
+def _unpacked(line: bytes) -> dict[str, Any]:
+    """Raises ValueError for a line that is torn."""
+    try:
+        told = json.loads(zlib.decompress(base64.b64decode(line, validate=True)))
+    except zlib.error as error:
+        raise ValueError(str(error)) from error
+    if not isinstance(told, dict):
+        raise ValueError("no answer")  # noqa: TRY004 - as any other that is torn
+    return told
+
+
+def _not_installed(name: str, line: bytes) -> ServerRefused:
+    told = json.loads(line[len(_INSTALLED) :])
+    return ServerRefused(f"{name}: {told['msg']}", hint=told.get("hint") or None)

@@ -1,0 +1,229 @@
+"""The running server is brought to what is recorded, and looked at, while its sessions go on.
+
+What it has to have is worked out anew each time (`live_files`) and compared there: nothing is remembered here of what a
+server was sent. Who was revoked counts as dead when the server has said so, and as queued until then.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.operations.vpn._drift import drift
+from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, Session, observe, sessions_of
+from atlantis_netcfg.operations.vpn._trouble import ServerRefused
+from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from atlantis_netcfg.gateway.parts import File
+    from atlantis_netcfg.operations.vpn.link import ServerLink
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.authority import Authority, Sighting
+    from atlantis_netcfg.vpn.identity import Roll
+
+__all__ = [
+    "Crl",
+    "Evidence",
+    "Pushed",
+    "ServerState",
+    "Session",
+    "drift",
+    "go_on",
+    "note_seen",
+    "observe",
+    "push",
+    "revoke_live",
+    "sessions",
+    "verify",
+    "wanted",
+]
+
+_TRIES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Pushed:
+    """What a push has changed on the server."""
+
+    changes: tuple[str, ...]
+    """In the words of a run of the role."""
+    ended: tuple[Session, ...] = ()
+    """Sessions of those who are admitted no longer."""
+    told: tuple[str, ...] = ()
+    """What was left undone."""
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything was."""
+        return bool(self.changes)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the server has said of those who were to be thrown out."""
+
+    common_names: tuple[str, ...]
+    addresses: tuple[str, ...]
+    """That nobody has any more."""
+    files: Mapping[str, str]
+    """SHA-256 of the list and the ruleset that have to be in place."""
+    out: bool
+    """None of them can come in, and nothing of theirs passes: read back on the server."""
+    dead: bool
+    """None of them has a session, by the server's own word."""
+    left: tuple[str, ...]
+    """What is wrong."""
+    told: tuple[str, ...]
+    """What could not be done or asked."""
+    steps: tuple[tuple[str, float], ...] = ()
+    """What was done, and how many milliseconds after the server had the request."""
+    ended: tuple[Session, ...] = ()
+    seconds: float = 0.0
+    """From the request to the answer, at this end of the link."""
+    looks: int = 1
+    replies: tuple[tuple[str, ...], ...] = field(default=())
+    """Of each session in `ended`: what the server answered."""
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether they are dead for certain."""
+        return self.out and self.dead
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        told = {key: value for key, value in asdict(self).items() if key not in ("ended", "files")}
+        return {**told, "confirmed": self.confirmed, "ended": [one.as_json() for one in self.ended]}
+
+
+def wanted(declaration: Declaration, authority: Authority, roll: Roll | None = None) -> tuple[File, ...]:
+    """The live files of the server, by the record."""
+    ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
+    return live_files(declaration, authority.roll() if roll is None else roll, authority.crl(), ca=ca)
+
+
+def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pushed:
+    """Bring the live files to the server and load its firewall; sessions of others go on.
+
+    What it has already is not sent. Raises ServerAway, AnswerLost, ServerRefused.
+    """
+    files = wanted(declaration, authority)
+    lacks: Collection[str] = ()
+    for _ in range(_TRIES):
+        told = link.ask("push", place=dict(PLACE), files=[_sent(file, lacks) for file in files], only=[CCD])
+        lacks = [*lacks, *told["lacks"]]
+        if not told["lacks"]:
+            ended = sessions_of({"sessions": told["ended"]})
+            return Pushed(tuple(told["changes"]), ended, tuple(told["told"]))
+    raise ServerRefused(
+        f"files of the server change while this runs: {', '.join(told['lacks'])}",
+        hint="somebody else is at work there; type the same again",
+    )
+
+
+def revoke_live(
+    declaration: Declaration, authority: Authority, link: ServerLink, common_names: Sequence[str]
+) -> Evidence:
+    """Throw out those whose certificates are revoked in the record, in one round trip; nobody is settled by this.
+
+    Raises ServerAway, AnswerLost, ServerRefused.
+    """
+    roll = authority.roll()
+    files = [file for file in wanted(declaration, authority, roll) if file.path in (PLACE["crl"], FIREWALL)]
+    names, addresses = tuple(common_names), _addresses(roll, common_names)
+    began = time.monotonic()
+    told = link.ask(
+        "revoke",
+        place=dict(PLACE),
+        files=[_row(file) | {"content": file.content} for file in files],
+        common_names=list(names),
+        addresses=list(addresses),
+    )
+    return Evidence(
+        names,
+        addresses,
+        {file.path: _sha256(file) for file in files},
+        told["out"],
+        told["dead"],
+        tuple(told["left"]),
+        tuple(told["told"]),
+        steps=tuple((name, at) for name, at in told["steps"]),
+        ended=sessions_of({"sessions": told["ended"]}),
+        seconds=time.monotonic() - began,
+        replies=tuple(tuple(one["replies"]) for one in told["ended"]),
+    )
+
+
+def verify(link: ServerLink, evidence: Evidence) -> Evidence:
+    """Look once more, as after a second and after `hand-window`: a handshake may have read the list of before."""
+    told = link.ask(
+        "verify",
+        place=dict(PLACE),
+        common_names=list(evidence.common_names),
+        addresses=list(evidence.addresses),
+        files=dict(evidence.files),
+    )
+    return replace(
+        evidence,
+        out=told["out"],
+        dead=told["dead"],
+        left=tuple(told["left"]),
+        told=tuple(told["told"]),
+        looks=evidence.looks + 1,
+    )
+
+
+def go_on(declaration: Declaration, authority: Authority, link: ServerLink, who: str = "") -> Evidence | None:
+    """Throw out whoever is queued, and settle those of whom the server says that they are dead. None: nobody is."""
+    queued = authority.roll().queued
+    if not queued:
+        return None
+    evidence = revoke_live(declaration, authority, link, queued)
+    if evidence.confirmed:
+        authority.settled(queued, who)
+    return evidence
+
+
+def sessions(link: ServerLink) -> tuple[Session, ...]:
+    """Who is connected now; where the server cannot be asked, who was when it wrote its status file last."""
+    return sessions_of(link.ask("sessions", place=dict(PLACE)))
+
+
+def note_seen(
+    declaration: Declaration, authority: Authority, link: ServerLink, state: ServerState, who: str = ""
+) -> tuple[Sighting, Pushed | None]:
+    """Record who was seen; where a successor was, its predecessor is admitted no longer: that is pushed."""
+    now = datetime.now(UTC)
+    seen = {name: min(at, now) for name, at in state.seen.items()}
+    for session in state.sessions:
+        if session.is_up:
+            seen[session.common_name] = max(seen.get(session.common_name, session.since), min(state.at, now))
+    sighting = authority.seen(seen, who)
+    return sighting, push(declaration, authority, link) if sighting.superseded else None
+
+
+def _addresses(roll: Roll, common_names: Collection[str]) -> tuple[str, ...]:
+    """Of members of which no certificate is good any more: of others the address is still in use."""
+    return tuple(
+        str(member.address)
+        for member in roll.members.values()
+        if not member.good and any(one.common_name in common_names for one in member.certificates)
+    )
+
+
+def _sent(file: File, lacks: Collection[str]) -> dict[str, Any]:
+    return _row(file) | ({"content": file.content} if file.path in lacks else {"sha256": _sha256(file)})
+
+
+def _row(file: File) -> dict[str, Any]:
+    row = asdict(file)
+    row.pop("content")
+    return row
+
+
+def _sha256(file: File) -> str:
+    return hashlib.sha256(file.content.encode()).hexdigest()

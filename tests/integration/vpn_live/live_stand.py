@@ -1,0 +1,396 @@
+"""The real server of the VPN and real clients, each on a computer of its own, and an echo that runs through the tunnel.
+
+A computer is a process in a network and a mount namespace of its own: it has the real paths of a server, on file systems
+in memory, and one veth to the server. All of it ends with the stand. Authority, configuration, firewall and whatever is
+sent to the server are the product's own; only systemd is not there: a script answers in its place. Whoever waits, waits
+for a line of a log or for an echo, not for time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import os
+import select
+import socket
+import subprocess
+import threading
+import time
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import cache
+from ipaddress import IPv4Address
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import pytest
+
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn.link import LocalLink
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import Transport, VpnServer, VpnService
+from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
+from atlantis_netcfg.vpn.identity import Identity, Kind
+from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.authority import Signer
+
+__all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of"]
+
+LOG = "/run/openvpn.log"
+NAME = "scc-vpn"
+PARTNER = "iqua"
+_PASSPHRASE = Secret("a passphrase of nobody, for tests")
+_ECHO = 7
+_MOUNTS = ("/etc/openvpn", "/etc/atlantis", "/var/lib/atlantis", "/run", "/usr/local/sbin")
+_SYSTEMCTL = """\
+#!/bin/sh
+test -e /run/no-systemd && exit 1
+pid=$(cat /run/openvpn.pid 2>/dev/null) && kill -0 "$pid" 2>/dev/null || pid=0
+test $pid = 0 && state=failed || state=active
+printf 'LoadState=loaded\\nActiveState=%s\\nSubState=%s\\nMainPID=%s\\n' $state $state $pid
+"""
+_NEWNET = 0x40000000
+_SIGSTOP = 19
+_PATIENCE_S = 20.0
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+@cache
+def declaration() -> Declaration:
+    """The shipped pilot; its partners may use an echo on the server itself."""
+    shipped = load(Path(__file__).parents[3] / "inventory")
+    echo = VpnService(name="echo", host=NAME, transport=Transport.UDP, port=_ECHO)
+    vpn = shipped.pilot.vpn.model_copy(update={"services": (echo,)})
+    return replace(shipped, pilot=shipped.pilot.model_copy(update={"vpn": vpn}))
+
+
+def _server_addresses() -> tuple[IPv4Address, IPv4Address]:
+    """In its LAN, where it listens, and in the VPN."""
+    device = declaration().hosts[NAME].device
+    assert isinstance(device, VpnServer)
+    assert device.vpn_address is not None
+    return device.address, device.vpn_address
+
+
+@dataclass
+class Record:
+    """An authority, and the identities that it has handed out."""
+
+    authority: Authority
+    identities: dict[str, Identity] = field(default_factory=dict)
+    _numbers: Iterator[int] = field(default_factory=itertools.count)
+
+    @contextmanager
+    def signing(self) -> Iterator[Signer]:
+        with self.authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
+            yield signer
+
+    def deliver(self, identity: Identity) -> Delivered:
+        self.identities[identity.certificate.common_name] = identity
+        return Delivered("nowhere", "00" * 32)
+
+    def onboard(self, count: int = 1) -> list[str]:
+        """So many new members of a partner, by their names."""
+        pool = declaration().partners[PARTNER].vpn_pool
+        devices = [f"d{next(self._numbers)}" for _ in range(count)]
+        wishes = [
+            Wish(name=f"{PARTNER}-{device}", kind=Kind.LAPTOP, partner=PARTNER, device=device, pool=pool)
+            for device in devices
+        ]
+        with self.signing() as signer:
+            return [one.member.name for one in signer.issue(wishes, self.deliver)]
+
+    def renew(self, name: str) -> str:
+        with self.signing() as signer:
+            return signer.renew(name, self.deliver).certificate.common_name
+
+    def revoke(self, *names: str) -> tuple[str, ...]:
+        with self.signing() as signer:
+            return signer.revoke(names, "a test").common_names
+
+    def address(self, name: str) -> str:
+        return str(self.authority.roll().members[name].address)
+
+
+def record(folder: Path) -> Record:
+    """A new authority. Its key is sealed as Ansible does it, which takes less time than age."""
+    lan, _ = _server_addresses()
+    vpn = declaration().pilot.vpn
+    names = ServerNames(NAME, (vpn.endpoint_name,), (vpn.endpoint, lan))
+    return Record(Authority.init(folder, _PASSPHRASE, names, "test", sealed_by="vault"))
+
+
+class Computer:
+    """A process that holds a network and a mount namespace."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        if os.geteuid() != 0:
+            pytest.skip("making a network namespace needs root")
+        made = " && ".join(f"mkdir -p {path} && mount -t tmpfs none {path}" for path in _MOUNTS)
+        script = f"{made} && mkdir -p /run/lock && ip link set lo up && echo up && exec cat"
+        self._holder = subprocess.Popen(
+            ["unshare", "--net", "--mount", "--propagation", "private", "sh", "-c", script],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        stack.callback(self._end)
+        assert self._holder.stdout is not None
+        assert self._holder.stdout.readline() == b"up\n"
+        self.pid = self._holder.pid
+        self.enter = ("nsenter", "-t", str(self.pid), "-m", "-n")
+
+    def _end(self) -> None:
+        self._holder.kill()
+        self._holder.communicate()
+
+    def run(self, *words: str, text: str | None = None, check: bool = True) -> str:
+        """Run a command on it, and give what it prints."""
+        done = subprocess.run([*self.enter, *words], input=text, capture_output=True, text=True, check=False)
+        assert done.returncode == 0 or not check, f"{' '.join(words)}: {done.stderr}{done.stdout}"
+        return done.stdout
+
+    def at(self, path: str) -> Path:
+        """Where one of its paths is for this process."""
+        return Path(f"/proc/{self.pid}/root{path}")
+
+    def put(self, path: str, text: str, mode: int = 0o644) -> None:
+        """Write a file by rename."""
+        place = self.at(path)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        new = place.with_name(f".{place.name}.new")
+        new.write_text(text)
+        new.chmod(mode)
+        new.rename(place)
+
+    def log(self) -> str:
+        return self.at(LOG).read_text(errors="replace")
+
+    def said(self, words: str, times: int = 1) -> None:
+        """Wait until its OpenVPN has said something so often since it was started."""
+        until(lambda: self.log().count(words) >= times, lambda: f"not said {times}x: {words}\n{self.log()[-3000:]}")
+
+    def udp(self) -> socket.socket:
+        """A socket that lives on it, whoever uses it."""
+        made: list[socket.socket] = []
+
+        def enter() -> None:
+            with Path(f"/proc/{self.pid}/ns/net").open("rb") as namespace:
+                if _LIBC.setns(namespace.fileno(), _NEWNET) == 0:
+                    made.append(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+
+        thread = threading.Thread(target=enter)
+        thread.start()
+        thread.join()
+        return made[0]
+
+
+class Server(Computer):
+    """The server's computer, as its role leaves it, but for what is live."""
+
+    def __init__(self, stack: ExitStack, made: Record) -> None:
+        super().__init__(stack)
+        self.stack, self.record, self.clients = stack, made, 0
+        self._process: subprocess.Popen[bytes] | None = None
+        lan, _ = _server_addresses()
+        self.run("ip", "address", "add", f"{lan}/32", "dev", "lo")
+        folder = made.authority.folder
+        self.put(f"{FOLDER}/ca.crt", (folder / "ca.crt").read_text())
+        for name in ("server.crt", "server.key", "tls-crypt-v2.key", "tls-crypt.key"):
+            self.put(f"{FOLDER}/{name}", (folder / "server" / name).read_text(), 0o600)
+        self.at(f"{FOLDER}/ccd").mkdir()
+        self.put("/etc/openvpn/server/atlantis.conf", server_conf(declaration(), declaration().hosts[NAME]))
+        self.put("/usr/local/sbin/systemctl", _SYSTEMCTL, 0o755)
+        self.at(MANAGEMENT).parent.mkdir(mode=0o710)
+        echo = self.udp()
+        echo.bind(("0.0.0.0", _ECHO))  # noqa: S104 - its own namespace
+        threading.Thread(target=_echo, args=(echo,), daemon=True).start()
+        stack.callback(_shut, echo)
+        stack.callback(self.stop)
+        self.link = stack.enter_context(LocalLink(NAME, self.enter))
+
+    def push(self) -> live.Pushed:
+        return live.push(declaration(), self.record.authority, self.link)
+
+    def revoke(self, *common_names: str) -> live.Evidence:
+        return live.revoke_live(declaration(), self.record.authority, self.link, common_names)
+
+    def go_on(self) -> live.Evidence | None:
+        return live.go_on(declaration(), self.record.authority, self.link)
+
+    def drift(self) -> tuple[str, ...]:
+        authority = self.record.authority
+        return live.drift(live.observe(self.link), live.wanted(declaration(), authority), authority.roll())
+
+    def start(self, *words: str) -> None:
+        """Start OpenVPN, and wait until it is up."""
+        self.at(LOG).write_text("")
+        command = ("openvpn", "--config", "/etc/openvpn/server/atlantis.conf", "--log-append", LOG, "--disable-dco")
+        self._process = subprocess.Popen([*self.enter, *command, "--writepid", "/run/openvpn.pid", *words])
+        self.said("Initialization Sequence Completed")
+
+    def stop(self) -> None:
+        """As a crash does it: no client is told."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    @property
+    def lives(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def names(self) -> list[str]:
+        """The common names of its sessions, by its own word."""
+        return sorted(one.common_name for one in live.sessions(self.link))
+
+    def client(self, common_name: str) -> Client:
+        """A computer with that identity; nothing is started."""
+        return Client(self.stack, self, self.record.identities[common_name])
+
+
+class Client(Computer):
+    """A member's computer: it starts OpenVPN as often as it is told to."""
+
+    def __init__(self, stack: ExitStack, server: Server, identity: Identity) -> None:
+        super().__init__(stack)
+        server.clients += 1
+        far, here, there = f"to{server.clients}", f"10.99.{server.clients}.2", f"10.99.{server.clients}.1"
+        self.run("ip", "link", "add", "eth0", "type", "veth", "peer", "name", far, "netns", str(server.pid))
+        server.run("sh", "-c", f"ip address add {there}/24 dev {far} && ip link set {far} up")
+        self.run(
+            "sh", "-c", f"ip address add {here}/24 dev eth0 && ip link set eth0 up && ip route add default via {there}"
+        )
+        self.process: subprocess.Popen[bytes] | None = None
+        self.become(identity)
+        stack.callback(self.stop)
+
+    def become(self, identity: Identity, *more: str) -> None:
+        """Take an identity for the next start."""
+        lan, _ = _server_addresses()
+        inline = {
+            "ca": identity.ca,
+            "cert": identity.cert,
+            "key": identity.key.reveal(),
+            str(identity.certificate.wrap): identity.wrap_key.reveal(),
+        }
+        lines = (
+            "client", "proto udp4", f"remote {lan} 1194", "dev tun0", "dev-type tun", "nobind", "persist-key",
+            "remote-cert-tls server", "tls-version-min 1.2", "data-ciphers AES-256-GCM", "verb 3",
+            "connect-retry 1 1", f"log-append {LOG}", "disable-dco", "explicit-exit-notify 1", *more,
+        )  # fmt: skip
+        blocks = "".join(f"<{option}>\n{text}\n</{option}>\n" for option, text in inline.items())
+        self.put("/etc/openvpn/client.conf", "\n".join(lines) + "\n" + blocks, 0o600)
+
+    def start(self, *, wait: bool = True) -> None:
+        self.at(LOG).write_text("")
+        self.process = subprocess.Popen([*self.enter, "openvpn", "--config", "/etc/openvpn/client.conf"])
+        if wait:
+            self.said("Initialization Sequence Completed")
+
+    def stop(self) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+            self.process = None
+
+    def pause(self) -> None:
+        """Let its OpenVPN hear nothing more, as behind a dead link."""
+        assert self.process is not None
+        self.process.send_signal(_SIGSTOP)
+
+    def ended(self) -> int:
+        """Wait until its OpenVPN has gone by itself."""
+        assert self.process is not None
+        return self.process.wait(_PATIENCE_S)
+
+    @property
+    def up(self) -> bool:
+        return "Initialization Sequence Completed" in self.log()
+
+
+@dataclass
+class Echo:
+    """Asks through the tunnel every few ms, and notes when each answer came, on the clock of time.monotonic()."""
+
+    client: Client
+    every_s: float = 0.004
+    answers: list[float] = field(default_factory=list)
+    asked: int = 0
+    """How often it was tried; without a tunnel nothing leaves."""
+    _over: threading.Event = field(default_factory=threading.Event)
+
+    def __enter__(self) -> Self:
+        self._socket = self.client.udp()
+        self._socket.setblocking(False)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+        self._socket.close()
+
+    def _run(self) -> None:
+        _, tunnel = _server_addresses()
+        while not self._over.is_set():
+            with suppress(OSError):
+                self._socket.sendto(b"x", (str(tunnel), _ECHO))
+            self.asked += 1
+            end = time.monotonic() + self.every_s
+            while (left := end - time.monotonic()) > 0:
+                if select.select([self._socket], [], [], left)[0]:
+                    with suppress(OSError):
+                        self._socket.recv(64)
+                        self.answers.append(time.monotonic())
+
+    def goes(self) -> None:
+        """Wait until answers come that were asked for from now on."""
+        seen = len(self.answers)
+        until(lambda: len(self.answers) > seen + 2, lambda: f"no echo:\n{self.client.log()[-1500:]}")
+
+    def last_after(self, questions: int) -> float:
+        """Ask so many times more, and give when the last answer of all came."""
+        asked = self.asked
+        until(lambda: self.asked >= asked + questions, lambda: "nothing is asked any more")
+        return self.answers[-1]
+
+
+def _echo(made: socket.socket) -> None:
+    with suppress(OSError):
+        while True:
+            data, back = made.recvfrom(64)
+            if back is None:
+                return
+            with suppress(OSError):  # its firewall may forbid it
+                made.sendto(data, back)
+
+
+def _shut(made: socket.socket) -> None:
+    with suppress(OSError):
+        made.shutdown(socket.SHUT_RDWR)
+    made.close()
+
+
+def until(done: Callable[[], bool], why: Callable[[], str]) -> None:
+    """Wait for what has to come."""
+    end = time.monotonic() + _PATIENCE_S
+    while not done():
+        assert time.monotonic() < end, why()
+        time.sleep(0.002)
+
+
+@contextmanager
+def server_of(made: Record) -> Iterator[Server]:
+    """A server that has what is recorded, and runs."""
+    with ExitStack() as stack:
+        server = Server(stack, made)
+        server.push()
+        server.start()
+        yield server
