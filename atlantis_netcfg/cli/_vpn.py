@@ -15,17 +15,22 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.deploying import Server
+    from atlantis_netcfg.operations.vpn.desk import Desk
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Authority
 
 __all__ = [
     "AUTHORITY",
+    "CLOCK",
     "INVENTORY",
     "NO_PUSH",
     "declared",
+    "desk",
     "folder",
     "opened",
+    "request",
     "server",
     "table",
     "tell",
@@ -34,6 +39,11 @@ __all__ = [
 ]
 
 AUTHORITY = Word("authority", "folder of the authority; `vpn` in the state directory if left out")
+CLOCK = Word(
+    "clock",
+    "`right`: this computer's clock is right, although the record's last entry is later",
+    choices=("right",),
+)
 NO_PUSH = Flag("no-push", "only record it and make the files; `provision vpn sync` brings it to the server later")
 
 
@@ -80,6 +90,13 @@ def who() -> str:
     return f"{name}@{socket.gethostname()}"
 
 
+def desk(arguments: Arguments, authority: Authority) -> Desk:
+    """Who signs, on this command line."""
+    from atlantis_netcfg.operations.vpn.desk import Desk
+
+    return Desk(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
+
+
 def waiting(arguments: Arguments) -> Callable[[str], None]:
     """What tells a person that somebody else has the authority's lock."""
 
@@ -122,8 +139,18 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def server(arguments: Arguments, declaration: Declaration) -> Server:
     """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
+    from atlantis_netcfg.operations.vpn.connected import Connected, over_ssh
     from atlantis_netcfg.operations.vpn.deploying import Later
 
     if arguments.command.flag(NO_PUSH.name) is not None and arguments.flag(NO_PUSH.name):
         return Later()
-    raise NotImplementedError
+    return Connected(declaration, over_ssh(declaration, request(arguments)), who())
+
+
+def request(arguments: Arguments) -> Request:
+    """What the declaration does not say: here, which authority is meant."""
+    import shlex
+
+    from atlantis_netcfg.operations.request import Request
+
+    return Request(authority=folder(arguments), command=shlex.join(["provision", *sys.argv[1:]]))

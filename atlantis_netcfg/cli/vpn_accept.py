@@ -53,9 +53,9 @@ def run(arguments: Arguments) -> ExitCode:
         "file": str(accepted.path),
         "already": accepted.already,
     }
+    how = "already so" if accepted.already else "accepted"
     lines = [
-        f"{member.name}: {'already so' if accepted.already else 'accepted'}, address {member.address},"
-        f" good until {certificate.not_after:%Y-%m-%d}",
+        f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
         f"  kept in {accepted.path}; `provision site=… only={member.name}` brings it there",
     ]
     return _vpn.tell(arguments, ExitCode.DONE, told, lines)

@@ -4,26 +4,95 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
-from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._vpn import AUTHORITY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations.vpn.router import Installed
 
 __all__ = ["COMMAND", "run"]
 
 COMMAND = Command(
     "vpn install",
-    "bring a site's router into the VPN: certificates, keys and the client, as far as its RouterOS can",
-    words=(Word("host", "the router", required=True, example="coastal-router"), AUTHORITY, INVENTORY),
-    flags=(JSON, VERBOSE),
+    "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",
+    words=(Word("host", "the router", required=True, example="coastal-router"), VIA, AUTHORITY, INVENTORY),
+    flags=(
+        Flag("plan", "say what would be done, change nothing", harmless=True),
+        Flag("rehearse", "the same against an emulated router", harmless=True),
+        Flag("yes", "do not ask before changing the router"),
+        ACCEPT_COST,
+        JSON,
+    ),
+    details=(
+        "Takes the identity that `provision vpn onboard host=…` or `provision vpn accept` has left on this computer. "
+        "RouterOS before 7.17 cannot wrap its control channel and is refused."
+    ),
     changes=True,
 )
 
 
 def run(arguments: Arguments) -> ExitCode:
-    """Install it."""
-    from atlantis_netcfg.errors import ExitCode
+    """Look, ask, install, read back."""
+    from pathlib import Path
 
-    return ExitCode.DONE
+    from atlantis_netcfg import paths
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.site import ALL, choose, load
+
+    named = arguments.optional(INVENTORY.name)
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    (host,) = choose(declaration, ALL, [arguments.word("host")])
+    with session(
+        arguments,
+        rehearse=arguments.flag("rehearse"),
+        via=arguments.optional(VIA.name),
+        site=host.site,
+        only=[host.name],
+        unsealed=True,
+    ) as opened:
+        return _installed(opened)
+
+
+def _installed(opened: Session) -> ExitCode:
+    import json
+
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.vpn.router import identity_for, install
+
+    arguments, (host,) = opened.arguments, opened.hosts
+    request = opened.request(Mode.APPLY).model_copy(update={"authority": _vpn.folder(arguments)})
+    identity = identity_for(opened.declaration, host, request)
+    with progress(quiet=opened.as_json) as notify:
+        found = install(opened.declaration, host, identity, request, notify, plan=True)
+    if found.exit is ExitCode.CHANGES and not arguments.flag("plan"):
+        if not (arguments.flag("yes") or opened.rehearsed):
+            _show(opened, found)
+            agreed(f"Change {host.name} now")
+        with progress(quiet=opened.as_json) as notify:
+            found = install(opened.declaration, host, identity, request, notify)
+    if opened.as_json:
+        errors = [] if found.exit in {ExitCode.DONE, ExitCode.CHANGES} else [_error(found)]
+        print(json.dumps({**found.as_json(), "errors": errors, "rehearsed": opened.rehearsed}, ensure_ascii=False))
+        return found.exit
+    _show(opened, found)
+    print(f"{found.device}: {found.message}")
+    for line in filter(None, [found.hint, f"recorded as {found.run}" if found.run else None]):
+        print(f"  {line}")
+    return found.exit
+
+
+def _error(found: Installed) -> dict[str, str | None]:
+    return {"message": f"{found.device}: {found.message}", "hint": found.hint}
+
+
+def _show(opened: Session, found: Installed) -> None:
+    if not opened.as_json:
+        for line in (*found.changes, *(f"note: {note}" for note in found.notes)):
+            print(f"  {line}", flush=True)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY, NO_PUSH
+from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,6 +35,7 @@ COMMAND = Command(
         Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
         Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
         Word("to", "also put the file into this folder", example="/media/usb"),
+        CLOCK,
         AUTHORITY,
         INVENTORY,
     ),
@@ -50,6 +51,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn.founding import refuse_example_authority
     from atlantis_netcfg.operations.vpn.onboarding import Onboarding
     from atlantis_netcfg.operations.vpn.recipients import recipients_of
@@ -61,9 +63,11 @@ def run(arguments: Arguments) -> ExitCode:
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
-    onboarding = Onboarding(declaration, authority, outlet, _vpn.who(), _vpn.waiting(arguments))
+    onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
     handed = onboarding.finished(wishes) or onboarding.issue(wishes, asked(arguments))
-    return _members.close(arguments, handed, server.deploy(authority))
+    with progress(quiet=arguments.flag("json")) as notify:
+        deployed = server.deploy(authority, notify)
+    return _members.close(arguments, handed, deployed)
 
 
 def _asked(arguments: Arguments) -> Sequence[Asked]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY, NO_PUSH
+from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -28,6 +28,7 @@ COMMAND = Command(
         Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
         Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
         Word("to", "also put the file into this folder", example="/media/usb"),
+        CLOCK,
         AUTHORITY,
         INVENTORY,
     ),
@@ -40,6 +41,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn.founding import refuse_example_authority
     from atlantis_netcfg.operations.vpn.onboarding import Onboarding
     from atlantis_netcfg.operations.vpn.recipients import recipient_of
@@ -54,9 +56,11 @@ def run(arguments: Arguments) -> ExitCode:
     members = _chosen(arguments, authority.roll())
     outlet = _members.outlet(arguments, {} if recipient is None else {one.name: recipient for one in members})
     server = _vpn.server(arguments, declaration)
-    onboarding = Onboarding(declaration, authority, outlet, _vpn.who(), _vpn.waiting(arguments))
+    onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
     handed = onboarding.renew(members, change, asked(arguments))
-    return _members.close(arguments, handed, server.deploy(authority))
+    with progress(quiet=arguments.flag("json")) as notify:
+        deployed = server.deploy(authority, notify)
+    return _members.close(arguments, handed, deployed)
 
 
 def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:

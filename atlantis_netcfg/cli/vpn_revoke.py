@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY, NO_PUSH
+from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -22,6 +22,7 @@ COMMAND = Command(
         Word("name", "the member", example="iqua-sparus2"),
         Word("partner", "every device of this partner", example="iqua"),
         Word("reason", "for the record, one line", example="stolen"),
+        CLOCK,
         AUTHORITY,
         INVENTORY,
     ),
@@ -38,6 +39,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Ask, record, publish the list, end the sessions, look."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn.leaving import reason_of, revoke
 
     declaration = _vpn.declared(arguments)
@@ -47,8 +49,10 @@ def run(arguments: Arguments) -> ExitCode:
     server = _vpn.server(arguments, declaration)
     passphrase = asked(arguments)
     _agree(arguments, members)
-    revoked = revoke(authority, members, reason, passphrase, _vpn.who(), _vpn.waiting(arguments))
-    return _members.close_revoked(arguments, revoked, server.cut(authority, revoked))
+    revoked = revoke(_vpn.desk(arguments, authority), members, reason, passphrase)
+    with progress(quiet=arguments.flag("json")) as notify:
+        cut = server.cut(authority, revoked, notify)
+    return _members.close_revoked(arguments, revoked, cut)
 
 
 def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import JSON, Command, Word
 from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.operations.vpn.standing import Standing
+    from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["COMMAND", "run"]
 
@@ -17,16 +21,63 @@ COMMAND = Command(
     "vpn status",
     "tell expiries, sessions, who was last seen when, what waits, and what differs at the server",
     words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, INVENTORY),
-    flags=(NO_PUSH, JSON, VERBOSE),
+    flags=(NO_PUSH, JSON),
     details=(
-        "Exit code 6: something must be done soon (the list of revoked certificates ends within 30 days, a certificate "
-        "has expired, the server differs from the record). 5: the server was not reached, so nobody knows."
+        "Exit code 6: something must be done (a list or a certificate ends within 30 days or has ended, the server "
+        "differs from the record, a revocation waits). 5: the server was not reached, so nobody knows."
     ),
 )
 
 
 def run(arguments: Arguments) -> ExitCode:
-    """Look at the record and at the server."""
-    from atlantis_netcfg.errors import ExitCode
+    """Look at the record and at the server; whoever was seen is recorded."""
+    from datetime import UTC, datetime
 
-    return ExitCode.DONE
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.operations.vpn import records
+    from atlantis_netcfg.operations.vpn.connected import Connected
+    from atlantis_netcfg.operations.vpn.standing import standing
+
+    declaration = _vpn.declared(arguments)
+    authority = _vpn.opened(arguments)
+    server = _vpn.server(arguments, declaration)
+    with progress(quiet=arguments.flag("json")) as notify:
+        found = standing(authority, server if isinstance(server, Connected) else None, notify)
+    roll, partner = authority.roll(), arguments.optional("partner")
+    members = records.of_partner(roll, partner) if roll.members or partner is not None else ()
+    now = datetime.now(UTC)
+    told = {
+        "told": [one.as_json() for one in found.told],
+        "members": [records.member_row(member, now) for member in members],
+        "server": found.server_json(),
+        "queued": list(roll.queued),
+    }
+    return _vpn.tell(arguments, found.exit, told, _lines(found, members, now))
+
+
+def _lines(found: Standing, members: Sequence[Member], now: object) -> Iterator[str]:
+    from atlantis_netcfg.cli._vpn import table
+    from atlantis_netcfg.operations.vpn.records import expires, standing_of, when
+
+    for one in found.told:
+        yield f"{one.verdict.value:<12} {one.message}"
+        if one.hint:
+            yield from (f"{'':<12} {line}" for line in one.hint.splitlines())
+    up = {session.common_name: session for session in found.state.sessions if session.is_up} if found.state else {}
+    rows = [("member", "address", "until", "last seen", "session", "standing")] if members else []
+    for member in members:
+        until, names = expires(member), [one.common_name for one in member.certificates]
+        seen = max((one.seen for one in member.certificates if one.seen is not None), default=None)
+        session = next((up[name] for name in names if name in up), None)
+        rows.append(
+            (
+                member.name,
+                str(member.address),
+                f"{until:%Y-%m-%d}" if until is not None else "-",
+                when(seen),
+                f"{session.real} as {session.common_name}" if session is not None else "-",
+                standing_of(member, now),
+            )
+        )
+    yield from table(rows)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY
+from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -17,7 +17,7 @@ __all__ = ["COMMAND", "run"]
 COMMAND = Command(
     "vpn sync",
     "bring the server to what is recorded: members, list, firewall, and sessions that must end",
-    words=(AUTHORITY, INVENTORY),
+    words=(CLOCK, AUTHORITY, INVENTORY),
     flags=(
         Flag("sign", "also sign the list of revoked certificates anew: it is good for 90 days"),
         PASSPHRASE_FD,
@@ -33,11 +33,14 @@ def run(arguments: Arguments) -> ExitCode:
     """Push, end what must end, look."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._progress import progress
 
     declaration = _vpn.declared(arguments)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
     if arguments.flag("sign"):
-        with authority.unlocked(asked(arguments), _vpn.who(), waiting=_vpn.waiting(arguments)) as signer:
+        with _vpn.desk(arguments, authority).unlocked(asked(arguments)) as signer:
             signer.publish()
-    return _members.close_synced(arguments, server.deploy(authority))
+    with progress(quiet=arguments.flag("json")) as notify:
+        deployed = server.deploy(authority, notify)
+    return _members.close_synced(arguments, deployed)

@@ -73,7 +73,7 @@ class Check:
         if typed is None:
             return None
         if re.fullmatch(r"[0-9]{1,5}", typed) is None or not 1 <= int(typed) <= _MOST_DAYS:
-            self.wrong(f"{shown(typed)} is no number of days from 1 to {_MOST_DAYS}", f"as in `days={CLIENT_DAYS}`")
+            self.wrong(f"`days=`: {shown(typed)} is no number from 1 to {_MOST_DAYS}", f"as in `days={CLIENT_DAYS}`")
             return None
         return int(typed)
 

@@ -10,6 +10,7 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError, OutcomeUnknown
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.vpn.authority import Authority, Revoked
 
 __all__ = ["Deployed", "Later", "Server"]
@@ -38,22 +39,22 @@ class Deployed:
 class Server(Protocol):
     """The server, as the commands ask it."""
 
-    def deploy(self, authority: Authority) -> Deployed:
+    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:
         """Bring it to what is recorded."""
 
-    def cut(self, authority: Authority, revoked: Revoked) -> Deployed:
+    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber) -> Deployed:
         """The same, and see that those who were revoked are dead."""
 
 
 class Later:
     """`--no-push`: nothing is contacted."""
 
-    def deploy(self, authority: Authority) -> Deployed:  # noqa: ARG002 - as Server has it
+    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as Server has it
         """Say what is left to do."""
         line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
         return Deployed((line,), deployed=False)
 
-    def cut(self, authority: Authority, revoked: Revoked) -> Deployed:
+    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as above
         """Tell that whoever is connected stays so: nobody may take this for done."""
         waits = OutcomeUnknown(
             f"{', '.join(revoked.members)}: on the list, and the server does not have it (`--no-push`): "

@@ -9,8 +9,9 @@ from atlantis_netcfg.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from atlantis_netcfg.operations.vpn.desk import Desk
     from atlantis_netcfg.secret import Secret
-    from atlantis_netcfg.vpn.authority import Authority, Revoked
+    from atlantis_netcfg.vpn.authority import Revoked
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["reason_of", "revoke"]
@@ -27,14 +28,7 @@ def reason_of(typed: str | None) -> str:
     return typed
 
 
-def revoke(  # noqa: PLR0913, PLR0917 - whose, why, and by whom
-    authority: Authority,
-    members: Sequence[Member],
-    reason: str,
-    passphrase: Callable[[], Secret],
-    who: str,
-    waiting: Callable[[str], None],
-) -> Revoked:
+def revoke(desk: Desk, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]) -> Revoked:
     """Record it and publish the list; nothing is asked of the server here."""
-    with authority.unlocked(passphrase, who, waiting=waiting) as signer:
+    with desk.unlocked(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)

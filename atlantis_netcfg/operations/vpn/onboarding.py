@@ -23,9 +23,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from ipaddress import IPv4Address
 
+    from atlantis_netcfg.operations.vpn.desk import Desk
     from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site import Declaration
-    from atlantis_netcfg.vpn.authority import Authority, Change, Wish
+    from atlantis_netcfg.vpn.authority import Change, Wish
     from atlantis_netcfg.vpn.identity import Identity, Member
 
 __all__ = ["CONTACT", "Handed", "Onboarding", "Outlet", "reserved"]
@@ -77,10 +78,8 @@ class Onboarding:
     """One command's issuing: what was handed out is kept by common name until the command tells it."""
 
     declaration: Declaration
-    authority: Authority
+    desk: Desk
     outlet: Outlet
-    who: str
-    waiting: Callable[[str], None]
     _handed: dict[str, tuple[Path, Path | None, Secret | None]] = field(default_factory=dict)
 
     def finished(self, wishes: Sequence[Wish]) -> tuple[Handed, ...]:
@@ -88,7 +87,7 @@ class Onboarding:
 
         Empty if anything is left to do. Raises NameTaken.
         """
-        roll = self.authority.roll()
+        roll = self.desk.authority.roll()
         found = [check_free(wish.name, wish.partner, wish.device, roll) for wish in wishes]
         pairs = [(wish, member) for wish, member in zip(wishes, found, strict=True) if member is not None]
         same = all(_same(wish, member) for wish, member in pairs)
@@ -96,21 +95,21 @@ class Onboarding:
 
     def _there(self, member: Member) -> Handed:
         newest = member.good[-1]
-        path = _place(self.authority.folder, newest.common_name)
+        path = _place(self.desk.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
-            path = handouts.host_identity(self.authority.folder, member.name)
+            path = handouts.host_identity(self.desk.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
         return Handed(Issued(member, newest, Delivered(str(path), digest), already=True), path)
 
     def issue(self, wishes: Sequence[Wish], passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
         kept = reserved(self.declaration, wishes)
-        with self.authority.unlocked(passphrase, self.who, waiting=self.waiting) as signer:
+        with self.desk.unlocked(passphrase) as signer:
             return tuple(self._told(one) for one in signer.issue(wishes, self._deliver, reserved=kept))
 
     def renew(self, members: Sequence[Member], change: Change, passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
         """Give each a successor of its certificate."""
-        with self.authority.unlocked(passphrase, self.who, waiting=self.waiting) as signer:
+        with self.desk.unlocked(passphrase) as signer:
             return tuple(self._told(signer.renew(one.name, self._deliver, change)) for one in members)
 
     def _told(self, issued: Issued) -> Handed:
@@ -127,7 +126,7 @@ class Onboarding:
         sealing = handouts.OneTimePassphrase() if recipient is None else handouts.Recipient(recipient)
         made = handouts.handout(self.declaration, identity, sealing, contact=self.outlet.contact)
         common_name = identity.certificate.common_name
-        place = _place(self.authority.folder, common_name)
+        place = _place(self.desk.authority.folder, common_name)
         private_directory(place.parent)
         write_atomically(place, made.data)
         self._handed[common_name] = (place, self._copied(made.file_name, made.data), made.passphrase)
@@ -136,7 +135,7 @@ class Onboarding:
     def _keep(self, identity: Identity) -> Delivered:
         """The identity of a declared computer, for the role that brings it there."""
         data = handouts.identity_file(identity).reveal().encode()
-        place = handouts.host_identity(self.authority.folder, identity.member.name)
+        place = handouts.host_identity(self.desk.authority.folder, identity.member.name)
         private_directory(place.parent)
         write_atomically(place, data)
         return Delivered(str(place), sha256(data).hexdigest())

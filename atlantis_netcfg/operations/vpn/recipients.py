@@ -39,19 +39,22 @@ def recipients_of(asked: Iterable[Asked], names: Iterable[str]) -> Mapping[str, 
 
 def recipient_of(typed: str) -> str:
     """A public key, checked. Raises UsageError for what is none, and for a private key, which was sent by mistake."""
-    text = typed
-    if not typed.startswith(("age1", "ssh-")):
-        text = _in_file(typed)
-    if any(mark in text for mark in _PRIVATE):
-        raise UsageError(
-            "this is a private key, and was meant for nobody but its owner",
-            hint="let them make a new one (`age-keygen`), and send the line that begins with age1",
-        )
+    _refuse_private(typed)
+    text = typed if typed.startswith(("age1", "ssh-")) else _in_file(typed)
+    _refuse_private(text)
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) != 1:
         raise UsageError(f"there are {len(lines)} keys in {shown(typed)}", hint="one file, one public key")
     check_recipient(lines[0])
     return lines[0]
+
+
+def _refuse_private(text: str) -> None:
+    if any(mark in text.upper() for mark in _PRIVATE):
+        raise UsageError(
+            "this is a private key, and was meant for nobody but its owner",
+            hint="let them make a new one (`age-keygen`), and send the line that begins with age1",
+        )
 
 
 def _in_file(typed: str) -> str:

@@ -1,0 +1,142 @@
+"""The server as the commands ask it: over one connection, which is opened when it is needed and says where it stands.
+
+Whatever a command is about, whoever waits to be thrown out goes first, and who was seen is recorded at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown
+from atlantis_netcfg.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn.deploying import Deployed
+from atlantis_netcfg.operations.vpn.link import SshLink
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.vpn.link import ServerLink
+    from atlantis_netcfg.operations.vpn.live import Evidence
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.authority import Authority, Revoked
+
+__all__ = ["Connected", "Opener", "Outstanding", "over_ssh"]
+
+Opener = Callable[[], "ServerLink"]
+_RECORDED = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
+
+
+def over_ssh(declaration: Declaration, request: Request) -> Opener:
+    """Opens the link to the declared server. Raises UsageError for example values, which lead to nobody's."""
+    refuse_examples(declaration, rehearsed=request.rehearsed)
+    host = declaration.hosts[declaration.pilot.vpn.server]
+    return lambda: SshLink(host.name, computer_access(declaration, host, request))
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """The declared server."""
+
+    declaration: Declaration
+    opener: Opener
+    who: str
+
+    def deploy(self, authority: Authority, notify: Subscriber = ignore) -> Deployed:
+        """Bring it to what is recorded, and see who was there."""
+        try:
+            with self.link(notify) as link:
+                queue = live.go_on(self.declaration, authority, link, self.who)
+                self._say(notify, "members, list and firewall", Stage.APPLYING)
+                pushed = live.push(self.declaration, authority, link)
+                self._say(notify, "who is connected", Stage.VERIFYING)
+                more = self._seen(authority, link)
+        except NetcfgError as error:
+            return self._outstanding(error)
+        changes = [*pushed.changes, *more]
+        told: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
+        lines = [f"  on the server: {change}" for change in changes] or ["  the server was so already"]
+        return Deployed(tuple(self._told(queue) + lines + [f"  {one}" for one in pushed.told]), self._left(queue), told)
+
+    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber = ignore) -> Deployed:
+        """End their sessions at once, and look; then all the rest that is recorded."""
+        names = tuple(dict.fromkeys([*revoked.common_names, *authority.roll().queued]))
+        try:
+            with self.link(notify) as link:
+                self._say(notify, f"ending sessions of {', '.join(revoked.members)}", Stage.APPLYING)
+                evidence = live.revoke_live(self.declaration, authority, link, names)
+                if evidence.confirmed:
+                    authority.settled(names, self.who)
+                pushed = live.push(self.declaration, authority, link)
+                self._say(notify, "looking once more", Stage.VERIFYING)
+                evidence = live.verify(link, evidence)
+        except NetcfgError as error:
+            return self._outstanding(error, cut=revoked.members)
+        told = {"evidence": evidence.as_json(), "changes": list(pushed.changes)}
+        return Deployed(tuple(self._told(evidence)), self._left(evidence), told, deployed=evidence.confirmed)
+
+    def _seen(self, authority: Authority, link: ServerLink) -> Sequence[str]:
+        """Record who was seen; what that changes on the server."""
+        _, pushed = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
+        return pushed.changes if pushed is not None else ()
+
+    @contextmanager
+    def link(self, notify: Subscriber) -> Iterator[ServerLink]:
+        """The open link, for as long as the block."""
+        self._say(notify, "", Stage.CONNECTING)
+        opened = self.opener()
+        try:
+            yield opened
+        finally:
+            opened.close()
+        self._say(notify, "", Stage.DONE)
+
+    def _say(self, notify: Subscriber, message: str, stage: Stage) -> None:
+        notify(Event(self.declaration.pilot.vpn.server, stage, message))
+
+    @staticmethod
+    def _told(evidence: Evidence | None) -> list[str]:
+        """The evidence for people: what was done, after how many milliseconds, and what the server says of it."""
+        if evidence is None:
+            return []
+        lines = [f"  {at:8.1f} ms  {step}" for step, at in evidence.steps]
+        lines += [
+            f"  ended      {one.common_name}, {one.address or 'not through its handshake'}, from {one.real}"
+            for one in evidence.ended
+        ]
+        whole = f"{1000 * evidence.seconds:.0f} ms with the way there and back"
+        words = "verified: no session, and nothing of theirs passes" if evidence.confirmed else "NOT verified"
+        return [*lines, f"  {words} ({whole})", *(f"  {one}" for one in evidence.told)]
+
+    @staticmethod
+    def _left(evidence: Evidence | None) -> tuple[NetcfgError, ...]:
+        if evidence is None or evidence.confirmed:
+            return ()
+        names = ", ".join(evidence.common_names)
+        return (
+            OutcomeUnknown(
+                f"the server has not confirmed that these are dead: {names}: {'; '.join(evidence.left)}",
+                hint="`provision vpn sync` tries again, and looks",
+            ),
+        )
+
+    @staticmethod
+    def _outstanding(error: NetcfgError, cut: Sequence[str] = ()) -> Deployed:
+        """The server's part is left to do: the record and the files stand."""
+        who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
+        hint = f"{error.hint}\n{_RECORDED}" if error.hint else _RECORDED
+        return Deployed(errors=(Outstanding(error, f"{who}{error}", hint),), deployed=False)
+
+
+class Outstanding(NetcfgError):
+    """What was asked for is recorded, and the server does not have it: ends as its cause does."""
+
+    def __init__(self, cause: NetcfgError, message: str, hint: str) -> None:
+        super().__init__(message, hint=hint)
+        self.exit = cause.exit

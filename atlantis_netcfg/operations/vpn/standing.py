@@ -1,0 +1,131 @@
+"""How it stands with the VPN: what the record says of itself, what the server has, and what differs between the two.
+
+The server is looked at before anything is brought to it, so that a file that somebody has changed there is told and
+not put right in passing. Silence of the server is no verdict on it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.events import Subscriber, ignore
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.verdicts import Verdict, worst
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.operations.vpn.connected import Connected
+    from atlantis_netcfg.operations.vpn.link import ServerLink
+    from atlantis_netcfg.operations.vpn.live import ServerState
+    from atlantis_netcfg.vpn.authority import Authority
+
+__all__ = ["Standing", "Told", "standing"]
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """One thing that was looked at."""
+
+    verdict: Verdict
+    message: str
+    hint: str | None = None
+
+    def as_json(self) -> dict[str, str | None]:
+        """For programs."""
+        return {"verdict": self.verdict.value, "message": self.message, "hint": self.hint}
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """All that is known now."""
+
+    told: tuple[Told, ...]
+    state: ServerState | None
+    """None: the server was not reached, or was not to be asked."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """6 where something is seen to be wrong, 5 where the server is silent."""
+        found = worst(one.verdict for one in self.told)
+        if found is Verdict.FAIL:
+            return ExitCode.CHECKS_FAILED
+        return ExitCode.UNKNOWN if found is Verdict.INCONCLUSIVE else ExitCode.DONE
+
+    def server_json(self) -> dict[str, Any] | None:
+        """The server for programs."""
+        if self.state is None:
+            return None
+        crl = self.state.crl
+        return {
+            "version": self.state.version,
+            "package": self.state.package,
+            "sessions": [one.as_json() for one in self.state.sessions],
+            "asked": self.state.asked,
+            "list": None if crl is None else {"number": crl.number, "ends": crl.ends.isoformat()},
+        }
+
+
+def standing(authority: Authority, server: Connected | None, notify: Subscriber = ignore) -> Standing:
+    """Look at the record, and at the server unless there is None. Raises LedgerDamaged."""
+    told = list(_record(authority))
+    state = None
+    if server is None:
+        told.append(Told(Verdict.SKIP, "the server was not asked (`--no-push`)"))
+    else:
+        try:
+            with server.link(notify) as link:
+                state = live.observe(link)
+                told += _server(authority, server, link, state)
+        except NetcfgError as error:
+            verdict = Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else Verdict.FAIL
+            told.append(Told(verdict, f"the server: {error}", error.hint))
+    return Standing((*told, *_queued(authority)), state)
+
+
+def _record(authority: Authority) -> Iterator[Told]:
+    """What the authority finds wrong with itself, each with what helps."""
+    problems = authority.check()
+    for problem in problems:
+        yield Told(Verdict.FAIL, problem)
+    if not problems:
+        roll = authority.roll()
+        good = sum(1 for member in roll.members.values() if member.good)
+        yield Told(
+            Verdict.PASS,
+            f"the record is whole: {good} of {len(roll.members)} members are admitted,"
+            f" list {roll.crl_number} is good until {roll.crl_next_update:%Y-%m-%d}",
+        )
+
+
+def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[Told]:
+    differs = live.drift(state, live.wanted(server.declaration, authority), authority.roll())
+    for one in differs:
+        yield Told(Verdict.FAIL, one, "`provision vpn sync` brings the server to what is recorded")
+    if not differs:
+        up = sum(session.is_up for session in state.sessions)
+        yield Told(Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}")
+    if not state.ready:
+        return
+    sighting, _ = live.note_seen(server.declaration, authority, link, state, server.who)
+    for name in sighting.strangers:
+        yield Told(Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?")
+    for name in sighting.withdrawn:
+        yield Told(Verdict.FAIL, f"{name} was seen after it was put out", "`provision vpn sync` ends its session")
+    for name in sighting.superseded:
+        yield Told(Verdict.PASS, f"{name} is retired: its successor was seen")
+    evidence = live.go_on(server.declaration, authority, link, server.who)
+    if evidence is not None and evidence.confirmed:
+        yield Told(Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
+
+
+def _queued(authority: Authority) -> Iterator[Told]:
+    queued = authority.roll().queued
+    if queued:
+        yield Told(
+            Verdict.FAIL,
+            f"revoked, and not confirmed dead by the server: {', '.join(queued)}",
+            "`provision vpn sync` when the server can be reached",
+        )
