@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.handout import _page as pages
 from atlantis_netcfg.vpn.handout._archive import pack, unpack
 from atlantis_netcfg.vpn.handout._identity import identity_file
-from atlantis_netcfg.vpn.handout._profile import profile
+from atlantis_netcfg.vpn.handout._profile import is_declared, profile
 from atlantis_netcfg.vpn.handout._sealed import seal, unseal
 from atlantis_netcfg.vpn.handout._self_test import facts, program
 from atlantis_netcfg.vpn.identity import Kind
@@ -26,8 +27,10 @@ if TYPE_CHECKING:
 __all__ = ["HandOut", "contents", "handout", "open_handout"]
 
 _CONTACT_MAX = 200
-_OWN = "profile of the VPN, with its private key; for nobody else"
 _WHAT = {
+    ".ovpn": "the profile, with the private key; for nobody else",
+    ".identity": "certificates and keys; for nobody else",
+    ".rsc": "what the router runs to take the profile",
     "README.txt": "this page",
     "README.html": "the same for a browser",
     "restart.conf": "starts the tunnel again whatever ended it",
@@ -85,7 +88,7 @@ def contents(declaration: Declaration, identity: Identity, *, contact: str) -> d
         identity,
         contact=contact.strip(),
         sealed_file=_file_name(identity),
-        files=[(name, _WHAT.get(name, _OWN)) for name in told],
+        files=[(name, _what(name)) for name in told],
     )
     page = pages.page(view)
     made = {**own, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
@@ -103,11 +106,19 @@ def _file_name(identity: Identity) -> str:
 
 
 def _own(declaration: Declaration, identity: Identity) -> Mapping[str, str]:
-    """The files with the key."""
+    """The file with the key, and what a router runs to take it."""
     name = identity.member.name
-    if identity.member.kind is Kind.HOST:
+    if is_declared(identity.member):
         return {f"{name}.identity": identity_file(identity).reveal()}
+    if identity.member.kind is Kind.ROUTER:
+        ovpn = f"{name}.ovpn"
+        text = routeros.profile(declaration, identity).reveal()
+        return {ovpn: text, f"{name}.rsc": routeros.script(declaration, identity, ovpn)}
     return {f"{name}.ovpn": profile(declaration, identity).reveal()}
+
+
+def _what(name: str) -> str:
+    return _WHAT.get(name) or _WHAT[name[name.rindex(".") :]]
 
 
 def _beside(kind: Kind) -> tuple[str, ...]:

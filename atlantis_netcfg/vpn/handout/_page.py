@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.handout._profile import day
-from atlantis_netcfg.vpn.handout._reach import reach, reached_by
+from atlantis_netcfg.vpn import routeros
+from atlantis_netcfg.vpn.handout._profile import day, is_declared
+from atlantis_netcfg.vpn.handout._reach import reach, reached_by, tunnel_of_server
 from atlantis_netcfg.vpn.identity import Kind, Link, Wrap
 
 if TYPE_CHECKING:
@@ -68,18 +69,23 @@ class PageView:
     reached_by: tuple[str, ...]
     dds: Dds | None
     files: tuple[tuple[str, str], ...]
-    router: str
-    """What to type on a router."""
+    routeros: str
+    """First that can be a member."""
+    interface: str
+    """Of the tunnel, on a router."""
+    server: IPv4Address
+    """In the VPN."""
+    server_name: str
+    """As a router finds it."""
 
 
-def page_view(  # noqa: PLR0913 - what a page is made of, by name
+def page_view(
     declaration: Declaration,
     identity: Identity,
     *,
     contact: str,
     sealed_file: str,
     files: Sequence[tuple[str, str]],
-    router: str = "",
 ) -> PageView:
     """Everything that the page says of one member; `contact` is whom the partner calls, in the operator's words."""
     member = identity.member
@@ -87,7 +93,7 @@ def page_view(  # noqa: PLR0913 - what a page is made of, by name
     return PageView(
         pilot=declaration.pilot.name,
         name=member.name,
-        kind=str(member.kind),
+        kind="host" if is_declared(member) else str(member.kind),
         what=_what(declaration, member),
         address=member.address,
         until=day(identity),
@@ -102,7 +108,10 @@ def page_view(  # noqa: PLR0913 - what a page is made of, by name
         reached_by=reached_by(declaration, member),
         dds=_dds(declaration, member, found),
         files=tuple(files),
-        router=router,
+        routeros=str(routeros.SINCE),
+        interface=routeros.INTERFACE,
+        server=tunnel_of_server(declaration),
+        server_name=declaration.pilot.vpn.endpoint_name,
     )
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.identity import Identity, Member
 
-__all__ = ["day", "profile", "remote", "server_name"]
+__all__ = ["day", "is_declared", "profile", "remote", "server_name"]
 
 _RETRY_MAX_S = {Link.FIBRE: 300, Link.LTE: 300, Link.SATELLITE: 900}
 """`connect-retry`'s longest pause: a refused device costs 12 kB an attempt, more than a healthy one's day (facts 9)."""
@@ -61,11 +61,16 @@ def server_name(declaration: Declaration) -> str:
     return declaration.pilot.vpn.server
 
 
+def is_declared(member: Member) -> bool:
+    """Whether it is a host of the inventory: a role brings its identity there, and nobody installs it by hand."""
+    return member.kind is Kind.HOST or (member.kind is Kind.ROUTER and member.partner is None)
+
+
 def remote(declaration: Declaration, member: Member) -> IPv4Address:
     """Where a member reaches the server: at its public address, and a host of the server's own site in its LAN."""
     vpn = declaration.pilot.vpn
     server, host = declaration.hosts[vpn.server], declaration.hosts.get(member.name)
-    beside = member.kind is Kind.HOST and host is not None and host.site == server.site
+    beside = is_declared(member) and host is not None and host.site == server.site
     return server.device.address if beside and isinstance(server.device, VpnServer) else vpn.endpoint
 
 

@@ -1,0 +1,110 @@
+"""Debian's OpenVPN takes every profile that is handed out, and packets pass; NetworkManager reads them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+from contextlib import ExitStack
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from clients_stand import Office, Stand, Wanted, await_words, declared, device_of, made_stand
+
+from atlantis_netcfg.vpn.handout import contents
+from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.namespace
+
+_PLUGIN = Path(__file__).parents[3] / ".venv-setup" / "debian" / "network-manager-openvpn"
+"""`make test` has unpacked it there."""
+EVERY = {
+    f"udg-{kind}-{link}-{wrap}-{key}": Wanted(f"udg-{kind}-{link}-{wrap}-{key}", kind, link, wrap, key)
+    for kind, link, wrap, key in product((Kind.ROBOT, Kind.LAPTOP), Link, Wrap, KeyType)
+} | {f"udg-router-{key}": Wanted(f"udg-router-{key}", Kind.ROUTER, Link.FIBRE, Wrap.TLS_CRYPT, key) for key in KeyType}
+"""Each kind of profile, on each link, with each way to wrap, with each key."""
+
+
+@pytest.fixture(scope="module")
+def office() -> Office:
+    made = Office(declared())
+    for wanted in EVERY.values():
+        made.issue(wanted)
+    return made
+
+
+@pytest.fixture(scope="module")
+def profiles(office: Office, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("profiles")
+    for name, identity in office.identities.items():
+        files = contents(office.declaration, identity, contact="Example Person")
+        (folder / f"{name}.ovpn").write_text(files[f"{name}.ovpn"])
+    return {name: folder / f"{name}.ovpn" for name in office.identities}
+
+
+@pytest.fixture(scope="module")
+def stand(office: Office, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+    with ExitStack() as stack:
+        made = made_stand(stack)
+        made.serve(office.furnish(tmp_path_factory.mktemp("server") / "etc"))
+        yield made
+
+
+def test_each_profile_connects_and_pings(office: Office, profiles: dict[str, Path], stand: Stand) -> None:
+    """A router's is read by OpenVPN here; its name leads nowhere in the namespace, so it is given the address."""
+    for path in profiles.values():
+        text = path.read_text().replace("remote vpn.example.org 1194", "remote 203.0.113.2 1194")
+        path.with_suffix(".conf").write_text(text)
+        stand.start("devices", ["openvpn", "--config", str(path.with_suffix(".conf"))], path.with_suffix(".log"))
+    for path in profiles.values():
+        await_words(path.with_suffix(".log"), "Initialization Sequence Completed")
+    pings = {
+        name: subprocess.Popen(
+            stand.inside("devices", "ping", "-q", "-c1", "-W20", "-I", device_of(path.with_suffix(".log")), "10.80.0.1")
+        )
+        for name, path in profiles.items()
+    }
+    assert {name for name, ping in pings.items() if ping.wait() != 0} == set()
+    shown = stand.run("devices", "ip", "-4", "-o", "address")
+    wanted = {str(one.member.address) for one in office.identities.values()}
+    assert set(re.findall(r"inet (10\.80\.19\.\d+)/16", shown)) == wanted
+
+
+def test_networkmanager_imports_each(office: Office, profiles: dict[str, Path], tmp_path: Path) -> None:
+    """Its plugin reads every word of a profile that it has a setting for, and puts the keys away for their owner."""
+    (library,) = _PLUGIN.glob("usr/lib/*/NetworkManager/libnm-vpn-plugin-openvpn.so")
+    named = {name: path for name, path in profiles.items() if office.wanted[name].kind is not Kind.ROUTER}
+    done = subprocess.run(
+        ["/usr/bin/python3", str(Path(__file__).with_name("nm_import.py")), str(library), *map(str, named.values())],
+        env={**os.environ, "HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["id"] for one in told] == list(named)
+    for one in told:
+        wanted, identity = office.wanted[one["id"]], office.identities[one["id"]]
+        assert (
+            one.items()
+            >= {
+                "connection-type": "tls",
+                "dev-type": "tun",
+                "remote": "203.0.113.2:1194",
+                "remote-cert-tls": "server",
+                "tls-version-min": "1.2",
+                "verify-x509-name": "name:scc-vpn",
+            }.items()
+        )
+        assert ("data-ciphers" in one) == (wanted.wrap is Wrap.TLS_CRYPT_V2)
+        for word, text in (("cert", identity.cert), ("key", identity.key.reveal()), ("ca", identity.ca)):
+            assert Path(one[word]).read_text() == text
+            assert Path(one[word]).stat().st_mode & 0o777 == 0o600
+        assert Path(one[wanted.wrap]).read_text().strip() == identity.wrap_key.reveal().strip()
