@@ -8,17 +8,19 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import __version__
 from bench.contenders import ALL
 from bench.crowd import crowds
 from bench.declared import CHECKOUT
 from bench.job import Scenario
+from bench.onboarding import EASY_RSA, OURS, easy_rsa_version, onboardings
 from bench.page import page
 from bench.race import LONG_MS, Plan, line, race
 
 if TYPE_CHECKING:
-    from bench.figures import Figure
+    from bench.figures import Figure, Onboarding
 
-_CROWD = "crowd"
+_CROWD, _VPN = "crowd", "vpn"
 _BESIDE = (
     f"from {LONG_MS} ms on the peers run side by side, each with a router of its own, since they do little but wait;"
     " we run alone"
@@ -29,8 +31,8 @@ def main() -> int:
     """Measure what is asked for; 1 if somebody who was there has failed."""
     given = _parser().parse_args()
     rtts, sizes = ([0], [1, 2]) if given.smoke else (given.rtt, given.crowd)
-    runs = 1 if given.smoke else given.runs
-    only = set(given.only) or {contender.name for contender in ALL} | {_CROWD}
+    runs, devices = (1, 2) if given.smoke else (given.runs, given.devices)
+    only = set(given.only) or {contender.name for contender in ALL} | {_CROWD, _VPN}
     contenders = [contender for contender in ALL if contender.name in only]
     with tempfile.TemporaryDirectory(prefix="bench-") as place:
         folder = Path(place)
@@ -47,27 +49,40 @@ def main() -> int:
         for crowd in crowds(sizes, folder) if _CROWD in only else ():
             print(f"{crowd.routers:>5} routers  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
             many.append(crowd)
+        batches = _batches(devices, runs, folder) if _VPN in only else []
     versions = {one.name: one.version() for one in contenders if one.missing() is None}
+    versions |= {OURS: f"provision {__version__}", EASY_RSA: easy_rsa_version() or "none"} if batches else {}
     notes = [f"not the real command: {excuse}"] if excuse else []
     notes += [_BESIDE] if max(rtts) >= LONG_MS and len(contenders) > 1 else []
     notes += [] if given.rate is None else [f"the link carries {given.rate[0]:g} bit/s up, {given.rate[1]:g} down"]
-    text = page(figures, many, versions, notes)
+    text = page(figures, many, batches, versions, notes)
     if given.write is not None:
         given.write.write_text(text, encoding="utf-8")
     print(text[text.index("## Marks") :])
-    failed = [one for one in figures if one.samples and one.failure] + [one for one in many if one.failure]
-    return 1 if failed else 0
+    failed = [one.failure for one in figures if one.samples]
+    failed += [one.failure for one in many] + [one.failure for one in batches if one.costs]
+    return 1 if any(failed) else 0
+
+
+def _batches(devices: int, runs: int, folder: Path) -> list[Onboarding]:
+    batches = []
+    for batch in onboardings(devices, runs, folder):
+        took = f"{batch.wall_s:8.2f} s" if batch.costs else "not measured:"
+        print(f"{devices:>5} devices  {batch.contender:<18} {took}  {batch.failure}", flush=True)
+        batches.append(batch)
+    return batches
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     names = [contender.name for contender in ALL]
-    parser.add_argument("--only", nargs="+", choices=[*names, _CROWD], default=[], help="these contenders only")
+    parser.add_argument("--only", nargs="+", choices=[*names, _CROWD, _VPN], default=[], help="these contenders only")
     parser.add_argument("--scenario", nargs="+", type=Scenario, choices=list(Scenario), default=[])
     parser.add_argument("--rtt", nargs="+", type=int, default=[0, 100, 700], help="round-trip times in ms")
     parser.add_argument("--runs", type=int, default=3, help="how often; peers run once on a delayed link")
     parser.add_argument("--rate", nargs=2, type=float, metavar=("UP", "DOWN"), help="of the link, in bit/s")
     parser.add_argument("--crowd", nargs="+", type=int, default=[1, 50, 500], help="numbers of routers for one no-op")
+    parser.add_argument("--devices", type=int, default=1000, help="in one batch into the VPN")
     parser.add_argument(
         "--smoke", action="store_true", help="everything once, as small as possible: does it still run?"
     )

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from bench.measure import Cost
     from bench.proxy import Count
 
-__all__ = ["Crowd", "Figure", "Sample"]
+__all__ = ["Crowd", "Figure", "Onboarding", "Sample"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,3 +78,30 @@ class Crowd:
     def memory_each_kib(self) -> float:
         """Peak memory divided by the number of routers."""
         return self.cost.memory_kib / self.routers
+
+
+@dataclass(frozen=True, slots=True)
+class Onboarding:
+    """All runs of one contender that brings many devices into a VPN."""
+
+    contender: str
+    devices: int
+    costs: tuple[Cost, ...] = ()
+    failure: str = ""
+    """Why there is no figure, or none that counts."""
+
+    @property
+    def wall_s(self) -> float:
+        """Median of the wall times."""
+        return median(cost.wall_s for cost in self.costs)
+
+    @property
+    def cpu_s(self) -> float:
+        """Median processor time."""
+        return median(cost.cpu_s for cost in self.costs)
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """The fastest and the slowest."""
+        walls = [cost.wall_s for cost in self.costs]
+        return min(walls), max(walls)

@@ -1,8 +1,9 @@
-"""`make bench` still runs: our own part and one peer, on one twin and on two."""
+"""`make bench` still runs: our own part and a peer or two, on one twin, on two, and for two devices of a VPN."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +21,7 @@ def test_the_bench_runs_and_writes_its_page(tmp_path: Path) -> None:
     if not (ROOT / ".venv-strangers" / "stamp").exists():
         pytest.skip(NO_STRANGERS)
     page = tmp_path / "page.md"
-    only = ("--only", "ours", "librouteros", "netmiko", "crowd")
+    only = ("--only", "ours", "librouteros", "netmiko", "crowd", "vpn")
     done = subprocess.run(
         [sys.executable, "-m", "bench", "--smoke", *only, "--write", str(page)],
         cwd=ROOT,
@@ -33,4 +34,7 @@ def test_the_bench_runs_and_writes_its_page(tmp_path: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text.count("| as ours |") == 9, text
     assert "FAILED" not in text
-    assert "| 2 |" in text
+    assert re.search(r"^\| 2 \| [0-9]", text, re.MULTILINE), text
+    assert "| 2 | ours | " in text
+    assert "| 2 | easy-rsa | " in text
+    assert "not measured" not in text
