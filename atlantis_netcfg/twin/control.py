@@ -126,6 +126,10 @@ async def _rekey(router: Router) -> str:
     return router.host_key
 
 
+async def _wrapped(router: Router, interface: str) -> bool:
+    return router.device.wrapped(interface)
+
+
 COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "info": _info,
     "export": _export,
@@ -146,5 +150,6 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "console": _console,
     "recertify": _recertify,
     "rekey": _rekey,
+    "wrapped": _wrapped,
 }
 """What `do` may say; the function's parameters are the command's arguments."""

@@ -78,7 +78,7 @@ def take(core: Core, text: str, name: Callable[[bool, int], str], trusted: str =
     `name` is given whether a certificate is an authority's, and its number in the text. Raises ValueError.
     """
     found, keys = certificates.split(text)
-    there = {certificates.known(pem).fingerprint for pem in core.keys.values() if "BEGIN CERTIFICATE" in pem}
+    there = {certificates.known(core.keys[number]).fingerprint for number in _signed(core)}
     made = []
     for number, pem in enumerate(found):
         about = certificates.known(pem)
@@ -93,11 +93,17 @@ def take(core: Core, text: str, name: Callable[[bool, int], str], trusted: str =
 
 def _join(core: Core, key: str) -> bool:
     """Put a key to the certificate that it belongs to."""
-    for number, pem in core.keys.items():
+    for number in _signed(core):
+        pem = core.keys[number]
         if "PRIVATE KEY" not in pem and certificates.belongs(key, pem):
             core.keys[number] = key + pem
             return True
     return False
+
+
+def _signed(core: Core) -> list[int]:
+    """The rows that are more than templates; what is kept of removed ones, an undo may need."""
+    return [item.id for item in core.store.table(_MENU).items if item.id in core.keys]
 
 
 def _row(core: Core, call: Call, named: str) -> Item:

@@ -1,0 +1,198 @@
+"""Making a site's router a member of the VPN: its certificate and its tunnel are imported over its own API.
+
+A template cannot do it: the key of tls-crypt comes with an imported file and is in no menu. So the identity is brought
+by this, once and for each renewal, and `provision site=…` goes on declaring the same interface by its name: what this
+sets is what the template declares.
+
+    identity = identity_for(declaration, host, request)      # state/vpn/hosts/HOST.identity of this laptop
+    installed = install(declaration, host, identity, request, notify, plan=False)
+
+The files hold keys: they are written, imported and removed one after the other, and what a cut session has left is
+removed by the next run before anything else. A second run changes nothing. For a rehearsal `request` has the twins'
+targets, and `rehearsed_identity` makes what stands for the identity.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.events import ignore
+from atlantis_netcfg.journal import Journal, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.operations.costs import gate
+from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.vpn._import import Importing
+from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
+from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.site.model import Router
+from atlantis_netcfg.vpn import routeros
+from atlantis_netcfg.vpn.handout import read_identity
+from atlantis_netcfg.vpn.identity import KeyType
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.apply import DeviceJob
+    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.vpn.identity import Identity
+
+__all__ = ["Installed", "identity_for", "install"]
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """How it ended; what is told as done was read back."""
+
+    device: str
+    status: Status
+    exit: ExitCode
+    message: str
+    hint: str | None = None
+    changes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    run: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "device": self.device,
+            "status": self.status.value,
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": self.hint,
+            "changes": list(self.changes),
+            "notes": list(self.notes),
+            "run": self.run,
+        }
+
+
+def identity_for(declaration: Declaration, host: Host, request: Request) -> Identity:
+    """Read the identity of a router that this laptop has; in a rehearsal without one, make what stands for it.
+
+    Raises UsageError where there is none, or where it is another host's, and NotAnIdentity.
+    """
+    path = request.identity_of(host.name)
+    if path is None and request.rehearsed:
+        return rehearsed_identity(declaration, host)
+    if path is None:
+        raise UsageError(
+            f"there is no identity of {host.name} on this computer",
+            hint=f"`provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept FILE`",
+        )
+    identity = read_identity(path.read_text(encoding="ascii"))
+    if identity.member.name != host.name:
+        raise UsageError(f"{path} is the identity of {identity.member.name}, not of {host.name}")
+    return identity
+
+
+def install(  # noqa: PLR0913 - all that a command line says
+    declaration: Declaration,
+    host: Host,
+    identity: Identity,
+    request: Request,
+    notify: Subscriber = ignore,
+    *,
+    plan: bool = False,
+) -> Installed:
+    """Bring it to the router, under the site's lock and with a journal; `plan` only says what would be done.
+
+    Raises NothingMatched, UsageError and CostRefused before the router is contacted, SiteBusy before it is changed.
+    What fails after that is told in the result: `RouterTooOld` and other refusals leave the router as it was.
+    """
+    importing, job = _prepared(declaration, host, identity, request, notify)
+    try:
+        seen = asyncio.run(importing.look())
+    except NetcfgError as failure:
+        return _failed(host.name, failure)
+    if not seen.changes:
+        return Installed(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=seen.notes)
+    if plan:
+        message = f"{len(seen.changes)} changes to make"
+        return Installed(host.name, Status.PLANNED, ExitCode.CHANGES, message, changes=seen.changes, notes=seen.notes)
+    store = Store(request.state, rehearsed=request.rehearsed)
+    started = RunStarted(
+        site=host.site,
+        revision=declaration.revision,
+        tool=__version__,
+        hosts=(host.name,),
+        rehearsed=request.rehearsed,
+        command=request.command,
+    )
+    with store.lock(host.site, request.command), store.start(started) as journal:
+        result = _journalled(importing, replace(job, journal=journal), journal)
+        said = Outcome(device=host.name, status=result.status.value, exit=int(result.exit), message=result.message)
+        journal.write(said)
+        journal.write(RunEnded(exit=int(result.exit)))
+    return result
+
+
+def _prepared(
+    declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
+) -> tuple[Importing, DeviceJob]:
+    if not isinstance(host.device, Router):
+        kind = host.device.kind.replace("_", " ")
+        raise NothingMatched(
+            f"{host.name} is a {kind}: an identity is installed on routers alone",
+            hint=f"gateways get theirs from `provision site={host.site}`",
+        )
+    tunnel = routeros.declared(declaration, host)
+    if tunnel is None:
+        raise UsageError(
+            f"{host.name} is not its site's end of the VPN",
+            hint=f"declare `vpn_client:` in host_vars/{host.name}.yml",
+        )
+    if identity.certificate.not_after <= datetime.now(UTC):
+        raise UsageError(
+            f"the identity of {host.name} was good until {identity.certificate.not_after:%Y-%m-%d}",
+            hint=f"`provision vpn renew host={host.name}`",
+        )
+    refuse_examples(declaration, rehearsed=request.rehearsed)
+    gate(declaration, [host], request)
+    job = device_job(declaration, host, request, NoJournal(), notify)
+    importing = Importing(
+        name=host.name,
+        site=host.site,
+        endpoint=job.endpoint,
+        tunnel=tunnel,
+        identity=identity,
+        profile=routeros.profile(declaration, identity),
+        rehearsed=request.rehearsed,
+        notify=notify,
+    )
+    return importing, job
+
+
+def _journalled(importing: Importing, job: DeviceJob, journal: Journal) -> Installed:
+    try:
+        changes, notes = asyncio.run(_run(importing, job))
+    except NetcfgError as failure:
+        return replace(_failed(importing.name, failure), run=journal.run)
+    message = f"{importing.tunnel.name} is imported, with the certificate {importing.tunnel.certificate}: read back"
+    notes = (*notes, *_unverified(importing.identity))
+    return Installed(
+        importing.name, Status.CHANGED, ExitCode.DONE, message, changes=changes, notes=notes, run=journal.run
+    )
+
+
+async def _run(importing: Importing, job: DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    saved = await converge(job, mode=Mode.BACKUP)
+    if saved.exit is not ExitCode.DONE:
+        raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
+    seen = await importing.carry_out()
+    return seen.changes, seen.notes
+
+
+def _unverified(identity: Identity) -> tuple[str, ...]:
+    if identity.certificate.key is KeyType.RSA:
+        return ()
+    return ("its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew … key=rsa`",)
+
+
+def _failed(name: str, failure: NetcfgError) -> Installed:
+    status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
+    return Installed(name, status, failure.exit, str(failure), failure.hint)

@@ -1,0 +1,23 @@
+"""Every sentence of an installation is in the command tree of the version that hears it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from heard import listening
+from router_stand import router
+from trees import Tree
+
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_what_an_installation_says_is_in_the_trees_of_both_versions(tmp_path: Path) -> None:
+    with router(tmp_path, "7.18.2", certificates=("atlantis-api", "atlantis-vpn")) as stand, listening() as heard:
+        assert stand.install().exit is ExitCode.DONE
+    for version in ("7.18.2", "7.21.5"):
+        assert heard.unknown(Tree(version)) == {}
+    said = {(one.menu, one.command) for one in heard.said(Tree("7.18.2"))}
+    assert {("/interface/ovpn-client", "import-ovpn-configuration"), ("/certificate", "import")} <= said
