@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.gateway.parts import File, Step, Unit
 from atlantis_netcfg.render import environment, template_folder
+from atlantis_netcfg.vpn.firewall import TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -35,6 +36,7 @@ _DROP_IN = f"{_UNITS}/{SERVICE}.d/atlantis.conf"
 _FIREWALL_UNIT = "atlantis-vpn-firewall.service"
 _SEEN_TIMER = "atlantis-vpn-seen.timer"
 _SEEN_SERVICE = "atlantis-vpn-seen.service"
+_GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
 _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
 _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
@@ -51,6 +53,8 @@ def files() -> Iterator[File]:
     yield File(f"{_UNITS}/{_FIREWALL_UNIT}", _render("firewall.service.j2", firewall=FIREWALL))
     program = (template_folder() / "openvpn" / "vpn_seen.py").read_text(encoding="utf-8")
     yield File(_SEEN_PROGRAM, program, mode="0755")
+    yield File(f"{_UNITS}/nftables.service.d/atlantis-vpn.conf", _render("nftables.conf.j2", firewall=FIREWALL))
+    yield File(_GUARD, _render("guard.service.j2", firewall=FIREWALL, table=TABLE))
     yield File(f"{_UNITS}/{_SEEN_SERVICE}", _render("seen.service.j2", program=_SEEN_PROGRAM))
     yield File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
 
