@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["Reach", "dds_port", "reach", "reached_by", "tunnel_of_server"]
 
 
+_OURS = "p_site_hosts"
 _NAMES = {
     "p_control_centres": "the control centre",
     "p_site_gateways": "the gateways of the sites",
-    "p_site_hosts": "the pilot's own computers and the networks of its sites",
+    _OURS: "the pilot's own computers and the networks of its sites",
 }
 """The others, by their set in the firewall; what is not here offers services."""
 
@@ -93,7 +94,7 @@ def _reach(declaration: Declaration, member: Member, permissions: list[Permissio
     if zone is None:
         server = _policy(declaration, member).server
         return Reach("the VPN's server", ((server.name, server.address),), traffic, ping=ping)
-    hosts = tuple(_hosts(declaration, zone))
+    hosts = () if zone.name == _OURS else tuple(_hosts(declaration, zone))
     who = _who(declaration, member, zone)
     return Reach(who, hosts, traffic, ping=ping) if who else None
 
