@@ -8,6 +8,7 @@ holds a key is removed before the next step, whatever the router has said of it.
 from __future__ import annotations
 
 import asyncio
+import re
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
@@ -21,6 +22,7 @@ from atlantis_netcfg.vpn import routeros
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
+    from datetime import datetime
 
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.routeros.api import Endpoint, Reply
@@ -36,6 +38,8 @@ _IMPORTED = "ovpn-import"
 """What an import calls its interface, before the second in which it was made (seen in others' exports)."""
 _TRIES, _PAUSE_S = 15, 1.0
 """An import goes on in the background of a real router: others' scripts wait five seconds for it."""
+_DATE = re.compile(r"\d{4}-\d\d-\d\d")
+"""As RouterOS 7.10 and later write a day."""
 _SAME = {"true": "yes", "false": "no"}
 
 
@@ -122,10 +126,11 @@ class Importing:
             Command("/file/print", ((".proplist", "name"),), (f"?name={PEM}", f"?name={PROFILE}", "?#|")),
             Command("/ip/route/print", ((".proplist", "dst-address"),), (f"?gateway={self.tunnel.name}",)),
             Command("/user/active/print", ((".proplist", "name,address,via"),)),
+            Command("/system/clock/print", ((".proplist", "date"),)),
         )
         resource, *others = await session.flight(reads)
         self._check_version(resource)
-        interfaces, certificates, files, routes, active = (reply.checked().rows for reply in others)
+        interfaces, certificates, files, routes, active, clock = (reply.checked().rows for reply in others)
         interface = next((row for row in interfaces if row.get("name") == self.tunnel.name), None)
         found = {row.get("fingerprint", "").lower(): row for row in certificates}
         certificate = found.get(self.identity.certificate.sha256)
@@ -146,7 +151,7 @@ class Importing:
             stale=stale,
             files=there,
             changes=changes,
-            notes=(_REPLACED.format(site=self.site),) if replaced else (),
+            notes=((_REPLACED.format(site=self.site),) if replaced else ()) + tuple(self._wrong_clock(clock)),
             by_tunnel=replaced and self._comes_by(routes, active),
         )
 
@@ -158,6 +163,17 @@ class Importing:
             raise DeviceFailed(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
         upgrade = f"`provision upgrade site={self.site} device={self.name} packages=routeros-….npk`"
         routeros.check_version(version, where=self.name, upgrade=upgrade)
+
+    def _wrong_clock(self, clock: tuple[Mapping[str, str], ...]) -> Iterator[str]:
+        """No tunnel comes up before the certificate's first day; a rehearsal's clock stands where it likes."""
+        today = next((row.get("date", "") for row in clock), "")
+        first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._until))
+        if _DATE.fullmatch(today) and not self.rehearsed and not first <= today <= last:
+            yield f"its clock says {today}: the tunnel comes up when it is right, see `/system ntp client print`"
+
+    @property
+    def _until(self) -> datetime:
+        return self.identity.certificate.not_after
 
     def _left_by_us(self, row: Mapping[str, str]) -> bool:
         """An imported interface that was never named: with our server and our user it is of no other use."""
@@ -176,7 +192,7 @@ class Importing:
     ) -> Iterator[str]:
         yield from (f"file {name} removed, which an earlier run has left" for name in files)
         yield from ("interface of an earlier run removed" for _ in stale)
-        declared, until = self.tunnel.certificate, f"{self.identity.certificate.not_after:%Y-%m-%d}"
+        declared, until = self.tunnel.certificate, f"{self._until:%Y-%m-%d}"
         if certificate is None:
             yield f"certificate {declared} imported, good until {until}"
         elif certificate.get("name") != declared:

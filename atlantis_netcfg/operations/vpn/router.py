@@ -72,13 +72,13 @@ class Installed:
 
 
 def identity_for(declaration: Declaration, host: Host, request: Request) -> Identity:
-    """Read the identity of a router that this laptop has; in a rehearsal without one, make what stands for it.
+    """Read the identity of a router that this laptop has; in a rehearsal make one that stands for it.
 
     Raises UsageError where there is none, or where it is another host's, and NotAnIdentity.
     """
-    path = request.identity_of(host.name)
-    if path is None and request.rehearsed:
+    if request.rehearsed:
         return rehearsed_identity(declaration, host)
+    path = request.identity_of(host.name)
     if path is None:
         raise UsageError(
             f"there is no identity of {host.name} on this computer",

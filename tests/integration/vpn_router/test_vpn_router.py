@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,7 +14,7 @@ from atlantis_netcfg.events import ignore
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.vpn._import import PEM, PROFILE
+from atlantis_netcfg.operations.vpn._import import PEM, PROFILE, Importing
 from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import identity_for, install
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
@@ -165,6 +166,19 @@ def test_a_run_that_is_cut_anywhere_is_completed_by_the_next(tmp_path: Path, pat
         assert stand.twins.do(HOST.name, "wrapped", interface=NAME)
         no_key_in_a_file(stand)
         assert stand.install().status is Status.UNCHANGED
+
+
+def test_a_clock_that_is_wrong_is_told(tmp_path: Path) -> None:
+    with router(tmp_path, "7.21.5", clock=datetime(1970, 1, 2, tzinfo=UTC)) as stand:
+        tunnel = routeros.declared(SHIPPED, HOST)
+        assert tunnel is not None
+        endpoint = device_job(SHIPPED, HOST, stand.request, NoJournal(), ignore).endpoint
+        profile = routeros.profile(SHIPPED, stand.identity)
+        asked = Importing(
+            HOST.name, HOST.site, endpoint, tunnel, stand.identity, profile, rehearsed=False, notify=ignore
+        )
+        (note,) = asyncio.run(asked.look()).notes
+        assert note.startswith("its clock says 1970-01-02: the tunnel comes up when it is right")
 
 
 def test_who_cannot_be_meant_is_refused_before_anything_is_contacted(tmp_path: Path) -> None:
