@@ -1,9 +1,9 @@
 """The real server of the VPN and real clients, each on a computer of its own, and an echo that runs through the tunnel.
 
-A computer is a process in a network and a mount namespace of its own: it has the real paths of a server, on file systems
-in memory, and one veth to the server. All of it ends with the stand. Authority, configuration, firewall and whatever is
-sent to the server are the product's own; only systemd is not there: a script answers in its place. Whoever waits, waits
-for a line of a log or for an echo, not for time.
+A computer is a process in a network and a mount namespace of its own: it has the real paths of a server, on file
+systems in memory, and one veth to the server. All of it ends with the stand. Authority, configuration, firewall and
+whatever is sent to the server are the product's own; only systemd is not there: a script answers in its place. Whoever
+waits, waits for a line of a log or for an echo, not for time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import time
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
-from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -36,6 +35,7 @@ from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from ipaddress import IPv4Address
 
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Signer
@@ -220,6 +220,14 @@ class Server(Computer):
     def revoke(self, *common_names: str) -> live.Evidence:
         return live.revoke_live(declaration(), self.record.authority, self.link, common_names)
 
+    def throw_out(self, name: str) -> live.Evidence:
+        """As a command does it: recorded, done, settled."""
+        names = self.record.revoke(name)
+        evidence = self.revoke(*names)
+        if evidence.confirmed:
+            self.record.authority.settled(names)
+        return evidence
+
     def go_on(self) -> live.Evidence | None:
         return live.go_on(declaration(), self.record.authority, self.link)
 
@@ -246,8 +254,8 @@ class Server(Computer):
         return self._process is not None and self._process.poll() is None
 
     def names(self) -> list[str]:
-        """The common names of its sessions, by its own word."""
-        return sorted(one.common_name for one in live.sessions(self.link))
+        """The common names of its sessions, by its own word; a client that was refused is listed for a while."""
+        return sorted(one.common_name for one in live.sessions(self.link) if one.is_up)
 
     def client(self, common_name: str) -> Client:
         """A computer with that identity; nothing is started."""
@@ -261,10 +269,12 @@ class Client(Computer):
         super().__init__(stack)
         server.clients += 1
         far, here, there = f"to{server.clients}", f"10.99.{server.clients}.2", f"10.99.{server.clients}.1"
+        lan, _ = _server_addresses()
+        # No other way to the server: without its tunnel it reaches no address in the VPN.
         self.run("ip", "link", "add", "eth0", "type", "veth", "peer", "name", far, "netns", str(server.pid))
         server.run("sh", "-c", f"ip address add {there}/24 dev {far} && ip link set {far} up")
         self.run(
-            "sh", "-c", f"ip address add {here}/24 dev eth0 && ip link set eth0 up && ip route add default via {there}"
+            "sh", "-c", f"ip address add {here}/24 dev eth0 && ip link set eth0 up && ip route add {lan} via {there}"
         )
         self.process: subprocess.Popen[bytes] | None = None
         self.become(identity)
@@ -316,13 +326,17 @@ class Client(Computer):
 
 @dataclass
 class Echo:
-    """Asks through the tunnel every few ms, and notes when each answer came, on the clock of time.monotonic()."""
+    """Asks through the tunnel every few ms. Times are of time.monotonic().
+
+    What counts is when a question was asked: an answer may have waited for a busy processor.
+    """
 
     client: Client
     every_s: float = 0.004
-    answers: list[float] = field(default_factory=list)
-    asked: int = 0
-    """How often it was tried; without a tunnel nothing leaves."""
+    asked: list[float] = field(default_factory=list)
+    """When each question was asked, also where no tunnel was left that it could leave by."""
+    answered: dict[int, float] = field(default_factory=dict)
+    """Number of a question to when its answer came."""
     _over: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> Self:
@@ -340,26 +354,33 @@ class Echo:
     def _run(self) -> None:
         _, tunnel = _server_addresses()
         while not self._over.is_set():
+            self.asked.append(time.monotonic())
             with suppress(OSError):
-                self._socket.sendto(b"x", (str(tunnel), _ECHO))
-            self.asked += 1
+                self._socket.sendto(str(len(self.asked) - 1).encode(), (str(tunnel), _ECHO))
             end = time.monotonic() + self.every_s
             while (left := end - time.monotonic()) > 0:
                 if select.select([self._socket], [], [], left)[0]:
                     with suppress(OSError):
-                        self._socket.recv(64)
-                        self.answers.append(time.monotonic())
+                        self.answered[int(self._socket.recv(64))] = time.monotonic()
 
     def goes(self) -> None:
-        """Wait until answers come that were asked for from now on."""
-        seen = len(self.answers)
-        until(lambda: len(self.answers) > seen + 2, lambda: f"no echo:\n{self.client.log()[-1500:]}")
+        """Wait for answers to what is asked from now on."""
+        began = len(self.asked)
+        until(
+            lambda: sum(one >= began for one in list(self.answered)) > 2,
+            lambda: f"no echo:\n{self.client.log()[-900:]}",
+        )
 
-    def last_after(self, questions: int) -> float:
-        """Ask so many times more, and give when the last answer of all came."""
-        asked = self.asked
-        until(lambda: self.asked >= asked + questions, lambda: "nothing is asked any more")
-        return self.answers[-1]
+    def answers(self, questions: int = 20) -> int:
+        """Ask so many times more; gives how often that was answered."""
+        began = len(self.asked)
+        until(lambda: len(self.asked) >= began + questions, lambda: "nothing is asked any more")
+        return sum(one >= began for one in list(self.answered))
+
+    @property
+    def last(self) -> float:
+        """When the last question was asked that was answered."""
+        return self.asked[max(self.answered)]
 
 
 def _echo(made: socket.socket) -> None:

@@ -78,6 +78,8 @@ class Firewall:
     def is_as(self, path: str) -> bool | None:
         """Whether the kernel's table is what a file makes in an empty network; None: that could not be tried."""
         here = self.loaded()
+        if here is None:
+            return False
         table = " ".join(self.place.table.split())
         script = f'nft -f "$1" && nft -j -s list table {table}'
         done = self.run(["unshare", "--net", "sh", "-c", script, "sh", path])

@@ -78,9 +78,9 @@ def _hold_list(server: Server, new: bytes | None) -> None:
 
 
 def _load(server: Server, ruleset: bytes | None) -> list[str]:
-    """Load the ruleset unless it is the one that was loaded last, and a firewall is there."""
-    firewall = server.firewall
-    if ruleset is None or (firewall.is_noted(ruleset) and firewall.members() is not None):
+    """Load the ruleset unless it is the one that was loaded last, and the kernel has it still."""
+    firewall, path = server.firewall, server.tree.at(server.place.firewall)
+    if ruleset is None or (firewall.is_noted(ruleset) and firewall.is_as(path) is not False):
         return []
-    firewall.load(ruleset, server.tree.at(server.place.firewall))
+    firewall.load(ruleset, path)
     return ["firewall loaded"]

@@ -1,0 +1,144 @@
+"""The VPN's commands from the first to the last, with a real server: onboarded, connected, renewed, seen, revoked, dead."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from live_stand import LOG, NAME, Client, Record, Server, until
+from vpn_desk import PASSPHRASE, Desk, onboarding, seated
+
+from atlantis_netcfg.operations.vpn import connected
+from atlantis_netcfg.operations.vpn.link import LocalLink
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.handout import open_handout, read_identity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.namespace
+
+_MEMBER = "iqua-sparus2"
+NAT = """\
+table ip nat {
+  chain forwarded {
+    type nat hook prerouting priority -100
+    ip daddr 203.0.113.2 dnat to 10.64.0.10
+  }
+}
+"""
+"""What the router of the server's site does with its public port."""
+
+
+@pytest.fixture
+def desk(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Desk:
+    return seated(tmp_path_factory.getbasetemp(), tmp_path, capsys, monkeypatch)
+
+
+@pytest.fixture
+def server(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    """Set up from the authority's folder, and asked by the commands as if it stood behind SSH."""
+    with ExitStack() as stack:
+        made = Server(stack, Record(Authority.open(desk.authority)))
+        made.push()
+        made.start()
+        made.run("nft", "-f", "-", text=NAT)
+        monkeypatch.setattr(connected, "over_ssh", lambda *_: lambda: LocalLink(NAME, made.enter))
+        yield made
+
+
+def opened(row: dict[str, Any]) -> str:
+    """The profile, as the partner gets it out of the file with the passphrase that was told by telephone."""
+    data = Path(row["copy"] or row["file"]).read_bytes()
+    return open_handout(data, Secret(row["passphrase"]))[f"{_MEMBER}.ovpn"]
+
+
+def use(client: Client, profile: str) -> None:
+    """Start OpenVPN with the handed-out file as it is; where its log goes is all that is added."""
+    client.put("/etc/openvpn/client.conf", f"{profile}\nlog-append {LOG}\ndisable-dco\nverb 3\n", 0o600)
+    client.start()
+
+
+def told(found: dict[str, Any], verdict: str) -> str:
+    return "\n".join(one["message"] for one in found["told"] if one["verdict"] == verdict)
+
+
+def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) -> None:
+    (tmp_path / "stick").mkdir()
+    words = [*onboarding("iqua", "sparus2", "robot")[:-1], f"to={tmp_path / 'stick'}"]
+    first = desk.told(*words, passphrase=PASSPHRASE)
+    (row,) = first["members"]
+    assert (first["deployed"], row["copy"]) == (True, f"{tmp_path / 'stick'}/{_MEMBER}.tar.age")
+    again = desk.told(*words)
+    assert (again["changes"], again["members"][0]["already"]) == ([], True)
+
+    client = Client(server.stack, server, read_identity(opened(row)))
+    use(client, opened(row))
+    found = desk.told("status")
+    assert (told(found, "FAIL"), told(found, "INCONCLUSIVE")) == ("", "")
+    assert [one["common_name"] for one in found["server"]["sessions"]] == [_MEMBER]
+    assert desk.told("show", f"name={_MEMBER}")["member"]["standing"] == "in use"
+
+    (renewed,) = desk.told("renew", f"name={_MEMBER}", passphrase=PASSPHRASE)["members"]
+    assert (renewed["common_name"], server.names()) == (f"{_MEMBER}.2", [_MEMBER])
+    client.stop()
+    use(client, opened(renewed))
+    assert "is retired" in told(desk.told("status"), "PASS")
+    certificates = desk.told("show", f"name={_MEMBER}")["member"]["certificates"]
+    assert [one["standing"] for one in certificates] == ["superseded", "seen"]
+
+    code, out, _ = desk.type("revoke", f"name={_MEMBER}", "reason=stolen", "--yes", passphrase=PASSPHRASE)
+    assert (code, "verified: no session, and nothing of theirs passes" in out) == (0, True), out
+    assert client.ended() == 0
+    until(lambda: server.names() == [], lambda: "there still is a session")
+    assert desk.told("revoke", f"name={_MEMBER}", "--yes", passphrase=PASSPHRASE)["already"] == [_MEMBER]
+    assert desk.told("sync")["changes"] == []
+
+    words_of_all = [one["words"] for one in desk.told("audit", "partner=iqua")["entries"]]
+    for part in ("issued: robot of partner iqua", "handed out", f"{_MEMBER}.2 issued", "stolen"):
+        assert any(part in one for one in words_of_all), (part, words_of_all)
+
+
+def test_a_server_that_is_away_delays_and_loses_nothing(
+    desk: Desk, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there = connected.over_ssh
+    monkeypatch.setattr(connected, "over_ssh", lambda *_: lambda: LocalLink(NAME, ("false",)))
+    waits = desk.told(*onboarding("iqua", "sparus2", "robot")[:-1], passphrase=PASSPHRASE, code=5)
+    (row,) = waits["members"]
+    assert (waits["deployed"], row["passphrase"] is not None) == (False, True)
+    assert "`provision vpn sync`" in waits["errors"][0]["hint"]
+    assert told(desk.told("status", code=5), "INCONCLUSIVE").startswith("the server: ")
+
+    monkeypatch.setattr(connected, "over_ssh", there)
+    assert desk.told("sync")["deployed"]
+    client = Client(server.stack, server, read_identity(opened(row)))
+    use(client, opened(row))
+
+    monkeypatch.setattr(connected, "over_ssh", lambda *_: lambda: LocalLink(NAME, ("false",)))
+    cut = desk.told("revoke", "partner=iqua", "--yes", passphrase=PASSPHRASE, code=5)
+    assert "may still be" in cut["errors"][0]["message"]
+    assert desk.told("status", "--no-push", code=6)["queued"] == [_MEMBER]
+    assert server.names() == [_MEMBER]
+
+    monkeypatch.setattr(connected, "over_ssh", there)
+    assert desk.told("sync")["queue"]["confirmed"]
+    assert client.ended() == 0
+    assert desk.told("status")["queued"] == []
+
+
+def test_a_changed_file_on_the_server_is_told_and_not_put_right_in_passing(desk: Desk, server: Server) -> None:
+    desk.told(*onboarding("iqua", "sparus2", "robot")[:-1], passphrase=PASSPHRASE)
+    server.put(f"/etc/openvpn/atlantis/ccd/{_MEMBER}", "ifconfig-push 10.80.17.9 255.255.0.0\n")
+    for _ in range(2):
+        assert "changed by hand" in told(desk.told("status", code=6), "FAIL")
+    assert desk.told("sync")["changes"] != []
+    assert told(desk.told("status"), "FAIL") == ""

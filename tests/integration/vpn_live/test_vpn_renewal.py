@@ -1,0 +1,92 @@
+"""A renewal: the certificate in use works until its successor was seen, and then it is admitted no more."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from live_stand import Echo, declaration, record, server_of
+
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.vpn.identity import Standing
+from atlantis_netcfg.vpn.server import CCD, SEEN
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from live_stand import Record, Server
+
+pytestmark = pytest.mark.namespace
+
+
+def seen(server: Server) -> tuple[tuple[str, ...], live.Pushed | None]:
+    authority = server.record.authority
+    sighting, pushed = live.note_seen(declaration(), authority, server.link, live.observe(server.link), "test")
+    return sighting.superseded, pushed
+
+
+def standings(made: Record, name: str) -> dict[str, Standing]:
+    return {one.common_name: one.standing for one in made.authority.roll().members[name].certificates}
+
+
+def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
+    made = record(tmp_path / "vpn")
+    (name,) = made.onboard()
+    with server_of(made) as server:
+        old = server.client(name)
+        old.start()
+        with Echo(old) as before:
+            before.goes()
+            second = made.renew(name)
+            assert (second, server.push().changes) == (f"{name}.2", (f"file {CCD}/{second}",))
+            assert seen(server) == ((), None)
+            assert standings(made, name) == {name: Standing.SEEN, second: Standing.ISSUED}
+            before.goes()
+
+            new = server.client(second)
+            new.start()
+            with Echo(new) as after:
+                after.goes()
+                # Both have a session; the address, and with it all traffic, is the newer one's from its first moment.
+                assert server.names() == [name, second]
+                assert before.answers() == 0
+                superseded, pushed = seen(server)
+                assert superseded == (name,)
+                assert pushed is not None
+                assert pushed.changes == (f"absent {CCD}/{name}",)
+                assert [one.common_name for one in pushed.ended] == [name]
+                after.goes()
+        assert old.ended() == 0
+        assert server.names() == [second]
+        assert standings(made, name) == {name: Standing.SUPERSEDED, second: Standing.SEEN}
+        assert server.drift() == ()
+        assert seen(server) == ((), None)
+
+        old.start(wait=False)
+        old.said("AUTH_FAILED")
+        assert server.names() == [second]
+        evidence = server.throw_out(name)
+        assert evidence.confirmed
+        assert server.names() == []
+
+
+def test_who_was_seen_between_two_commands_counts(tmp_path: Path) -> None:
+    made = record(tmp_path / "vpn")
+    name, other = made.onboard(2)
+    second = made.renew(name)
+    rows = {
+        second: {"last": int(time.time()) - 60, "real": "192.0.2.7:1194", "address": made.address(name)},
+        "stranger": {"last": int(time.time()) - 60, "real": "192.0.2.8:1194", "address": "10.80.17.99"},
+    }
+    with server_of(made) as server:
+        server.put(SEEN, json.dumps({"format": 1, "seen": rows}))
+        assert live.observe(server.link).seen.keys() == rows.keys()
+        superseded, pushed = seen(server)
+        assert superseded == (name,)
+        assert pushed is not None
+        assert pushed.changes == (f"absent {CCD}/{name}",)
+        assert standings(made, other) == {other: Standing.ISSUED}
+        server.put(SEEN, "half of a fi")
+        assert live.observe(server.link).seen == {}

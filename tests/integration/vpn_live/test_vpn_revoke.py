@@ -1,0 +1,262 @@
+"""A member is thrown out of a running server: seen by an echo through the tunnel, by the server's word, by a return."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import socket
+from contextlib import closing
+from typing import TYPE_CHECKING
+from urllib.parse import unquote
+
+import pytest
+from live_stand import NAME, Echo, Record, Server, declaration, record, server_of
+
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn._trouble import ServerRefused
+from atlantis_netcfg.operations.vpn.link import LocalLink
+from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from live_stand import Client
+
+pytestmark = pytest.mark.namespace
+
+ORDER = [
+    "list in place",
+    "no longer admitted",
+    "firewall closed",
+    "client told to stop",
+    "session dead",
+    "safe on the disk",
+    "verified",
+]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return record(tmp_path_factory.mktemp("authority") / "vpn")
+
+
+@pytest.fixture(scope="module")
+def server(made: Record) -> Iterator[Server]:
+    with server_of(made) as started:
+        yield started
+        assert started.lives, "nothing that was done to it has ended the server"
+
+
+def connected(server: Server, count: int = 1) -> tuple[list[str], list[Client]]:
+    """New members, admitted and connected."""
+    names = server.record.onboard(count)
+    server.push()
+    clients = [server.client(name) for name in names]
+    for one in clients:
+        one.start()
+    return names, clients
+
+
+def refused(server: Server, client: Client, why: str) -> None:
+    """It tries once more, and does not come in."""
+    client.stop()
+    before = server.log().count(why)
+    client.start(wait=False)
+    server.said(why, before + 1)
+    assert not client.up
+    client.stop()
+
+
+def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server) -> None:
+    (other, *names), (bystander, *clients) = connected(server, 6)
+    with Echo(bystander) as beside:
+        for name, client in zip(names, clients, strict=True):
+            with Echo(client) as echo:
+                echo.goes()
+                asked = server.link.round_trips
+                evidence = server.throw_out(name)
+                assert echo.answers() == 0
+            assert server.link.round_trips == asked + 1
+            assert evidence.confirmed, evidence
+            assert (evidence.left, evidence.told) == ((), ())
+            assert [step for step, _ in evidence.steps] == ORDER
+            assert [one.common_name for one in evidence.ended] == [name]
+            assert all(reply.startswith("SUCCESS: ") for replies in evidence.replies for reply in replies)
+            assert live.verify(server.link, evidence).confirmed
+        for client in clients:
+            assert client.ended() == 0, "it was told, and does not ask again"
+            refused(server, client, "certificate revoked")
+        beside.goes()
+    assert server.names() == [other]
+    assert server.push().changes == ()
+    assert server.drift() == ()
+
+
+def test_what_a_revocation_leaves_is_what_the_role_wants(server: Server) -> None:
+    (name,), _ = connected(server)
+    server.throw_out(name)
+    for file in live.wanted(declaration(), server.record.authority):
+        there = server.at(file.path)
+        assert (there.read_text(), f"{there.stat().st_mode & 0o7777:04o}") == (file.content, file.mode), file.path
+    stamps = {
+        unquote(path.name): json.loads(path.read_text()) for path in server.at("/var/lib/atlantis/applied").iterdir()
+    }
+    ruleset = hashlib.sha256(server.at(FIREWALL).read_bytes()).hexdigest()
+    assert stamps == {"unit atlantis-vpn-firewall.service": {FIREWALL: ruleset}}
+
+
+def test_two_lists_of_one_second_are_both_read(server: Server) -> None:
+    names, clients = connected(server, 3)
+    times = []
+    for name in names:
+        server.throw_out(name)
+        times.append(int(server.at(f"{FOLDER}/crl.pem").stat().st_mtime))
+    assert times == sorted(set(times)), "OpenVPN compares whole seconds"
+    for client in clients:
+        refused(server, client, "certificate revoked")
+
+
+def test_who_holds_the_socket_does_not_hold_the_traffic(server: Server) -> None:
+    (name,), (client,) = connected(server)
+    with closing(socket.socket(socket.AF_UNIX)) as holder, Echo(client) as echo:
+        holder.connect(str(server.at(MANAGEMENT)))
+        assert holder.recv(5) == b">INFO"
+        echo.goes()
+        server.record.revoke(name)
+        evidence = server.go_on()
+        assert evidence is not None
+        assert (evidence.out, evidence.dead, evidence.confirmed) == (True, False, False)
+        assert "silent for 2 s" in evidence.told[0]
+        assert evidence.told[1] == "no session is confirmed dead: the server does not answer"
+        assert echo.answers() == 0
+        assert server.record.authority.roll().queued == (name,)
+        assert "cannot be asked who is connected" in " ".join(server.drift())
+    evidence = server.go_on()
+    assert evidence is not None
+    assert evidence.confirmed
+    assert [one.common_name for one in evidence.ended] == [name]
+    assert server.record.authority.roll().queued == ()
+    assert server.go_on() is None
+
+
+def test_a_server_that_is_down_has_no_sessions_and_one_that_may_not_be_is_not_trusted(server: Server) -> None:
+    (one, other), (client, _) = connected(server, 2)
+    server.stop()
+    try:
+        server.put("/run/no-systemd", "")
+        server.record.revoke(one)
+        evidence = server.go_on()
+        assert evidence is not None
+        assert (evidence.out, evidence.dead) == (True, False)
+        assert evidence.told == (
+            "no session is confirmed dead: the server has no management socket, and is not known to be down",
+        )
+        server.at("/run/no-systemd").unlink()
+        server.record.revoke(other)
+        evidence = server.go_on()
+        assert evidence is not None
+        assert evidence.confirmed, evidence
+        assert set(evidence.common_names) == {one, other}
+        assert "the server does not run" in " ".join(server.drift())
+    finally:
+        server.start()
+    refused(server, client, "certificate revoked")
+
+
+def test_a_server_that_was_started_anew_meanwhile_is_asked_as_before(server: Server) -> None:
+    (name,), (client,) = connected(server)
+    assert name in server.names()
+    server.stop()
+    server.start()
+    client.stop()
+    client.start()
+    evidence = server.throw_out(name)
+    assert evidence.confirmed
+    assert [one.common_name for one in evidence.ended] == [name]
+
+
+def test_who_connects_just_then_does_not_stay(server: Server) -> None:
+    """At any moment of its handshake; one that has read the list of before finds no admission."""
+    names = server.record.onboard(6)
+    server.push()
+    clients = [server.client(name) for name in names]
+    for client, name in zip(clients, names, strict=True):
+        client.start(wait=False)
+        again = live.verify(server.link, server.throw_out(name))
+        assert again.confirmed, again
+        client.stop()
+
+
+def test_both_certificates_of_a_member_die_with_it(server: Server) -> None:
+    (name,), (old,) = connected(server)
+    second = server.record.renew(name)
+    server.push()
+    new = server.client(second)
+    new.start()
+    assert {name, second} <= set(server.names())
+    evidence = server.throw_out(name)
+    assert evidence.confirmed
+    assert {one.common_name for one in evidence.ended} == {name, second}
+    for client in (old, new):
+        refused(server, client, "certificate revoked")
+
+
+def test_a_command_that_was_killed_after_the_list_goes_on_with_the_next_one(server: Server, made: Record) -> None:
+    (name,), (client,) = connected(server)
+    made.revoke(name)
+    with LocalLink(NAME, server.enter) as link:
+        (queued,) = made.authority.roll().queued
+        assert queued == name
+        evidence = live.go_on(declaration(), made.authority, link)
+    assert evidence is not None
+    assert evidence.confirmed
+    assert made.authority.roll().queued == ()
+    assert client.ended() == 0
+
+
+def test_hand_edits_are_told_and_taken_back_and_strangers_are_ended(server: Server) -> None:
+    (name, other), (_, stranger) = connected(server, 2)
+    address = server.record.address(name)
+    server.put(f"{CCD}/{name}", f"ifconfig-push {address} 255.255.0.0\nping 9\n", 0o640)
+    server.put(f"{CCD}/stranger", "ifconfig-push 10.80.0.99 255.255.0.0\n", 0o640)
+    server.run("nft", "add", "element", "inet", "p_atlantis_vpn", "p_members", "{ 10.80.0.99 }")
+    server.put(f"{FOLDER}/crl.pem", "no list\n")
+    assert server.drift() == (
+        f"{name}: its file on the server was changed by hand ({CCD}/{name})",
+        f"stranger is not to be admitted, and the server has a file that admits it ({CCD}/stranger)",
+        "the server has no list of revoked certificates that can be read: nobody can connect",
+        "the firewall that is loaded is not what its file says: somebody has changed it with nft",
+    )
+    pushed = server.push()
+    assert set(pushed.changes) == {
+        f"file {CCD}/{name}",
+        f"file {FOLDER}/crl.pem",
+        f"absent {CCD}/stranger",
+        "firewall loaded",
+    }
+    assert server.drift() == ()
+    server.put(f"{CCD}/visitor", "ifconfig-push 10.80.0.98 255.255.0.0\n", 0o640)
+    server.at(f"{CCD}/visitor").rename(server.at(f"{CCD}/{other}"))
+    assert server.push().ended == (), "who is admitted stays connected, whatever his file said"
+    assert other in server.names()
+    assert not stranger.log().count("Halt")
+
+
+def test_a_list_of_another_authority_is_refused(server: Server, tmp_path_factory: pytest.TempPathFactory) -> None:
+    foreign = record(tmp_path_factory.mktemp("other") / "vpn")
+    foreign.onboard()
+    before = server.at(f"{FOLDER}/crl.pem").read_bytes()
+    with pytest.raises(ServerRefused, match="another authority"):
+        live.push(declaration(), foreign.authority, server.link)
+    assert server.at(f"{FOLDER}/crl.pem").read_bytes() == before
+    assert server.drift() == ()
+
+
+def test_an_older_copy_of_the_authority_is_refused(server: Server, tmp_path_factory: pytest.TempPathFactory) -> None:
+    copy = tmp_path_factory.mktemp("copy") / "vpn"
+    shutil.copytree(server.record.authority.folder, copy)
+    (name,), _ = connected(server)
+    server.throw_out(name)
+    with pytest.raises(ServerRefused, match="and the server has number"):
+        live.push(declaration(), type(server.record.authority).open(copy), server.link)

@@ -1,0 +1,155 @@
+"""Each way in which a server can be otherwise than recorded has its sentence, and nothing else is said."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.gateway.parts import File
+from atlantis_netcfg.operations.vpn._drift import drift
+from atlantis_netcfg.operations.vpn._state import Crl, ServerState, observe
+from atlantis_netcfg.vpn.identity import Roll
+from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER
+
+NOW = datetime(2026, 6, 1, tzinfo=UTC)
+WANTED = (
+    File(f"{CCD}/iqua-d0", "ifconfig-push 10.80.17.1 255.255.0.0\n"),
+    File(f"{FOLDER}/crl.pem", "a list\n"),
+    File(FIREWALL, "a ruleset\n"),
+)
+ROLL = Roll({}, 4, "", NOW, ())
+CRL = Crl(4, NOW - timedelta(days=1), NOW + timedelta(days=80), signed=True)
+FILES = {file.path: hashlib.sha256(file.content.encode()).hexdigest() for file in WANTED}
+SOUND = ServerState(
+    ready=True,
+    files=FILES,
+    crl=CRL,
+    members=(),
+    firewall_as_file=True,
+    firewall_why="",
+    version="2.6.14",
+    package="2.6.14-0+deb12u2",
+    unit={"ActiveState": "active", "SubState": "running"},
+    sessions=(),
+    asked=True,
+    why="",
+    at=NOW,
+    seen={},
+    clock=NOW,
+    clock_ahead_s=0.2,
+)
+
+
+def without(path: str) -> dict[str, str]:
+    return {name: digest for name, digest in FILES.items() if name != path}
+
+
+CASES: dict[str, tuple[dict[str, Any], str | None]] = {
+    "sound": ({}, None),
+    "never set up": ({"ready": False, "files": {}}, "no server of the VPN was ever set up there"),
+    "not admitted": (
+        {"files": without(f"{CCD}/iqua-d0")},
+        "iqua-d0 is recorded, and the server does not admit it",
+    ),
+    "changed by hand": (
+        {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
+        f"iqua-d0: its file on the server was changed by hand ({CCD}/iqua-d0)",
+    ),
+    "a stranger": (
+        {"files": {**FILES, f"{CCD}/x": "00"}},
+        f"x is not to be admitted, and the server has a file that admits it ({CCD}/x)",
+    ),
+    "no list": ({"crl": None}, "the server has no list of revoked certificates that can be read: nobody can connect"),
+    "another's list": (
+        {"crl": replace(CRL, signed=False)},
+        "the server's list of revoked certificates is of another authority: who was revoked is let in",
+    ),
+    "older": (
+        {"crl": replace(CRL, number=3), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
+        "the server's list of revoked certificates is number 3, and the record's is 4",
+    ),
+    "newer": (
+        {"crl": replace(CRL, number=5), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
+        "the server's list of revoked certificates is number 5, newer than the record's (4): "
+        + "somebody works with another copy of the authority",
+    ),
+    "same number, other list": (
+        {"files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
+        "the server's list of revoked certificates has the record's number 4, and is another one",
+    ),
+    "early": (
+        {"clock": NOW - timedelta(days=2)},
+        "by the server's clock its list of revoked certificates begins on 2026-05-31 00:00 UTC only",
+    ),
+    "expired": (
+        {"clock": NOW + timedelta(days=80)},
+        "the server's list of revoked certificates has expired on 2026-08-20: nobody can connect",
+    ),
+    "ends soon": (
+        {"clock": NOW + timedelta(days=51)},
+        "the server's list of revoked certificates ends in 29 days, on 2026-08-20: after that nobody can connect",
+    ),
+    "no ruleset": ({"files": without(FIREWALL)}, f"the firewall's file is not as recorded ({FIREWALL})"),
+    "no nft": (
+        {"members": None, "firewall_why": "nft does not answer"},
+        "the firewall cannot be asked: nft does not answer",
+    ),
+    "not loaded": ({"members": None}, "the firewall of the VPN is not loaded"),
+    "changed with nft": (
+        {"firewall_as_file": False},
+        "the firewall that is loaded is not what its file says: somebody has changed it with nft",
+    ),
+    "cannot be told": ({"firewall_as_file": None}, None),
+    "down": (
+        {"unit": {"ActiveState": "failed", "SubState": "failed"}, "asked": False},
+        "the server does not run: openvpn-server@atlantis.service is failed (failed)",
+    ),
+    "held": ({"asked": False, "why": "silent"}, "the server cannot be asked who is connected: silent"),
+    "fast": ({"clock_ahead_s": 61.0}, "the server's clock is 61 s ahead of this computer's"),
+    "slow": ({"clock_ahead_s": -3600.0}, "the server's clock is 3600 s behind this computer's"),
+    "no systemd": ({"unit": {}}, None),
+}
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case).replace(" ", "-"))
+def test_drift_is_told_in_words(case: str) -> None:
+    other, words = CASES[case]
+    assert drift(replace(SOUND, **other), WANTED, ROLL) == ((words,) if words is not None else ())
+
+
+class Told:
+    """A link whose server says this."""
+
+    def __init__(self, **told: Any) -> None:  # noqa: ANN401 - JSON
+        self.round_trips = 0
+        self.told = told
+
+    def ask(self, do: str, **_what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
+        assert do == "look"
+        return self.told
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("seen", "names"),
+    [
+        (None, set()),
+        ({}, set()),
+        ({"seen": []}, set()),
+        ({"format": 1, "seen": {"a": {"last": 1795330618}, "b": {"last": "x"}, "c": 7}}, {"a"}),
+    ],
+)
+def test_what_a_server_has_noted_is_read_with_care(seen: Any, names: set[str]) -> None:  # noqa: ANN401 - JSON
+    told = Told(
+        clock=1795330618.5, ready=True, files={}, list=None, members=["10.80.17.1/32"], as_file=True, firewall_why="",
+        version=None, package=None, unit={}, management="held", sessions=[], at=0, why="silent", seen=seen,
+    )  # fmt: skip
+    state = observe(told)
+    assert state.seen.keys() == names
+    assert (state.asked, state.active, state.crl) == (False, None, None)
