@@ -96,7 +96,7 @@ class Authority:
         if facts.sha256 != self.roll().crl_sha256:
             raise AuthorityDamaged(
                 f"{files.CRL} (number {facts.number}) is not the list that was recorded last",
-                hint="provision vpn publish signs a new one",
+                hint="provision vpn sync --sign signs a new one",
             )
         return pem
 

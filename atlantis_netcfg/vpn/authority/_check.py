@@ -109,10 +109,13 @@ def _list(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iter
     roll = fold.roll()
     if facts.sha256 != roll.crl_sha256:
         yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
-    for lost in sorted({one.serial for one in lists.revoked(roll)} - facts.serials):
-        yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn publish"
+    serials = {one.serial for one in lists.revoked(roll)}
+    for lost in sorted(serials - facts.serials):
+        yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
+    for more in sorted(facts.serials - serials):
+        yield f"{files.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
     if facts.next_update - now < SOON:
-        yield f"{files.CRL} ends on {facts.next_update:%Y-%m-%d}, and then nobody gets in: provision vpn publish"
+        yield f"{files.CRL} ends on {facts.next_update:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
 def _members(fold: Fold, now: datetime) -> Iterator[str]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from cryptography import x509
-
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority._errors import translated
 from atlantis_netcfg.vpn.authority._files import CRL
@@ -17,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from datetime import datetime
     from pathlib import Path
+
+    from cryptography import x509
 
     from atlantis_netcfg.vpn.authority._book import Book
     from atlantis_netcfg.vpn.identity import Roll
@@ -50,8 +50,9 @@ def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datet
 def publish(folder: Path, book: Book, ca: pki.Ca, operation: str) -> bytes:
     """Sign the list of the record's state, record it, and put it in place; PEM."""
     path, roll, now = folder / CRL, book.fold.roll(), book.now()
-    above = max(roll.crl_number, _number_on_disk(path, ca.certificate))
-    pem, record = sign(ca, revoked(roll), above + 1, now)
+    before, lines = _in_place(path, ca.certificate), revoked(roll)
+    above = max(roll.crl_number, before.number if before else 0)
+    pem, record = sign(ca, [*lines, *_kept(before, lines)], above + 1, now)
     book.write([record], operation)
     with translated("the revocation list cannot be written"):
         pki.publish(path, pem, ca.certificate, above=above, now=now)
@@ -66,14 +67,20 @@ def due(folder: Path, book: Book, ca: pki.Ca) -> bool:
     except (OSError, pki.CrlRefused):
         return True
     serials = frozenset(one.serial for one in revoked(roll))
-    return (facts.sha256, facts.serials) != (roll.crl_sha256, serials) or facts.next_update - now < FRESH
+    return facts.sha256 != roll.crl_sha256 or not serials <= facts.serials or facts.next_update - now < FRESH
 
 
-def _number_on_disk(path: Path, ca: x509.Certificate) -> int:
-    """Of a list of ours, also an expired one; it is above the record's if the ledger came from an older backup."""
+def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:
+    """The list of ours that is there, also an expired one."""
     try:
-        crl = x509.load_pem_x509_crl(path.read_bytes())
-        ours = crl.is_signature_valid(ca.public_key())  # type: ignore[arg-type] # a CA of ours signs
-        return crl.extensions.get_extension_for_class(x509.CRLNumber).value.crl_number if ours else 0
-    except (OSError, ValueError, TypeError, x509.ExtensionNotFound):
-        return 0
+        return pki.read_crl(path.read_bytes(), ca)
+    except (OSError, pki.CrlRefused):
+        return None
+
+
+def _kept(before: pki.CrlFacts | None, lines: Iterable[pki.RevokedSerial]) -> list[pki.RevokedSerial]:
+    """What is on the list in place and not among these: a ledger from an older backup lets nobody back in."""
+    if before is None:
+        return []
+    more = before.serials - {one.serial for one in lines}
+    return [pki.RevokedSerial(serial, before.this_update) for serial in sorted(more)]

@@ -30,7 +30,7 @@ from atlantis_netcfg.vpn.pki.certificates import (
     new_server,
     sha256,
 )
-from atlantis_netcfg.vpn.pki.crl import CRL_DAYS, CrlFacts, RevokedSerial, check_crl, new_crl, publish
+from atlantis_netcfg.vpn.pki.crl import CRL_DAYS, CrlFacts, RevokedSerial, check_crl, new_crl, publish, read_crl
 from atlantis_netcfg.vpn.pki.keys import PrivateKey, PublicKey, key_pem, load_key, new_key
 from atlantis_netcfg.vpn.pki.seal import (
     PASSPHRASE_MIN,
@@ -80,6 +80,7 @@ __all__ = [
     "new_serial",
     "new_server",
     "publish",
+    "read_crl",
     "seal",
     "seal_for",
     "server_key",

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.pki.certificates import Ca
 
-__all__ = ["CRL_DAYS", "CrlFacts", "RevokedSerial", "check_crl", "new_crl", "publish"]
+__all__ = ["CRL_DAYS", "CrlFacts", "RevokedSerial", "check_crl", "new_crl", "publish", "read_crl"]
 
 CRL_DAYS = 90
 """Until `nextUpdate`: longer than the longest campaign, because the CA's key is not with the server."""
@@ -72,15 +72,20 @@ def new_crl(ca: Ca, revoked: Iterable[RevokedSerial], number: int, now: datetime
     return builder.sign(ca.key, SHA256()).public_bytes(Encoding.PEM)
 
 
+def read_crl(pem: bytes, ca_certificate: x509.Certificate) -> CrlFacts:
+    """What a list of this CA says, whatever its number and its dates. Raises CrlRefused for any other file."""
+    crl = _read(pem)
+    _check_issuer(crl, ca_certificate)
+    return _facts(crl, pem)
+
+
 def check_crl(pem: bytes, ca_certificate: x509.Certificate, *, above: int | None, now: datetime) -> CrlFacts:
     """What a list says, if a server of this CA may have it now. Raises CrlRefused.
 
     `above`: number of the list that it follows; None if it follows none. Where OpenSSL would read a file more
     generously than we do, the file is refused: it must be, byte for byte, what we would write.
     """
-    crl = _read(pem)
-    _check_issuer(crl, ca_certificate)
-    facts = _facts(crl, pem)
+    facts = read_crl(pem, ca_certificate)
     if above is not None and facts.number <= above:
         _refuse(f"its number is {facts.number}, and number {above} was published already")
     if facts.this_update > now:
@@ -165,7 +170,7 @@ def _said(now: datetime) -> str:
 def _refuse(why: str) -> NoReturn:
     raise CrlRefused(
         f"the revocation list was not published: {why}",
-        hint="look at this computer's clock, then sign a new one: provision vpn publish",
+        hint="look at this computer's clock, then sign a new one: provision vpn sync --sign",
     )
 
 
