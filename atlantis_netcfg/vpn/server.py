@@ -153,12 +153,14 @@ def server_conf(declaration: Declaration, host: Host) -> str:
     assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
     udp = vpn.transport.value == "udp"
     ping_s, ping_restart_s = TIMERS[Link.FIBRE]
+    own = tunnel_address(declaration, host)
     view = {
         "proto": "udp4" if udp else "tcp4-server",
         "local": device.address,
         "port": vpn.port,
         "interface": INTERFACE,
-        "address": tunnel_address(declaration, host),
+        "address": own,
+        "next_hop": next(one for one in vpn.network.hosts() if one != own),
         "netmask": vpn.network.netmask,
         "folder": FOLDER,
         "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),

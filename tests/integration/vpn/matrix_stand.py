@@ -1,0 +1,314 @@
+"""The pilot's VPN in network namespaces: real OpenVPN with the product's files, and the product's firewall.
+
+    members -- [192.0.2.0/24] -- net -- [10.64.0.0/24, the server's LAN] -- server, scc-control, a bystander
+    coastal-router also has a LAN and a technician behind it
+
+`net` is the internet and the router of the server's site at once: it leads the public port to the server. What a member
+sends there may pass a slow link with outages. Keys are from an authority of its own; nothing here is installed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import subprocess
+import threading
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import IO, TYPE_CHECKING
+
+import pytest
+from slow_link import Link, open_in
+
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.site.model import Gateway
+from atlantis_netcfg.vpn import server as product
+from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
+from atlantis_netcfg.vpn.client import IDENTITY, openvpn_client
+from atlantis_netcfg.vpn.handout import identity_file, profile
+from atlantis_netcfg.vpn.identity import Kind
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.identity import Identity, Roll
+
+NET, SERVER = "net", "server"
+BESIDE, BEHIND, TECHNICIAN = "beside", "behind", "technician"
+ROUTER, CENTRE = "coastal-router", "scc-control"
+_NUMBERS = itertools.count()
+_PASSPHRASE = Secret("a long passphrase of this test alone")
+
+
+@dataclass
+class Vpn:
+    """The namespaces, and whoever has an address in them."""
+
+    prefix: str
+    declaration: Declaration
+    authority: Authority
+    folder: Path
+    stack: ExitStack
+    members: tuple[str, ...]
+    links: dict[str, Link] = field(default_factory=dict)
+    """Slow links, by the member that is reached over it."""
+    said: dict[str, list[str]] = field(default_factory=dict)
+    """What each OpenVPN has said."""
+
+    def name(self, who: str) -> str:
+        return f"{self.prefix}-{who}"
+
+    def run(self, who: str, *command: str, text: str | None = None) -> str:
+        """Run a command in a namespace and give what it prints."""
+        done = subprocess.run(
+            ["ip", "netns", "exec", self.name(who), *command], input=text, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{who}: {' '.join(command)}: {done.stderr}"
+        return done.stdout
+
+    def start(self, who: str, *command: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
+        """Start a program in a namespace; it is ended with the stand."""
+        process = subprocess.Popen(
+            ["ip", "netns", "exec", self.name(who), *command],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, **(environment or {})},
+        )
+        self.stack.callback(_end, process)
+        return process
+
+    def socket(self, who: str, *kind: int) -> socket.socket:
+        """A socket that lives in a namespace; closed with the stand."""
+        made = open_in(self.name(who), *kind)
+        self.stack.callback(made.close)
+        return made
+
+    def counter(self, name: str) -> int:
+        """Packets that a counter of the server's firewall has met."""
+        said = self.run(SERVER, "nft", "list", "counter", "inet", "p_atlantis_vpn", name)
+        return int(said.partition("packets ")[2].split()[0])
+
+    def load(self, roll: Roll | None = None, declaration: Declaration | None = None) -> None:
+        """Write what is live at the server, and load its firewall, as a push does."""
+        roll = roll or self.authority.roll()
+        for file in product.live_files(declaration or self.declaration, roll, self.authority.crl()):
+            _write(self.placed(file.path), self.placed_text(file.content))
+        self.run(SERVER, "nft", "-f", str(self.placed(product.FIREWALL)))
+
+    def placed_text(self, text: str) -> str:
+        """The product's paths are below the stand's folder."""
+        for path in ("/etc/openvpn/atlantis", "/run/atlantis-vpn", "/etc/atlantis"):
+            text = text.replace(path, f"{self.folder}{path}")
+        return text
+
+    def placed(self, path: str) -> Path:
+        return self.folder / path.removeprefix("/")
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    process.wait()
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    path.chmod(0o600)
+
+
+@contextmanager
+def vpn(declaration: Declaration, wishes: Sequence[Wish], folder: Path, slow: Sequence[str] = ()) -> Iterator[Vpn]:
+    """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` before them."""
+    if os.geteuid() != 0:
+        pytest.skip("making a network namespace needs root")
+    with ExitStack() as stack:
+        authority = _authority(declaration, folder / "authority")
+        made = Vpn(
+            f"vpn{os.getpid()}-{next(_NUMBERS)}",
+            declaration,
+            authority,
+            folder,
+            stack,
+            tuple(one.name for one in wishes),
+        )
+        with authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
+            signer.issue(list(wishes), lambda identity: _deliver(made, identity))
+        _ground(made)
+        for number, name in enumerate(made.members):
+            _member(made, name, number + 10, slow=name in slow)
+        _behind(made)
+        _connect(made)
+        yield made
+
+
+def _authority(declaration: Declaration, folder: Path) -> Authority:
+    pilot, server = declaration.pilot.vpn, declaration.hosts[declaration.pilot.vpn.server]
+    names = ServerNames(server.name, (pilot.endpoint_name,), (pilot.endpoint, server.device.address))  # type: ignore[union-attr]
+    return Authority.init(folder, _PASSPHRASE, names, "test", sealed_by="vault")
+
+
+def _deliver(made: Vpn, identity: Identity) -> Delivered:
+    """A gateway's own configuration, everybody else's profile."""
+    name = identity.member.name
+    path = made.folder / f"{name}.ovpn"
+    host = made.declaration.hosts.get(name)
+    if host is not None and isinstance(host.device, Gateway):
+        key = made.folder / f"{name}.identity"
+        _write(key, identity_file(identity).reveal())
+        files = openvpn_client(made.declaration, host, key).configuration.files
+        _write(
+            path,
+            next(one for one in files if one.path.endswith(".conf") and IDENTITY in one.content).content.replace(
+                IDENTITY, str(key)
+            ),
+        )
+    else:
+        _write(path, profile(made.declaration, identity).reveal())
+    return Delivered(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+_SETTINGS = (
+    *(f"net.ipv4.conf.{which}.{what}=0" for which in ("all", "default") for what in ("rp_filter", "send_redirects")),
+    *("net.ipv4.icmp_ratelimit=0", "net.ipv4.ip_forward=1", "net.ipv6.conf.default.disable_ipv6=1"),
+)
+"""Nothing of the kernel's own stands in for the firewall."""
+
+
+def _namespace(made: Vpn, who: str) -> None:
+    subprocess.run(["ip", "netns", "add", made.name(who)], check=True)
+    made.stack.callback(subprocess.run, ["ip", "netns", "delete", made.name(who)], check=True)
+    made.run(who, "sysctl", "-qw", *_SETTINGS)
+    _ip(made, who, "link set lo up")
+
+
+def _ip(made: Vpn, who: str, *lines: str) -> None:
+    subprocess.run(["ip", "-n", made.name(who), "-batch", "-"], input="\n".join(lines), text=True, check=True)
+
+
+def _ground(made: Vpn) -> None:
+    _namespace(made, NET)
+    _ip(
+        made,
+        NET,
+        *("link add wan type bridge", "link set wan up", "address add 192.0.2.1/24 dev wan"),
+        *("link add lan type bridge", "link set lan up", "address add 10.64.0.1/24 dev lan"),
+        f"address add {made.declaration.pilot.vpn.endpoint}/32 dev lo",
+        *(f"route add {network} via 10.64.0.10" for network in ("10.80.0.0/16", "10.64.1.0/24", "10.64.101.0/24")),
+    )
+    made.run(NET, "nft", "-f", "-", text=_FORWARD)
+    for who, address in ((SERVER, "10.64.0.10"), (BESIDE, "10.64.0.77")):
+        _namespace(made, who)
+        _cable(made, who, "lan", f"{address}/24", "10.64.0.1")
+
+
+_FORWARD = """\
+table ip nat {
+  map slow { type ipv4_addr : inet_service; }
+  chain before {
+    type nat hook prerouting priority dstnat;
+    ip daddr 203.0.113.2 udp dport 1194 redirect to :ip saddr map @slow
+    ip daddr 203.0.113.2 udp dport 1194 dnat to 10.64.0.10
+  }
+}
+"""
+
+
+def _cable(made: Vpn, who: str, bridge: str, address: str, gateway: str) -> None:
+    near, far = made.name(who), made.name(NET)
+    port = f"{bridge}{next(_NUMBERS)}"
+    add = ["ip", "link", "add", "eth0", "netns", near, "type", "veth", "peer", "name", port, "netns", far]
+    subprocess.run(add, check=True)
+    _ip(made, NET, f"link set {port} master {bridge}", f"link set {port} up")
+    _ip(made, who, f"address add {address} dev eth0", "link set eth0 up", f"route add default via {gateway}")
+
+
+def _member(made: Vpn, name: str, number: int, *, slow: bool) -> None:
+    """One in the internet; the control centre stands in the server's LAN."""
+    _namespace(made, name)
+    if name == CENTRE:
+        return _cable(made, name, "lan", "10.64.0.11/24", "10.64.0.1")
+    _cable(made, name, "wan", f"192.0.2.{number}/24", "192.0.2.1")
+    if slow:
+        made.links[name] = Link(made.name(NET), ("10.64.0.10", 1194))
+        made.stack.callback(made.links[name].close)
+        element = f"{{ 192.0.2.{number} : {made.links[name].port} }}"
+        made.run(NET, "nft", f"add element ip nat slow {element}")
+    return None
+
+
+def _behind(made: Vpn) -> None:
+    """What the router of a site has behind it."""
+    if ROUTER not in made.members:
+        return
+    for who, address in ((BEHIND, "10.64.1.22"), (TECHNICIAN, "10.64.101.10")):
+        _namespace(made, who)
+        gateway = f"{address.rpartition('.')[0]}.1"
+        near, far = made.name(who), made.name(ROUTER)
+        subprocess.run(
+            ["ip", "link", "add", "eth0", "netns", near, "type", "veth", "peer", who, "netns", far], check=True
+        )
+        _ip(made, ROUTER, f"address add {gateway}/24 dev {who}", f"link set {who} up")
+        _ip(made, who, f"address add {address}/24 dev eth0", "link set eth0 up", f"route add default via {gateway}")
+
+
+def _connect(made: Vpn) -> None:
+    host = made.declaration.hosts[made.declaration.pilot.vpn.server]
+    conf = made.placed("/etc/openvpn/server/atlantis.conf")
+    _write(conf, made.placed_text(product.server_conf(made.declaration, host)))
+    made.placed("/run/atlantis-vpn").mkdir(parents=True)
+    for name in ("ca.crt", "server/server.crt", "server/server.key", "server/tls-crypt-v2.key", "server/tls-crypt.key"):
+        source = made.authority.folder / name
+        _write(made.placed(f"{product.FOLDER}/{source.name}"), source.read_text(encoding="utf-8"))
+    made.load()
+    _openvpn(made, SERVER, conf).wait()
+    for up in [_openvpn(made, name, made.folder / f"{name}.ovpn") for name in made.members]:
+        up.wait()
+    for name in made.members:  # as somebody who tries: the server pushes no way to sites
+        _ip(made, name, "route add 10.64.0.0/16 via 10.80.0.1 dev tun0")
+
+
+@dataclass
+class _Up:
+    who: str
+    lines: list[str]
+    done: threading.Event = field(default_factory=threading.Event)
+    up: bool = False
+
+    def wait(self) -> None:
+        assert self.done.wait(60), f"{self.who} does not come up:\n{''.join(self.lines)}"
+        assert self.up, f"{self.who} ended:\n{''.join(self.lines)}"
+
+    def listen(self, stdout: IO[str]) -> None:
+        with stdout:
+            for line in stdout:
+                self.lines.append(line)
+                if "Initialization Sequence Completed" in line:
+                    self.up = True
+                    self.done.set()
+        self.done.set()
+
+
+def _openvpn(made: Vpn, who: str, conf: Path) -> _Up:
+    process = made.start(who, "openvpn", "--suppress-timestamps", "--config", str(conf))
+    up = _Up(who, made.said.setdefault(who, []))
+    assert process.stdout is not None
+    threading.Thread(target=up.listen, args=(process.stdout,), daemon=True).start()
+    return up
+
+
+def host(declaration: Declaration, name: str) -> Wish:
+    """A declared host, with its declared address."""
+    device = declaration.hosts[name].device
+    client = getattr(device, "vpn_client", None)
+    return Wish(name, Kind.HOST, None, name, address=client.address if client else device.vpn_address)  # type: ignore[union-attr]
+
+
+def guest(declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None) -> Wish:
+    """A partner's device, with the next address of its pool."""
+    pool = declaration.partners[partner].vpn_pool
+    return Wish(f"{partner}-{device}", kind, partner, device, pool=pool, vehicle=vehicle)
