@@ -105,6 +105,8 @@ def vault_unseal(sealed: bytes, passphrase: Secret) -> bytes:
         raise _wrong() from None
 
 
+_SHOWN = 30
+"""Letters of what is no recipient: enough to know it again, in case that it was meant to be kept."""
 _RESTORE = "restore it from your backup of the authority"
 
 
@@ -150,9 +152,10 @@ def _recipient(text: str) -> pyrage.x25519.Recipient | pyrage.ssh.Recipient:
             return pyrage.ssh.Recipient.from_str(text)
     except pyrage.RecipientError:
         pass
-    secret = text.upper().startswith("AGE-SECRET-KEY")
+    secret = "AGE-SECRET-KEY" in text.upper() or "PRIVATE KEY" in text.upper()
+    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
     raise RecipientRefused(
-        "that is a secret key; the recipient's public one is needed" if secret else f"no key of a recipient: {text!r}",
+        "that is a secret key; the recipient's public one is needed" if secret else f"no key of a recipient: {shown!r}",
         hint="ask for the line that age-keygen shows (age1…), or for an ssh-ed25519 public key",
     )
 

@@ -70,7 +70,14 @@ def test_a_server_says_where_it_is() -> None:
     assert names.get_values_for_type(x509.DNSName) == ["vpn.example.org"]
     assert [str(one) for one in names.get_values_for_type(x509.IPAddress)] == ["192.0.2.1", "10.20.0.4"]
     assert usage(made) == {"digital_signature", "key_agreement"}
+    assert made.not_valid_after_utc == NOW.replace(microsecond=0) + timedelta(days=1826)
     assert made.not_valid_before_utc == NOW.replace(microsecond=0) - timedelta(days=30)
+
+
+def test_what_a_reader_must_understand_is_critical() -> None:
+    must = {"BasicConstraints", "KeyUsage"}
+    for made in (authority().certificate, server(authority()), client(authority())):
+        assert {type(one.value).__name__ for one in made.extensions if one.critical} == must
 
 
 def test_an_rsa_server_can_be_sent_a_key() -> None:
@@ -119,6 +126,11 @@ def test_nothing_outlives_the_authority() -> None:
 def test_nothing_begins_before_the_authority() -> None:
     early = NOW - timedelta(days=29)
     assert server(authority(), early).not_valid_before_utc == authority().certificate.not_valid_before_utc
+
+
+def test_the_authority_signs_from_its_first_second() -> None:
+    first = authority().certificate.not_valid_before_utc
+    assert client(authority(), now=first).not_valid_before_utc == first
 
 
 @pytest.mark.parametrize("days", [-31, 3652])

@@ -124,9 +124,17 @@ def test_what_is_no_recipient_is_told(text: str) -> None:
     assert "no key of a recipient" in told(lambda: pki.check_recipient(text), pki.RecipientRefused)
 
 
-def test_a_secret_key_given_for_a_public_one_is_not_repeated() -> None:
-    said = told(lambda: pki.check_recipient(str(IDENTITY)), pki.RecipientRefused)
+@pytest.mark.parametrize(
+    "text", [str(IDENTITY), "-----BEGIN OPENSSH PRIVATE KEY-----\ncanary\n", f" {IDENTITY}".lower()]
+)
+def test_a_secret_key_given_for_a_public_one_is_not_repeated(text: str) -> None:
+    said = told(lambda: pki.check_recipient(text), pki.RecipientRefused)
     assert said == "that is a secret key; the recipient's public one is needed"
+
+
+def test_of_a_long_text_only_the_beginning_is_told() -> None:
+    said = told(lambda: pki.check_recipient("x" * 30 + "canary"), pki.RecipientRefused)
+    assert said == f"no key of a recipient: '{'x' * 30}…'"
 
 
 def test_a_vault_is_ansibles() -> None:
