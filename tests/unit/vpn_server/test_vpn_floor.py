@@ -1,0 +1,75 @@
+"""Which OpenVPN is let run: branches that are mended, and the packages of Debian that are."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.floor import Branch, Floor, hold
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.vpn._server_system import FLOOR
+
+DECLARED = Floor(
+    FLOOR["program"],
+    FLOOR["package"],
+    tuple(Branch(one["branch"], one["upstream"], tuple(one["packages"])) for one in FLOOR["branches"]),
+)
+
+
+def held(upstream: str, package: str = "", **how: bool) -> str:
+    """The program tells `upstream`, dpkg the package; versions are compared by the real dpkg."""
+
+    def run(words: list[str]) -> Done:
+        if words[0] == DECLARED.program:
+            return Done(0, f"OpenVPN {upstream} x86_64-pc-linux-gnu [SSL (OpenSSL)]\n") if upstream else Done(127, "")
+        if words[0] == "dpkg-query":
+            return Done(0, package) if package else Done(1, "no packages found")
+        return Done(subprocess.run(words, check=False).returncode, "")
+
+    return hold(DECLARED, run=run, **how)
+
+
+@pytest.mark.parametrize(
+    ("upstream", "package"),
+    [
+        ("2.6.14", "2.6.14-0+deb12u2"),
+        ("2.6.14", "2.6.14-0+deb12u10"),
+        ("2.6.21", ""),
+        ("2.6.22", "2.6.22-1"),
+        ("2.7.5", "2.7.5-2"),
+        ("2.7.10", ""),
+        ("2.8.0", ""),
+        ("2.6.21", "2.6.14-0+deb12u1"),  # a newer one beside the package
+    ],
+)
+def test_what_is_mended_passes(upstream: str, package: str) -> None:
+    assert held(upstream, package).startswith(upstream)
+
+
+@pytest.mark.parametrize(
+    ("upstream", "package"),
+    [
+        ("2.6.14", "2.6.14-0+deb12u1"),
+        ("2.6.14", "2.6.14-1"),  # of another release, which has a higher number and none of the patches
+        ("2.6.14", "2.6.14-1+deb13u2"),
+        ("2.6.3", "2.6.3-1+deb12u4"),
+        ("2.6.12", "2.6.14-0+deb12u2"),  # an older one in the package's place
+        ("2.6.20", ""),
+        ("2.7.0", "2.7.0-1"),
+        ("2.7.4", ""),
+        ("2.5.11", ""),
+        ("2.4.12", ""),
+    ],
+)
+def test_what_is_not_is_refused_with_what_to_do(upstream: str, package: str) -> None:
+    with pytest.raises(Refused, match="holes that are known") as refused:
+        held(upstream, package)
+    assert "apt-get install openvpn" in refused.value.hint
+
+
+def test_in_a_plan_what_is_not_there_yet_passes() -> None:
+    assert held("", absent_passes=True) == ""
+    with pytest.raises(Refused, match="does not tell its version"):
+        held("")
