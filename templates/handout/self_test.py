@@ -286,9 +286,8 @@ def started(facts: Facts, tunnel: Tunnel) -> Iterator[Result]:
         return
     given = re.search(r"PUSH_REPLY,.*\bifconfig ([\d.]+)", said)
     if given is None or given[1] != facts["address"]:
-        found = (
-            f"the control centre gives the address {given[1] if given else 'that nobody has'}, not {facts['address']}"
-        )
+        other = f"gives the address {given[1]}" if given else "gives no address"
+        found = f"the control centre {other}; this device's is {facts['address']}"
         yield Result("tunnel", FAIL, found, "Ask the control centre, and do not use the tunnel.")
     elif not ROOT:
         yield Result("tunnel", OK, f"the control centre admits this device, with the address {given[1]}")
