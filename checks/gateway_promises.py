@@ -14,11 +14,12 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.el
     OF_SYSTEMD,
 )
 from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.gateway.interop import PREFIX
+from atlantis_netcfg.gateway.interop import PREFIX, VPN_INTERFACE
 from atlantis_netcfg.operations.computers.dds import ENVIRONMENT
-from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.site.model import Gateway
+from atlantis_netcfg.vpn.client import IDENTITY, SERVICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -75,6 +76,8 @@ class Promises:
     """Units that take the environment of ROS 2 when they start."""
     packages: dict[str, str | None] = field(default_factory=dict)
     """Name to version, which may end in `*`; None: any."""
+    tunnel: str | None = None
+    """Address in the VPN; None: it is no member."""
     build: Mapping[str, Any] | None = None
     alone: Mapping[str, str] = field(default_factory=dict)
     """Variables that nothing else on the computer may set otherwise."""
@@ -123,6 +126,9 @@ class Promises:
                 "firewall": ("sh", "-c", table),
                 # What the file means, in a network namespace that is gone a moment later.
                 "firewall_meant": ("unshare", "-n", "sh", "-c", f"nft -f {FIREWALL} && {table}"),
+                "tunnel": ("ip", "-4", "-oneline", "address", "show", "dev", VPN_INTERFACE),
+                # Of its identity the certificate alone, for the key leaves the computer for nobody.
+                "vpn_certificate": ("sed", "-n", "/^<cert>$/,/^<.cert>$/p", IDENTITY),
                 "login": ("env", "-i", "HOME=/root", "sh", "-lc", "env"),
                 "elsewhere": ("sh", "-c", f"grep -HnsE '{'|'.join(self.alone) or '^$'}' {places} || true"),
             },
@@ -133,12 +139,16 @@ def promises(declaration: Declaration, host: Host) -> Promises:
     """Put together what all parts say of a gateway."""
     made = Promises(host)
     for name, part in PARTS.items():
-        if name == ACCESS:
+        if name == ACCESS or not concerns(name, host):
             continue
         try:
             _take(made, part(declaration, host, Request()))
         except NetcfgError as error:
             made.lacking[name] = f"{error}; {error.hint}" if error.hint else str(error)
+    if isinstance(host.device, Gateway) and host.device.vpn_address is not None:
+        # Whether or not its identity is on this computer: the gateway has one.
+        made.tunnel = str(host.device.vpn_address)
+        made.units[SERVICE] = UnitThere(SERVICE, enabled=True, active=True)
     return made
 
 

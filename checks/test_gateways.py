@@ -8,16 +8,22 @@ from __future__ import annotations
 
 import json
 import re
+from datetime import UTC, datetime, timedelta
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
+from cryptography.x509 import load_pem_x509_certificate
+
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.elsewhere import note, settings
+from atlantis_netcfg.vpn.client import SERVICE
 from checks.gateway_promises import BUILT, ENVIRONMENT, JOURNAL, LOCALE, SSHD
 
 if TYPE_CHECKING:
     from checks.gateway_promises import Promises
     from checks.gateway_reached import Answers
 
+LASTS = timedelta(days=30)
+"""So long a new identity may take to reach a vessel."""
 CLOCK_S = 2.0
 """Certificates and logs bear that; chrony holds it within milliseconds."""
 FREE, FREE_MB = 0.1, 300
@@ -120,6 +126,30 @@ def test_firewall_is_the_declared_one(promised: Promises, answers: Answers) -> N
     assert loaded == answers.said("firewall_meant"), (
         "the loaded rules are not those of the file: `systemctl reload nftables`"
     )
+
+
+def test_tunnel_has_its_address(promised: Promises, answers: Answers) -> None:
+    if promised.tunnel is not None:
+        found = re.findall(r"inet ([\d.]+)/", answers.told["said"]["tunnel"] or "")
+        assert found == [promised.tunnel], (
+            f"the tunnel is {f'at {found[0]}' if found else 'not up'}, declared is {promised.tunnel}; on the computer: "
+            f"`journalctl -eu {SERVICE}`"
+        )
+
+
+def test_vpn_identity_lasts(promised: Promises, answers: Answers) -> None:
+    if promised.tunnel is not None:
+        name = promised.host.name
+        found = re.search(r"-----BEGIN CERTIFICATE.*?END CERTIFICATE-----", _certificate(answers), re.DOTALL)
+        assert found is not None, f"there is no certificate of the VPN; type `provision vpn onboard host={name}`"
+        left = load_pem_x509_certificate(found[0].encode()).not_valid_after_utc - datetime.now(UTC)
+        assert left >= LASTS, (
+            f"the VPN lets it in for {max(left.days, 0)} days more; type `provision vpn renew host={name}`"
+        )
+
+
+def _certificate(answers: Answers) -> str:
+    return answers.told["said"]["vpn_certificate"] or ""
 
 
 def test_card_has_room(answers: Answers) -> None:

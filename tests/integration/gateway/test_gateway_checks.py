@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
+
+from atlantis_netcfg.operations.vpn.rehearsed import identities
+from atlantis_netcfg.vpn.client import IDENTITY
+from atlantis_netcfg.vpn.client import SERVICE as TUNNEL
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,6 +40,9 @@ BREACHES = {
     ),
     f"touch {DDS}/old.xml": f"test_nothing_else_in[coastal-gateway:{DDS}]",
     "dpkg --force-all --remove tzdata": "test_package[coastal-gateway:tzdata]",
+    f"systemctl disable {TUNNEL}": f"test_unit[coastal-gateway:{TUNNEL}]",
+    "ip address flush dev tun0": "test_tunnel_has_its_address[coastal-gateway]",
+    f"sed -i /CERTIFICATE/d {IDENTITY}": "test_vpn_identity_lasts[coastal-gateway]",
     "systemctl stop chrony": "test_unit[coastal-gateway:chrony.service]",
     "systemctl disable nftables": "test_unit[coastal-gateway:nftables.service]",
     f"rm {CHRONYC}": "test_clock_follows_a_source[coastal-gateway]",
@@ -59,11 +66,12 @@ ROOM = "test_card_has_room[coastal-gateway]"
 
 @pytest.fixture
 def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F811 - fixtures
-    """A gateway that two roles have brought to what is declared; the data gateway runs on it."""
-    made = Stand(machine(NAME, disk_mb=2000), technician, tmp_path, ["gateway_base", "gateway_dds"])
+    """A gateway that three roles have brought to what is declared; the data gateway runs on it."""
+    made = Stand(machine(NAME, disk_mb=2000), technician, tmp_path, ["gateway_base", "openvpn_client", "gateway_dds"])
     made.declare({"gateways": {"ros2": None, "interop": None}})
     made.declare({"ssh": {"user": ACCOUNT}}, f"host_vars/{NAME}.yml", "device")
     made.gateway.run(f"useradd --create-home {ACCOUNT}; cp -r /root/.ssh ~{ACCOUNT}; chown -R {ACCOUNT}: ~{ACCOUNT}")
+    identities(SHIPPED, [SHIPPED.hosts[NAME]], tmp_path / "state" / "vpn")
     made.gateway.put("/etc/sudoers.d/test", f"{ACCOUNT} ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
     made.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
     made.gateway.put(READER, SERVICE)
@@ -71,6 +79,8 @@ def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F8
     done = made.run()
     assert done["status"] == "changed", done["message"]
     assert made.run()["changes"] == []
+    # No server answers: somebody else's interface stands for the tunnel.
+    made.gateway.run("ip tuntap add dev tun0 mode tun; ip address add 10.80.0.21/16 dev tun0")
     made.gateway.put(CHRONYC, FOLLOWS, mode="0755")
     made.gateway.run("systemctl start atlantis-data-gateway")
     return made
