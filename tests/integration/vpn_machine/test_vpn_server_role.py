@@ -11,13 +11,13 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from vpn_stand import FOLDER, NAME, TUNNEL, stand, wait  # noqa: F401 - a fixture
+from vpn_server_stand import FOLDER, NAME, TUNNEL, stand, wait  # noqa: F401 - a fixture
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType, Link
 
 if TYPE_CHECKING:
-    from vpn_stand import Stand
+    from vpn_server_stand import Stand
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 EXPOSURE = 4.0
