@@ -24,7 +24,12 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, Iterator, NamedTuple  # noqa: UP035 - Python 3.8
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    Facts = dict[str, Any]
 
 OK, FAIL, UNKNOWN = "ok", "FAIL", "?"
 PASSED, FAILED = 0, 6
@@ -34,7 +39,6 @@ READY = "Initialization Sequence Completed"
 REACHED = "TLS: Initial packet from"
 BLOCKS = ("ca", "cert", "key")
 ROOT = os.name != "posix" or os.geteuid() == 0
-Facts = dict[str, Any]
 
 
 class Result(NamedTuple):
@@ -193,7 +197,7 @@ def ping(address: str, size: int = 56) -> str | None:
         try:
             with socket.socket(socket.AF_INET, kind, socket.IPPROTO_ICMP) as one:
                 return echo(one, address, size)
-        except OSError:
+        except OSError:  # noqa: PERF203 - each kind may be forbidden
             continue
     command = ["ping", "-c", "2", "-s", str(size), address]
     try:
