@@ -10,10 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown
+from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
-from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.deploying import Deployed
 from atlantis_netcfg.operations.vpn.link import SshLink
@@ -35,7 +34,12 @@ _RECORDED = "all of it is recorded, and the server is brought to it by `provisio
 
 def over_ssh(declaration: Declaration, request: Request) -> Opener:
     """Opens the link to the declared server. Raises UsageError for example values, which lead to nobody's."""
-    refuse_examples(declaration, rehearsed=request.rehearsed)
+    if declaration.pilot.example_values and not request.rehearsed:
+        raise UsageError(
+            "the inventory still holds example values, which lead to nobody's server",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, "
+            "or add --no-push, which contacts nobody",
+        )
     host = declaration.hosts[declaration.pilot.vpn.server]
     return lambda: SshLink(host.name, computer_access(declaration, host, request))
 

@@ -1,4 +1,4 @@
-"""The VPN's commands from the first to the last, with a real server: onboarded, connected, renewed, seen, revoked, dead."""
+"""The VPN's commands with a real server: onboarded, connected, renewed, seen, revoked, dead."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pyrage
 import pytest
 from live_stand import LOG, NAME, Client, Record, Server, until
 from vpn_desk import PASSPHRASE, Desk, onboarding, seated
@@ -55,14 +56,20 @@ def server(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
         yield made
 
 
+KEY = pyrage.x25519.Identity.generate()
+"""Of the partner; with a key no second is lost to a passphrase."""
+SEALED = (*onboarding("iqua", "sparus2", "robot")[:-1], f"recipient={KEY.to_public()}")
+
+
 def opened(row: dict[str, Any]) -> str:
-    """The profile, as the partner gets it out of the file with the passphrase that was told by telephone."""
+    """The profile, as the partner gets it: with the passphrase that was told by telephone, or with a key."""
     data = Path(row["copy"] or row["file"]).read_bytes()
-    return open_handout(data, Secret(row["passphrase"]))[f"{_MEMBER}.ovpn"]
+    return open_handout(data, Secret(row["passphrase"] or str(KEY)))[f"{_MEMBER}.ovpn"]
 
 
 def use(client: Client, profile: str) -> None:
     """Start OpenVPN with the handed-out file as it is; where its log goes is all that is added."""
+    client.run("ip", "route", "replace", "203.0.113.2/32", "via", "10.99.1.1")
     client.put("/etc/openvpn/client.conf", f"{profile}\nlog-append {LOG}\ndisable-dco\nverb 3\n", 0o600)
     client.start()
 
@@ -87,7 +94,7 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     assert [one["common_name"] for one in found["server"]["sessions"]] == [_MEMBER]
     assert desk.told("show", f"name={_MEMBER}")["member"]["standing"] == "in use"
 
-    (renewed,) = desk.told("renew", f"name={_MEMBER}", passphrase=PASSPHRASE)["members"]
+    (renewed,) = desk.told("renew", f"name={_MEMBER}", SEALED[-1], passphrase=PASSPHRASE)["members"]
     assert (renewed["common_name"], server.names()) == (f"{_MEMBER}.2", [_MEMBER])
     client.stop()
     use(client, opened(renewed))
@@ -112,9 +119,9 @@ def test_a_server_that_is_away_delays_and_loses_nothing(
 ) -> None:
     there = connected.over_ssh
     monkeypatch.setattr(connected, "over_ssh", lambda *_: lambda: LocalLink(NAME, ("false",)))
-    waits = desk.told(*onboarding("iqua", "sparus2", "robot")[:-1], passphrase=PASSPHRASE, code=5)
+    waits = desk.told(*SEALED, passphrase=PASSPHRASE, code=5)
     (row,) = waits["members"]
-    assert (waits["deployed"], row["passphrase"] is not None) == (False, True)
+    assert (waits["deployed"], row["passphrase"]) == (False, None)
     assert "`provision vpn sync`" in waits["errors"][0]["hint"]
     assert told(desk.told("status", code=5), "INCONCLUSIVE").startswith("the server: ")
 
@@ -136,7 +143,7 @@ def test_a_server_that_is_away_delays_and_loses_nothing(
 
 
 def test_a_changed_file_on_the_server_is_told_and_not_put_right_in_passing(desk: Desk, server: Server) -> None:
-    desk.told(*onboarding("iqua", "sparus2", "robot")[:-1], passphrase=PASSPHRASE)
+    desk.told(*SEALED, passphrase=PASSPHRASE)
     server.put(f"/etc/openvpn/atlantis/ccd/{_MEMBER}", "ifconfig-push 10.80.17.9 255.255.0.0\n")
     for _ in range(2):
         assert "changed by hand" in told(desk.told("status", code=6), "FAIL")

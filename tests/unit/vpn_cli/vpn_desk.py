@@ -8,15 +8,19 @@ import shutil
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli import _vpn, main
+from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     import pytest
+
+    from atlantis_netcfg.site import Declaration
 
 PASSPHRASE = "mackerel-lantern-orbit-velvet"
 NOBODY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"
@@ -36,7 +40,9 @@ class Desk:
 
     def files(self) -> dict[str, bytes]:
         """All that is on its disk."""
-        return {str(path.relative_to(self.folder)): path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}
+        return {
+            str(path.relative_to(self.folder)): path.read_bytes() for path in self.folder.rglob("*") if path.is_file()
+        }
 
     def type(self, *words: str, passphrase: str | None = None) -> tuple[int, str, str]:
         """Exit code, output, errors; with a passphrase, it comes over a pipe."""
@@ -59,10 +65,16 @@ class Desk:
 
 @cache
 def founded(base: Path) -> Path:
-    """A folder with an authority in it, made by the command, once for each process of a test run."""
+    """A folder with an authority in it, made by the command, once for each process of a test run.
+
+    Sealed as Ansible does it: tests do not wait for age's second.
+    """
     folder = base / "founded"
     with over_a_pipe(PASSPHRASE) as number:
-        assert main(["vpn", "init", f"authority={folder / 'vpn'}", "--passphrase-fd", number, "--json"]) == 0
+        assert (
+            main(["vpn", "init", f"authority={folder / 'vpn'}", "sealed=vault", "--passphrase-fd", number, "--json"])
+            == 0
+        )
     return folder
 
 
@@ -78,10 +90,9 @@ def over_a_pipe(text: str) -> Iterator[str]:
         os.close(read)
 
 
-def seated(
-    base: Path, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Desk:
+def seated(base: Path, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
     """A desk with a copy of the authority, and a state directory of its own."""
+    reading_once(monkeypatch)
     monkeypatch.setenv("ATLANTIS_STATE", str(folder / "state"))
     shutil.copytree(founded(base), folder / "desk")
     capsys.readouterr()
@@ -91,3 +102,14 @@ def seated(
 def onboarding(partner: str, device: str, kind: str = "laptop", *more: str) -> Sequence[str]:
     """The words of an onboarding that contacts nobody and is sealed to a key: no second is lost to scrypt."""
     return ["onboard", f"partner={partner}", f"device={device}", f"kind={kind}", *more, "--no-push"]
+
+
+@cache
+def declared() -> Declaration:
+    """The shipped pilot, read once."""
+    return load(checkout() / "inventory")
+
+
+def reading_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no command line read the inventory's files again."""
+    monkeypatch.setattr(_vpn, "declared", lambda _arguments: declared())
