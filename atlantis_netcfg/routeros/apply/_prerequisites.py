@@ -17,6 +17,8 @@ POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
 """What our user's group must be allowed: without `sensitive` a secret reads as empty, and would be written again."""
 
 _CERTIFICATES = "/certificate"
+_TUNNEL = "/interface/ovpn-client"
+_INSTALL = "type `provision vpn install host={}` first"
 _NO_CERTIFICATE = ("", "none", "auto")
 _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server": "bandwidth-test"}
 """Menus that device-mode can forbid (manual, Device-mode)."""
@@ -44,7 +46,8 @@ def _certificates(plan: Plan, observed: Observed) -> Iterator[str]:
     for action in plan.actions:
         name = dict(action.values).get("certificate", "")
         if name not in _NO_CERTIFICATE and name not in there:
-            yield f"{MENUS[action.menu].title} needs certificate {name}, which is not on the device: import it first"
+            needs = f"{MENUS[action.menu].title} needs certificate {name}, which is not on the device"
+            yield f"{needs}: {_INSTALL.format(plan.device) if action.menu == _TUNNEL else 'import it first'}"
 
 
 def _features(plan: Plan, facts: Facts) -> Iterator[str]:
