@@ -1,7 +1,7 @@
 """Two computers of the pilot in network namespaces, joined by plain routing or by a real OpenVPN, with a link to cut.
 
     gateway ---- router ---- centre          the gateway's link is cut at the router's side
-                  server (OpenVPN, in the router's place)
+    gateway -- satellite -- server -- centre the pilot's VPN, of tests/integration/vpn
 
 The computers have their declared addresses and nothing else; the router passes no multicast. What a participant hears
 it says in lines, which a thread keeps; waiting is for lines, not for time.
@@ -17,13 +17,16 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import pytest
+from matrix_stand import Vpn, host, vpn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration
 
 GATEWAY, ROUTER, CENTRE = "gateway", "router", "centre"
 DEFAULT_DOMAIN = 12
@@ -91,14 +94,40 @@ def routed(gateway: str, centre: str) -> Iterator[Stand]:
         yield stand
 
 
+@dataclass
+class Tunnelled(Stand):
+    """The VPN of the product; the gateway's link to it is a satellite's: 700 ms, 352 and 704 kbit/s."""
+
+    vpn: Vpn
+
+    def name(self, who: str) -> str:
+        return self.vpn.name(_HOSTS[who])
+
+    def cut(self) -> None:
+        self.vpn.links[_HOSTS[GATEWAY]].cut()
+
+    def mend(self) -> None:
+        self.vpn.links[_HOSTS[GATEWAY]].mend()
+
+    def tunnels(self) -> int:
+        """How often the gateway's tunnel has come up."""
+        return "".join(self.vpn.said[_HOSTS[GATEWAY]]).count("Initialization Sequence Completed")
+
+
+_HOSTS = {GATEWAY: "coastal-gateway", CENTRE: "scc-control"}
+
+
 @contextmanager
-def tunnelled(gateway: str, centre: str, server: str, folder: Path) -> Iterator[Stand]:
-    """The two addresses in the tunnels of an OpenVPN server that stands in the router's place."""
+def tunnelled(declaration: Declaration, folder: Path) -> Iterator[Tunnelled]:
+    """The two computers as members of a real OpenVPN, with every file as the product writes it."""
+    wishes = [host(declaration, name) for name in _HOSTS.values()]
     with ExitStack() as stack:
-        stand = _namespaces(stack, {GATEWAY: gateway, CENTRE: centre})
-        _wire(stand, GATEWAY, "10.9.1.2", "10.9.1.1")
-        _wire(stand, CENTRE, "10.9.2.2", "10.9.2.1")
-        _vpn(stand, server, folder)
+        made = stack.enter_context(vpn(declaration, wishes, folder, slow=[_HOSTS[GATEWAY]]))
+        roll = made.authority.roll()
+        addresses = {who: str(roll.members[name].address) for who, name in _HOSTS.items()}
+        stand = Tunnelled(made.prefix, addresses, stack, made)
+        for who in _HOSTS:
+            stand.run(who, "nft", _COUNT_MULTICAST)
         yield stand
 
 
@@ -144,72 +173,6 @@ def _wire(stand: Stand, who: str, address: str, router: str) -> None:
     end = time.monotonic() + _PATIENCE_S
     while stand.run(who, "cat", "/sys/class/net/eth0/operstate") != "up\n":  # Fast DDS passes others over for good
         assert time.monotonic() < end
-
-
-def _vpn(stand: Stand, server: str, folder: Path) -> None:
-    """OpenVPN as the facts recommend: tun, subnet, client to client, a tunnel MTU of 1400, a restart after 180 s."""
-    prints = {who: _certificate(folder, who) for who in (GATEWAY, ROUTER, CENTRE)}
-    clients = folder / "clients"
-    clients.mkdir()
-    for who, address in stand.addresses.items():
-        (clients / who).write_text(f"ifconfig-push {address} 255.255.0.0\n")
-    network = f"{'.'.join(server.split('.')[:2])}.0.0"
-    common: tuple[str, ...] = (
-        "--dev",
-        "tun0",
-        "--dev-type",
-        "tun",
-        "--topology",
-        "subnet",
-        "--tun-mtu",
-        "1400",
-        "--disable-dco",
-    )
-    common += ("--keepalive", "10", "180", "--dh", "none", "--verb", "3", "--suppress-timestamps")
-    openvpn = stand.start(
-        *(ROUTER, "openvpn", *common, "--server", network, "255.255.0.0", "nopool", "--client-to-client"),
-        *("--client-config-dir", str(clients), "--port", "1194", *_identity(folder, ROUTER)),
-        *("--peer-fingerprint", prints[GATEWAY], "--peer-fingerprint", prints[CENTRE]),
-    )
-    _await(openvpn, "Initialization Sequence Completed")
-    for who, remote in ((GATEWAY, "10.9.1.1"), (CENTRE, "10.9.2.1")):
-        client = stand.start(
-            *(who, "openvpn", *common, "--client", "--nobind", "--remote", remote, "1194", *_identity(folder, who)),
-            *("--peer-fingerprint", prints[ROUTER]),
-        )
-        _await(client, "Initialization Sequence Completed")
-
-
-def _identity(folder: Path, who: str) -> tuple[str, ...]:
-    return ("--cert", str(folder / f"{who}.crt"), "--key", str(folder / f"{who}.key"))
-
-
-def _certificate(folder: Path, who: str) -> str:
-    """Make a key and a certificate that signs itself; give its fingerprint."""
-    key, certificate = str(folder / f"{who}.key"), str(folder / f"{who}.crt")
-    new = ("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
-    subject = ("-subj", f"/CN={who}", "-keyout", key, "-out", certificate)
-    subprocess.run(["openssl", *new, *subject], check=True, capture_output=True)
-    shown = ("x509", "-fingerprint", "-sha256", "-noout", "-in", certificate)
-    done = subprocess.run(["openssl", *shown], check=True, capture_output=True, text=True)
-    return done.stdout.strip().partition("=")[2]
-
-
-def _await(process: subprocess.Popen[str], words: str) -> None:
-    """Read a program's lines up to the one with these words, and go on reading behind the test's back."""
-    assert process.stdout is not None
-    said = []
-    for line in process.stdout:
-        said.append(line)
-        if words in line:
-            threading.Thread(target=_drain, args=(process.stdout,), daemon=True).start()
-            return
-    pytest.fail(f"it ended:\n{''.join(said)}")
-
-
-def _drain(lines: IO[str]) -> None:
-    with lines:
-        lines.read()
 
 
 @dataclass

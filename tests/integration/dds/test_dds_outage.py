@@ -1,8 +1,9 @@
 """With the generated profiles real participants meet without multicast, and again after a satellite's 70 s of silence.
 
 Cyclone DDS of PyPI and of Debian and Fast DDS of Debian, each between two computers of the shipped pilot: over plain
-routing and over a real OpenVPN. All share one outage. Debian's versions (Cyclone DDS 0.10.2, Fast DDS 2.9.1) stand for
-those of Humble and Jazzy; nothing here runs Foxy's own (0.7, 2.1).
+routing and through the pilot's VPN, of which the gateway is a member over a satellite. All share one outage. Debian's
+versions (Cyclone DDS 0.10.2, Fast DDS 2.9.1) stand for those of Humble and Jazzy; nothing here runs Foxy's own (0.7,
+2.1).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, routed, speak, tunnelled
+from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, Tunnelled, routed, speak, tunnelled
 
 from atlantis_netcfg.dds import GAP_S, profile_views, profiles
 from atlantis_netcfg.site import load
@@ -63,7 +64,7 @@ SHORT, NONE = "cyclone-pypi with a lease of 10 s", "cyclone-pypi without a profi
 class Told:
     """What came of one pair."""
 
-    stand: Stand
+    stand: Stand | Tunnelled
     gateway: Participant
     centre: Participant
     cut: float = 0.0
@@ -144,7 +145,7 @@ def outage(
             gateway, centre = (view(declaration, who).address for who in (GATEWAY, CENTRE))
             below = folder / way
             below.mkdir()
-            made = routed(gateway, centre) if way is DdsPath.LAN else tunnelled(gateway, centre, "10.80.0.1", below)
+            made = routed(gateway, centre) if way is DdsPath.LAN else tunnelled(declaration, below)
             stand = stack.enter_context(made)
             told |= {f"{name} {way}": pair for name, pair in _pairs(stand, declaration, programs, below)}
         yield _lived_through(told)
@@ -203,8 +204,16 @@ def test_real_participants_live_through_a_satellites_silence(outage: Mapping[str
         for name in KINDS:
             _meet_and_meet_again(outage[f"{name} {way}"])
         assert outage[f"{SHORT} {way}"].stand.multicast_sent("announced") == 0
+    _stay_up(outage[f"{SHORT} {DdsPath.VPN}"].stand)
     _give_the_other_up(outage[f"{SHORT} {DdsPath.LAN}"])
     _never_meet(outage[f"{NONE} {DdsPath.LAN}"])
+
+
+def _stay_up(stand: Stand) -> None:
+    """The tunnel has outlived the silence: it came up once."""
+    assert isinstance(stand, Tunnelled)
+    assert stand.tunnels() == 1, "".join(stand.vpn.said["coastal-gateway"])
+    assert stand.vpn.counter("p_spoofed") == 0
 
 
 def _meet_and_meet_again(pair: Told) -> None:

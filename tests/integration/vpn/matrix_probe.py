@@ -26,7 +26,7 @@ _ETH_P_IP = 0x0800
 _OUTGOING = 4
 _IP_PKTINFO = 8
 _SO_RCVBUFFORCE = 33
-_PATIENCE_S = 30.0
+PATIENCE_S = 30.0
 _SOURCE_PORT = 40001
 _NUMBERS = {Protocol.ICMP: 1, Protocol.TCP: 6, Protocol.UDP: 17}
 
@@ -48,6 +48,7 @@ class Probes:
     def __init__(self, made: Vpn, ends: Mapping[str, str], ports: Iterable[int]) -> None:
         self.ends = ends
         self.heard: set[Heard] = set()
+        self.patience_s = PATIENCE_S
         self._changed = threading.Condition()
         self._selector = selectors.DefaultSelector()
         self._senders: dict[tuple[str, Protocol], socket.socket] = {}
@@ -88,7 +89,7 @@ class Probes:
 
     def wait(self, until: Callable[[], object]) -> bool:
         """Wait for what arrivals make true; False if it does not come."""
-        end = time.monotonic() + _PATIENCE_S
+        end = time.monotonic() + self.patience_s
         with self._changed:
             while not until() and time.monotonic() < end:
                 self._changed.wait(0.05)

@@ -25,7 +25,7 @@ from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site.model import Gateway
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
-from atlantis_netcfg.vpn.client import IDENTITY, openvpn_client
+from atlantis_netcfg.vpn.client import IDENTITY, openvpn_client, site_link
 from atlantis_netcfg.vpn.handout import identity_file, profile
 from atlantis_netcfg.vpn.identity import Kind
 
@@ -305,7 +305,8 @@ def host(declaration: Declaration, name: str) -> Wish:
     """A declared host, with its declared address."""
     device = declaration.hosts[name].device
     client = getattr(device, "vpn_client", None)
-    return Wish(name, Kind.HOST, None, name, address=client.address if client else device.vpn_address)  # type: ignore[union-attr]
+    address = client.address if client else device.vpn_address  # type: ignore[union-attr]
+    return Wish(name, Kind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site))
 
 
 def guest(declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None) -> Wish:
