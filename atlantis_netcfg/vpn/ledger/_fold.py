@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.vpn.identity import Certificate, Member, Roll, Standing
+from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -59,10 +60,16 @@ class Fold:
             self.apply(entry)
 
     def apply(self, entry: Entry) -> None:
-        """Go on by one entry."""
+        """Go on by one entry. Raises LedgerDamaged if it speaks of what no entry before it has made."""
         self.last = entry.at
         step = getattr(self, f"_{entry.record.kind.replace('-', '_')}")
-        step(entry, entry.record)
+        try:
+            step(entry, entry.record)
+        except KeyError as unknown:
+            raise LedgerDamaged(
+                f"line {entry.number} of the ledger is about {unknown}, which was never issued",
+                hint="sign nothing; restore the ledger from your backup of the authority",
+            ) from None
 
     def roll(self) -> Roll:
         """Who is in the VPN, as a value."""
