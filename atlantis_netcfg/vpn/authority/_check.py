@@ -35,13 +35,13 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
     """What a person has to look at."""
     try:
         reading = ledger.read(folder / ledger.FILE)
+        fold = ledger.Fold(reading.entries)
         ca = pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
     except (NetcfgError, OSError, ValueError) as error:
         yield f"the authority in {folder} cannot be read: {error}"
         return
     if reading.damage is not None:
         yield f"{reading.damage}; nothing is signed while it is so"
-    fold = ledger.Fold(reading.entries)
     yield from _times(reading.entries)
     yield from _unfinished(folder, fold)
     yield from _ca(fold, ca, now)

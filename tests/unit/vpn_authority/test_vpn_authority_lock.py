@@ -1,0 +1,70 @@
+"""One at a time; the others wait, and are told for whom."""
+
+from __future__ import annotations
+
+import os
+from multiprocessing import get_context
+from typing import TYPE_CHECKING
+
+import pytest
+from authority_stand import stand
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.vpn.authority import AuthorityBusy, _lock
+from atlantis_netcfg.vpn.authority._lock import Lock, is_held
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_who_holds_it_is_named_and_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = stand(tmp_path)
+    monkeypatch.setattr(_lock, "PATIENCE_S", 0.12)
+    told: list[str] = []
+    with Lock(made.folder, "ana"):
+        assert is_held(made.folder)
+        with (
+            pytest.raises(AuthorityBusy, match=rf"is being worked on by .*\(process {os.getpid()}\).*: as ana") as busy,
+            made.signing(waiting=told.append),
+        ):
+            pass
+        assert busy.value.exit is ExitCode.FAILED
+    assert len(told) == 1
+    assert told[0].startswith("waiting for ")
+    assert "as ana, who works on the authority" in told[0]
+    assert not is_held(made.folder)
+    with made.signing(waiting=told.append):
+        assert is_held(made.folder)
+    assert len(told) == 1
+    assert (made.folder / "lock").read_bytes() == b""
+
+
+def hold_and_die(folder: Path) -> None:
+    Lock(folder, "ana").__enter__()
+    os._exit(9)
+
+
+def test_a_dead_holder_holds_nothing_and_is_cleaned_up_after(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    process = get_context("fork").Process(target=hold_and_die, args=(made.folder,))
+    process.start()
+    process.join()
+    (made.folder / "handouts" / "x").mkdir(parents=True)
+    half = made.folder / "handouts" / "x" / ".member.ovpn.123"
+    half.write_text("half a key")
+    assert not is_held(made.folder)
+    with made.signing():
+        assert not half.exists()
+
+
+def test_a_full_disk_does_not_make_it_weaker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = stand(tmp_path)
+
+    def full(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(_lock, "PATIENCE_S", 0.0)
+    refused = pytest.raises(AuthorityBusy, match="somebody who has just started")
+    with Lock(made.folder, "ana"), refused, Lock(made.folder, "rui"):
+        pass

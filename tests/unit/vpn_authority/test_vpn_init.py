@@ -1,0 +1,124 @@
+"""An authority comes into being as a whole, and is never overwritten."""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+import pytest
+from authority_stand import NAMES, PASSPHRASE, stand
+from cryptography import x509
+from cryptography.x509.oid import NameOID
+
+from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+OTHER = Secret("another six words that a die has chosen")
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_what_lies_in_the_folder(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    assert set(tree(made.folder)) == {
+        "ca.crt",
+        "ca.key.vault",
+        "crl.pem",
+        "ledger.jsonl",
+        "lock",
+        "server/server.crt",
+        "server/server.key",
+        "server/tls-crypt.key",
+        "server/tls-crypt-v2.key",
+    }
+    for path in (made.folder, *made.folder.rglob("*")):
+        assert path.stat().st_mode & 0o077 == 0
+    server = x509.load_pem_x509_certificate((made.folder / "server" / "server.crt").read_bytes())
+    assert server.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == "vpn-server"
+    assert pki.issued_by(server, made.ca.certificate)
+    assert made.authority.server() == NAMES
+    assert made.authority.roll().crl_number == 1
+    assert made.authority.check() == []
+
+
+def test_an_authority_that_is_there_stays(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    before = tree(made.folder)
+    assert Authority.init(made.folder, OTHER, NAMES, "me").folder == made.folder
+    other = ServerNames("vpn-server", ("other.example",), (IPv4Address("192.0.2.1"),))
+    with pytest.raises(
+        UsageError, match=r"there is an authority in .* already, whose server is vpn.example, 192.0.2.1"
+    ):
+        Authority.init(made.folder, OTHER, other, "me")
+    assert tree(made.folder) == before
+
+
+def test_a_weak_passphrase_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(pki.WeakPassphrase):
+        Authority.init(tmp_path / "vpn", Secret("short"), NAMES, "me")
+    assert tree(tmp_path / "vpn") == {"lock": b""}
+    assert not Authority.exists(tmp_path / "vpn")
+
+
+def test_without_one_the_way_to_it_is_said(tmp_path: Path) -> None:
+    with pytest.raises(NoAuthority, match="there is no authority in") as missing:
+        Authority.open(tmp_path)
+    assert "provision vpn init" in str(missing.value.hint)
+    assert missing.value.exit is ExitCode.USAGE
+
+
+def test_a_lost_ledger_is_not_founded_over(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    (made.folder / "ledger.jsonl").unlink()
+    before = tree(made.folder)
+    with pytest.raises(AuthorityDamaged, match=r"has ca.crt, crl.pem, ca.key.vault, but not the ledger"):
+        Authority.open(made.folder)
+    with pytest.raises(AuthorityDamaged, match="but not the ledger"):
+        Authority.init(made.folder, PASSPHRASE, NAMES, "me", "vault")
+    assert tree(made.folder) == before
+
+
+def test_a_folder_where_none_can_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(Exception, match="there is no place for the authority: File exists"):
+        Authority.init(tmp_path / "file", PASSPHRASE, NAMES, "me")
+
+
+def test_the_passphrase_is_changed(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    authority = made.authority
+    authority.reseal(PASSPHRASE, OTHER, "me", "vault")
+    with pytest.raises(pki.WrongPassphrase), authority.unlocked(lambda: PASSPHRASE, "me"):
+        pass
+    # The repeat of a change that was killed at its end has nothing left to do.
+    authority.reseal(PASSPHRASE, OTHER, "me", "vault")
+    with pytest.raises(pki.WrongPassphrase):
+        authority.reseal(PASSPHRASE, Secret("a third passphrase, never used"), "me", "vault")
+    authority.reseal(OTHER, PASSPHRASE, "me")
+    assert (made.folder / "ca.key.age").exists()
+    assert not (made.folder / "ca.key.vault").exists()
+    with authority.unlocked(lambda: PASSPHRASE, "me") as signer:
+        signer.publish()
+    assert "the CA key was put under another passphrase (age)" in [entry.words for entry in authority.history()]
+    text = (made.folder / "ledger.jsonl").read_text()
+    assert PASSPHRASE.reveal() not in text
+    assert OTHER.reveal() not in text
+
+
+def test_a_ca_of_another_ledger_signs_nothing(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    other = Authority.init(tmp_path / "other", PASSPHRASE, NAMES, "me", "vault")
+    for name in ("ca.crt", "ca.key.vault"):
+        (made.folder / name).write_bytes((other.folder / name).read_bytes())
+    refused = pytest.raises(AuthorityDamaged, match=r"ca.crt is not the certificate authority of the ledger")
+    with refused, made.authority.unlocked(lambda: PASSPHRASE, "me"):
+        pass
+    assert "ca.crt is not the certificate authority of the ledger" in made.authority.check()

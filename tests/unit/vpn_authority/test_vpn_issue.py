@@ -1,0 +1,181 @@
+"""Members are made: recorded first, handed out once, all checked before the first."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from authority_stand import POOL, Stand, stand, wish
+from cryptography import x509
+
+from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.vpn.authority import AuthorityFailed, Delivered, NameTaken, OtherMember, Wish
+from atlantis_netcfg.vpn.identity import Identity, KeyType, Kind, Link, Standing, Wrap
+from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
+
+
+def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    asked = wish("sparus2", link=Link.SATELLITE, vehicle="sparus", days=60, request_id="r1")
+    with made.signing() as signer:
+        (issued,) = signer.issue([asked], made.deliver)
+    (identity,) = made.identities
+    certificate = x509.load_pem_x509_certificate(identity.cert.encode())
+    assert certificate.subject.rfc4514_string() == "CN=iqua-sparus2"
+    assert certificate.serial_number == issued.certificate.serial
+    assert (certificate.not_valid_after_utc - certificate.not_valid_before_utc).days == 61
+    assert identity.ca == (made.folder / "ca.crt").read_text()
+    assert identity.cert == (made.folder / "certs" / "iqua-sparus2.pem").read_text()
+    assert identity.member == issued.member == made.authority.roll().members["iqua-sparus2"]
+    assert (issued.member.kind, issued.member.link, issued.member.vehicle) == (Kind.ROBOT, Link.SATELLITE, "sparus")
+    assert issued.certificate.standing is Standing.ISSUED
+    assert not issued.already
+    assert made.authority.check() == []
+
+
+def test_it_is_recorded_before_it_is_handed_out(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+
+    def deliver(identity: Identity) -> Delivered:
+        lines = [json.loads(line) for line in (made.folder / "ledger.jsonl").read_text().splitlines()]
+        mine = next(line for line in lines if line.get("common_name") == identity.certificate.common_name)
+        assert int(mine["serial"], 16) == identity.certificate.serial
+        assert mine["sha256"] == identity.certificate.sha256
+        seen_by_others = made.authority.roll().members[identity.member.name]
+        assert [one.reason for one in seen_by_others.certificates] == [NEVER_HANDED_OUT]
+        assert seen_by_others.good == ()
+        return made.deliver(identity)
+
+    with made.signing() as signer:
+        signer.issue([wish("a"), wish("b")], deliver)
+    assert len(made.identities) == 2
+
+
+def test_the_same_wish_again_makes_nothing(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    before = (made.folder / "ledger.jsonl").read_bytes()
+    with made.signing() as signer:
+        again, new = signer.issue([wish("a"), wish("b")], made.deliver)
+    assert (again.already, new.already) == (True, False)
+    assert again.delivered.path.endswith("iqua-a/member.txt")
+    assert [one.member.name for one in made.identities] == ["iqua-a", "iqua-b"]
+    after = (made.folder / "ledger.jsonl").read_bytes()
+    assert after.startswith(before)
+    with made.signing() as signer:
+        assert all(one.already for one in signer.issue([wish("a"), wish("b")], made.deliver))
+    assert (made.folder / "ledger.jsonl").read_bytes() == after
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"kind": Kind.LAPTOP}, "kind is robot, not laptop"),
+        ({"link": Link.LTE}, "link is fibre, not 4g"),
+        ({"vehicle": "sparus"}, "vehicle is none, not sparus"),
+        ({"wrap": Wrap.TLS_CRYPT}, "wrap is tls-crypt-v2, not tls-crypt"),
+        ({"key": KeyType.RSA}, "key is ec, not rsa"),
+        ({"address": POOL[9]}, r"address is 10.8.16.1, not 10.8.16.9"),
+    ],
+)
+def test_another_wish_of_that_name_is_told_what_differs(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    with made.signing() as signer, pytest.raises(OtherMember, match=said) as other:
+        signer.issue([wish("a", **change)], made.deliver)
+    assert "provision vpn renew iqua-a" in str(other.value.hint)
+
+
+def test_nothing_is_made_of_a_batch_with_one_wrong_wish(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    before = (made.folder / "ledger.jsonl").read_bytes()
+    with made.signing() as signer:
+        for wrong in (
+            [wish("a"), wish("a")],
+            [wish("a"), replace(wish("b"), device="c")],
+            [wish("a"), Wish("iqua-b", Kind.ROBOT, "iqua", "b")],
+            [wish("a"), wish("b", vehicle="a\x1bb")],
+            [wish("a"), wish("b", request_id="x" * 500)],
+        ):
+            with pytest.raises(UsageError):
+                signer.issue(wrong, made.deliver)
+    assert (made.folder / "ledger.jsonl").read_bytes() == before
+    assert made.identities == []
+
+
+def test_names_never_return(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    with made.signing() as signer:
+        signer.revoke(["iqua-a"], "sold")
+        with pytest.raises(NameTaken, match=r"`iqua-a` was revoked: sold. Names never return") as taken:
+            signer.issue([wish("a")], made.deliver)
+    assert taken.value.hint == "device=a-2, for instance"
+
+
+def failing(made: Stand, name: str, error: Exception) -> None:
+    def deliver(identity: Identity) -> Delivered:
+        delivered = made.deliver(identity)
+        if identity.member.name == name:
+            raise error
+        return delivered
+
+    with made.signing() as signer:
+        signer.issue([wish("a"), wish("b"), wish("c")], deliver)
+
+
+def test_what_was_not_handed_out_is_revoked_and_made_anew(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    with pytest.raises(AuthorityFailed, match="what `iqua-b` gets cannot be written: disk on fire"):
+        failing(made, "iqua-b", OSError(5, "disk on fire"))
+    roll = made.authority.roll()
+    assert [len(roll.members[f"iqua-{name}"].good) for name in "abc"] == [1, 0, 0]
+    assert made.authority.check() == []
+    assert roll.queued == ()
+    made.issue("a", "b", "c")
+    roll = made.authority.roll()
+    assert [one.good[0].common_name for one in roll.members.values()] == ["iqua-a", "iqua-b.2", "iqua-c.2"]
+    assert [str(one.address) for one in roll.members.values()] == ["10.8.16.1", "10.8.16.2", "10.8.16.3"]
+    told = [entry.words for entry in made.authority.history()]
+    assert any("iqua-b, iqua-c was never handed out, and is revoked" in words for words in told)
+
+
+def test_an_error_of_the_hand_out_goes_on_as_it_is(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    with pytest.raises(NetcfgError, match="no such recipient"):
+        failing(made, "iqua-a", NetcfgError("no such recipient"))
+    assert made.authority.check() == []
+
+
+def test_who_was_never_handed_out_may_be_wished_for_otherwise(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    with pytest.raises(ZeroDivisionError):
+        failing(made, "iqua-a", ZeroDivisionError())
+    with made.signing() as signer:
+        asked = wish("a", kind=Kind.LAPTOP, address=POOL[9])
+        (issued,) = signer.issue([asked], made.deliver)
+        assert (issued.member.kind, str(issued.member.address)) == (Kind.LAPTOP, "10.8.16.9")
+        signer.revoke(["iqua-b"], "not needed after all")
+        with pytest.raises(NameTaken, match="not needed after all"):
+            signer.issue([wish("b")], made.deliver)
+
+
+def test_a_large_batch_waits_little_for_the_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = stand(tmp_path)
+    synced: list[str] = []
+    sync = os.fsync
+
+    def counted(descriptor: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        sync(descriptor)
+
+    with made.signing() as signer, monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", counted)
+        issued = signer.issue([wish(f"d{number}") for number in range(220)], made.deliver)
+    assert len({one.member.address for one in issued}) == 220
+    assert synced.count("ledger.jsonl") == 8
+    assert made.authority.check() == []

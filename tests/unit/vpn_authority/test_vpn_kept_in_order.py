@@ -1,0 +1,195 @@
+"""What `check` finds, what the next command mends, and what the clock forbids."""
+
+from __future__ import annotations
+
+import shutil
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import pytest
+from authority_stand import stand, wish
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority import AuthorityDamaged, ClockBehind, _book
+from atlantis_netcfg.vpn.identity import KeyType
+from atlantis_netcfg.vpn.ledger import LedgerDamaged
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from authority_stand import Stand
+
+NOW = datetime.now(UTC)
+
+
+def remove_copy(folder: Path) -> None:
+    (folder / "certs" / "iqua-a.pem").unlink()
+
+
+def change_copy(folder: Path) -> None:
+    shutil.copy(folder / "certs" / "iqua-b.pem", folder / "certs" / "iqua-a.pem")
+
+
+def remove_list(folder: Path) -> None:
+    (folder / "crl.pem").unlink()
+
+
+def empty_list(folder: Path) -> None:
+    (folder / "crl.pem").write_bytes(b"")
+
+
+MENDED: list[tuple[Callable[[Path], None], str]] = [
+    (remove_copy, "certs/iqua-a.pem is missing; the next command that signs writes it again"),
+    (change_copy, "certs/iqua-a.pem is not the certificate that was recorded"),
+    (remove_list, "crl.pem cannot be read: No such file or directory"),
+    (empty_list, "crl.pem would lock everybody out, or admit the revoked"),
+]
+
+
+@pytest.mark.parametrize(("harm", "said"), MENDED, ids=lambda value: getattr(value, "__name__", ""))
+def test_what_can_be_made_again_is(harm: Callable[[Path], None], said: str, tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a", "b")
+    harm(made.folder)
+    (problem,) = made.authority.check()
+    assert problem.startswith(said)
+    with made.signing():
+        pass
+    assert made.authority.check() == []
+
+
+def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    older = (made.folder / "crl.pem").read_bytes()
+    with made.signing() as signer:
+        signer.revoke(["iqua-a"], "lost")
+        number = signer.roll.crl_number
+    (made.folder / "crl.pem").write_bytes(older)
+    serial = made.identities[0].certificate.serial
+    assert made.authority.check() == [
+        f"crl.pem (number {number - 1}) is not the list that was recorded last (number {number})",
+        f"crl.pem lacks serial {serial:x}, which is revoked: provision vpn sync --sign",
+    ]
+    with pytest.raises(AuthorityDamaged, match="is not the list that was recorded last"):
+        made.authority.crl()
+    with made.signing() as signer:
+        assert signer.roll.crl_number == number + 1
+    facts = pki.check_crl(made.authority.crl(), made.ca.certificate, above=number, now=datetime.now(UTC))
+    assert serial in facts.serials
+    assert made.authority.check() == []
+
+
+def test_a_certificate_outside_of_the_record_is_told(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    key = pki.new_key(KeyType.EC)
+    stray = pki.new_client(made.ca, key.public_key(), "stray", pki.new_serial(), 10, NOW)
+    (made.folder / "certs").mkdir(exist_ok=True)
+    (made.folder / "certs" / "stray.pem").write_text(pki.cert_pem(stray))
+    assert made.authority.check() == [
+        "certs/stray.pem is not in the record: nobody issued it here, or the ledger is an old copy"
+    ]
+
+
+def test_nothing_is_signed_on_a_damaged_ledger(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    path = made.folder / "ledger.jsonl"
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"10.8.16.1", b"10.8.16.9"))
+    before = (made.folder / "crl.pem").read_bytes()
+    refused = pytest.raises(LedgerDamaged, match=r"line 5 of the ledger is damaged: its checksum is wrong")
+    with refused as damaged, made.signing():
+        pass
+    assert damaged.value.exit is ExitCode.FAILED
+    assert (made.folder / "crl.pem").read_bytes() == before
+    problems = made.authority.check()
+    assert problems[0].startswith("line 5 of the ledger is damaged: its checksum is wrong")
+
+
+def test_alarms_are_given_in_time(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    days = {days: " | ".join(made.authority.check(NOW + timedelta(days=days))) for days in (59, 61, 100, 370, 400)}
+    assert days[59] == ""
+    assert days[61].startswith("crl.pem ends on ")
+    assert "crl.pem would lock everybody out, or admit the revoked" in days[100]
+    assert "it has expired on" in days[100]
+    assert "iqua-a ends on" in days[370]
+    assert "iqua-a ended on" in days[400]
+    late = " | ".join(made.authority.check(NOW + timedelta(days=3651)))
+    assert "the certificate authority ends on" in late
+    assert "the server's certificate ends on" in late
+
+
+def test_a_folder_that_others_can_read_is_told(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    (made.folder / "server" / "server.key").chmod(0o644)
+    (problem,) = made.authority.check()
+    assert problem.endswith(f"server.key can be read by others: chmod go= {made.folder}/server/server.key")
+
+
+def test_a_list_that_gets_old_is_signed_anew_in_passing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = stand(tmp_path)
+    for days, number in ((29, 1), (31, 2), (32, 2)):
+        at(monkeypatch, NOW + timedelta(days=days))
+        with made.signing() as signer:
+            assert signer.roll.crl_number == number
+
+
+def at(monkeypatch: pytest.MonkeyPatch, moment: datetime) -> None:
+    monkeypatch.setattr(_book, "utc_now", lambda: moment)
+
+
+def signed(made: Stand) -> datetime:
+    with made.signing() as signer:
+        facts = pki.check_crl(signer.publish(), made.ca.certificate, above=None, now=signer._desk.book.now())
+    return facts.this_update
+
+
+def test_a_clock_behind_the_record_signs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    before = (made.folder / "ledger.jsonl").read_bytes()
+    for moment in (datetime(2000, 1, 1, tzinfo=UTC), NOW - timedelta(hours=13), NOW - timedelta(minutes=5)):
+        at(monkeypatch, moment)
+        with pytest.raises(ClockBehind, match=f"this computer's clock says {moment:%Y-%m-%d %H:%M} UTC") as behind:
+            signed(made)
+        assert "set the clock" in str(behind.value.hint)
+        assert behind.value.exit is ExitCode.FAILED
+    assert (made.folder / "ledger.jsonl").read_bytes() == before
+    assert made.authority.check() == []
+
+
+def test_a_clock_that_a_time_server_moved_back_a_little_is_borne(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    last = made.authority.history()[-1].at
+    at(monkeypatch, last - timedelta(seconds=90))
+    signed(made)
+    assert made.authority.history()[-1].at == last
+    assert made.authority.check() == []
+
+
+def test_a_clock_that_was_ahead_is_got_rid_of_by_a_person_s_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = stand(tmp_path)
+    with monkeypatch.context() as patch:
+        at(patch, NOW + timedelta(days=300))
+        ahead = signed(made)
+    with pytest.raises(ClockBehind):
+        signed(made)
+    with made.signing(trust_clock=True) as signer:
+        # The list of the wrong clock is not valid yet, and would lock everybody out: there is a new one already.
+        assert signer.roll.crl_number == 4
+        signer.issue([wish("a")], made.deliver)
+    with made.signing():
+        pass
+    assert signed(made) < ahead
+    assert made.authority.check() == []
+    assert any("the clock was said to be right" in entry.words for entry in made.authority.history())

@@ -1,0 +1,192 @@
+"""Lines that are torn, changed, lost or put in: what is cut off, what is refused, and what is said."""
+
+from __future__ import annotations
+
+import errno
+import os
+from datetime import UTC, datetime, timedelta
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, get_args
+
+import pytest
+
+from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.ledger import Entry, Fold, Ledger, LedgerDamaged, LedgerFailed, first_lines, read, records
+from atlantis_netcfg.vpn.ledger._entry import GENESIS, digest, encode, parse
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NOW = datetime(2026, 11, 22, 7, 30, tzinfo=UTC)
+YEAR = NOW + timedelta(days=365)
+ISSUED = records.Issued(
+    name="iqua-sparus2",
+    device_kind=Kind.ROBOT,
+    partner="iqua",
+    device="sparus2",
+    address=IPv4Address("10.8.16.1"),
+    link=Link.LTE,
+    vehicle="sparus",
+    common_name="iqua-sparus2",
+    serial=2**158 + 1,
+    sha256="ab" * 32,
+    not_before=NOW,
+    not_after=YEAR,
+    wrap=Wrap.TLS_CRYPT_V2,
+    key=KeyType.EC,
+    der="QUJD",
+)
+EVERY: tuple[records.Record, ...] = (
+    records.Founded(ca_common_name="CA", ca_sha256="00", ca_not_after=YEAR, sealed_by="age"),
+    records.ServerIssued(
+        common_name="server-1",
+        dns=("vpn.example",),
+        addresses=(IPv4Address("192.0.2.1"),),
+        serial=1,
+        sha256="00",
+        not_before=NOW,
+        not_after=YEAR,
+    ),
+    records.Begun(command="issue", names=("iqua-sparus2",)),
+    ISSUED,
+    records.Delivered(common_name="iqua-sparus2", path="handouts/x", sha256="cd" * 32),
+    records.Committed(),
+    records.Seen(common_name="iqua-sparus2", last=NOW),
+    records.Superseded(common_name="iqua-sparus2", by="iqua-sparus2.2"),
+    records.Revoked(common_name="iqua-sparus2", reason="lost"),
+    records.RolledBack(common_names=("iqua-sparus2",)),
+    records.Settled(common_name="iqua-sparus2"),
+    records.Published(number=2, sha256="ef" * 32, next_update=YEAR, revoked=1),
+    records.Resealed(sealed_by="vault"),
+    records.ClockTrusted(before=NOW),
+)
+
+
+def whole(path: Path, *some: records.Record) -> bytes:
+    data = first_lines(some or EVERY, "me", "op", NOW)
+    path.write_bytes(data)
+    return data
+
+
+def test_every_record_is_kept_as_it_was(tmp_path: Path) -> None:
+    assert {type(record) for record in EVERY} == set(get_args(get_args(records.Record)[0]))
+    whole(tmp_path / "ledger")
+    reading = read(tmp_path / "ledger").sound()
+    assert tuple(entry.record for entry in reading.entries) == EVERY
+    assert [entry.number for entry in reading.entries] == list(range(1, len(EVERY) + 1))
+    assert {(entry.at, entry.who, entry.operation) for entry in reading.entries} == {(NOW, "me", "op")}
+
+
+def test_every_record_has_words_and_its_place_in_the_fold() -> None:
+    fold = Fold()
+    for number, record in enumerate(EVERY, start=1):
+        entry = Entry(number, NOW, "me", "op", record)
+        assert entry.words.isprintable()
+        assert entry.facts().items() >= {"line": number, "who": "me", "operation": "op", "kind": record.kind}.items()
+        fold.apply(entry)
+    assert fold.last == NOW
+
+
+def test_words_of_records_do_not_hide_the_line_s_own() -> None:
+    head = {"line", "at", "who", "operation", "previous", "crc", "words"}
+    for record in EVERY:
+        assert head.isdisjoint(record.__dataclass_fields__)
+
+
+def test_every_byte_of_a_line_is_watched() -> None:
+    line = encode(Entry(1, NOW, "me", "op", ISSUED), GENESIS).rstrip(b"\n")
+    assert parse(line, 1, GENESIS).record == ISSUED
+    for place in range(len(line)):
+        changed = line[:place] + bytes([line[place] ^ 1]) + line[place + 1 :]
+        with pytest.raises(ValueError, match="checksum"):
+            parse(changed, 1, GENESIS)
+
+
+def test_a_line_that_is_not_the_next_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "ledger"
+    lines = whole(path).splitlines(keepends=True)
+    other = encode(Entry(3, NOW, "me", "op", EVERY[4]), digest(lines[0]))
+    for wrong, line, why in (
+        ([lines[0], *lines[2:]], 2, "lines before it are missing or out of order"),
+        ([lines[0], lines[2], lines[1]], 2, "lines before it are missing or out of order"),
+        ([*lines[:2], lines[1]], 3, "lines before it are missing or out of order"),
+        ([*lines[:2], other, *lines[3:]], 3, "the line before it is not the one that it was written after"),
+        ([*lines[:2], b"\n", *lines[2:]], 3, "its checksum is wrong"),
+        ([*lines[:2], b"\0" * 20 + b"\n"], 3, "its checksum is wrong"),
+    ):
+        path.write_bytes(b"".join(wrong))
+        with pytest.raises(LedgerDamaged, match=f"line {line} of the ledger is damaged: {why}") as damaged:
+            Ledger(path)
+        assert str(path) in str(damaged.value)
+        assert len(read(path).entries) == line - 1
+
+
+def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+    line = encode(Entry(1, NOW, "me", "op", records.Committed()), GENESIS)[:-19].replace(b"committed", b"teleported")
+    from binascii import crc32  # noqa: PLC0415 - a line that nobody writes
+
+    (tmp_path / "ledger").write_bytes(line + b',"crc":"%08x"}\n' % crc32(line))
+    assert read(tmp_path / "ledger").damage == (
+        "line 1 of the ledger is damaged: this version of the toolkit does not know what it says"
+    )
+
+
+def test_a_record_about_nobody_is_refused() -> None:
+    entry = Entry(7, NOW, "me", "op", records.Revoked(common_name="iqua-ghost", reason="lost"))
+    with pytest.raises(LedgerDamaged, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
+        Fold([entry])
+
+
+def test_a_torn_line_is_cut_wherever_it_was_torn(tmp_path: Path) -> None:
+    path = tmp_path / "ledger"
+    first = whole(path, EVERY[0])
+    both = whole(path, EVERY[0], ISSUED)
+    for end in (len(first) + 1, *range(len(first) + 2, len(both) - 1, 11), len(both) - 1):
+        path.write_bytes(both[:end])
+        assert read(path).torn
+        assert len(read(path).sound().entries) == 1
+        with Ledger(path) as ledger:
+            assert path.read_bytes() == first
+            ledger.append([records.Committed()], "me", "op", NOW)
+        assert [entry.record for entry in read(path).sound().entries] == [EVERY[0], records.Committed()]
+
+
+def test_a_failed_write_is_taken_back_and_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "ledger"
+    before = whole(path)
+    write = os.write
+
+    def short(descriptor: int, data: bytes) -> int:
+        if len(data) < 40:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, bytes(data)[:40])
+
+    with Ledger(path) as ledger:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "write", short)
+            with pytest.raises(LedgerFailed, match=r"the ledger cannot be written: No space left on device \(.*ledger"):
+                ledger.append([ISSUED], "me", "op", NOW)
+        assert path.read_bytes() == before
+        assert not ledger.usable
+        with pytest.raises(LedgerFailed):
+            ledger.append([ISSUED], "me", "op", NOW)
+    assert path.read_bytes() == before
+
+
+def test_nobody_writes_to_the_auditor_s_terminal(tmp_path: Path) -> None:
+    data = first_lines([records.Committed()], "me\x1b[2J\n" + "x" * 500, "op", NOW)
+    (tmp_path / "ledger").write_bytes(data)
+    who = read(tmp_path / "ledger").entries[0].who
+    assert who.startswith("me?[2J?xx")
+    assert len(who) == 120
+
+
+def test_one_wait_for_the_disk_for_a_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole(tmp_path / "ledger")
+    synced: list[int] = []
+    with Ledger(tmp_path / "ledger") as ledger:
+        monkeypatch.setattr(os, "fsync", synced.append)
+        ledger.append([records.Committed()] * 500, "me", "op", NOW)
+        ledger.append([], "me", "op", NOW)
+    assert len(synced) == 1
+    assert len(read(tmp_path / "ledger").sound().entries) == len(EVERY) + 500

@@ -1,0 +1,164 @@
+"""Successors that overlap, revocations that are on the list, and what the server saw."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import pytest
+from authority_stand import stand, wish
+
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority import Change, Delivered, NoSuchMember, Sighting
+from atlantis_netcfg.vpn.identity import KeyType, Link, Standing, Wrap
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from authority_stand import Stand
+
+NOW = datetime.now(UTC)
+
+
+def standings(made: Stand, name: str) -> dict[str, str]:
+    return {one.common_name: one.standing.value for one in made.authority.roll().members[name].certificates}
+
+
+def on_list(made: Stand) -> set[str]:
+    facts = pki.check_crl(made.authority.crl(), made.ca.certificate, above=None, now=datetime.now(UTC))
+    return {one.common_name for _, one in made.authority.roll().certificates() if one.serial in facts.serials}
+
+
+def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    assert made.authority.seen({"iqua-a": NOW}) == Sighting((), (), ())
+    with made.signing() as signer:
+        renewed = signer.renew("iqua-a", made.deliver)
+    assert renewed.certificate.common_name == "iqua-a.2"
+    assert renewed.member.address == made.identities[0].member.address
+    assert standings(made, "iqua-a") == {"iqua-a": "seen", "iqua-a.2": "issued"}
+    assert made.authority.seen({"iqua-a": NOW, "iqua-a.2": NOW, "nobody": NOW}) == Sighting(
+        ("iqua-a",), ("nobody",), ()
+    )
+    assert standings(made, "iqua-a") == {"iqua-a": "superseded", "iqua-a.2": "seen"}
+    assert on_list(made) == set()
+    with made.signing() as signer:
+        signer.publish()
+    assert standings(made, "iqua-a") == {"iqua-a": "revoked", "iqua-a.2": "seen"}
+    assert on_list(made) == {"iqua-a"}
+    assert made.authority.roll().queued == ("iqua-a",)
+    later = {"iqua-a": datetime.now(UTC) + timedelta(hours=1)}
+    assert made.authority.seen(later).withdrawn == ("iqua-a",)
+
+
+def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    for number in (2, 3, 4):
+        with made.signing() as signer:
+            renewed = signer.renew("iqua-a", made.deliver)
+        assert renewed.replaced == (() if number == 2 else (f"iqua-a.{number - 1}",))
+        assert [one.common_name for one in renewed.member.good] == ["iqua-a", f"iqua-a.{number}"]
+    assert on_list(made) == {"iqua-a.2", "iqua-a.3"}
+    assert made.authority.roll().queued == ("iqua-a.2", "iqua-a.3")
+
+
+def test_a_renewal_changes_what_it_is_told_to(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    change = Change(days=10, wrap=Wrap.TLS_CRYPT, key=KeyType.RSA, link=Link.LTE)
+    with made.signing() as signer:
+        renewed = signer.renew("iqua-a", made.deliver, change)
+    assert (renewed.member.link, renewed.certificate.wrap, renewed.certificate.key) == (
+        Link.LTE,
+        Wrap.TLS_CRYPT,
+        KeyType.RSA,
+    )
+    assert made.identities[1].wrap_key.reveal() == (made.folder / "server" / "tls-crypt.key").read_text()
+    with made.signing() as signer:
+        assert signer.renew("iqua-a", made.deliver).certificate.wrap is Wrap.TLS_CRYPT
+
+
+def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+
+    def fail(_: object) -> Delivered:
+        raise OSError(28, "No space left on device")
+
+    with made.signing() as signer, pytest.raises(Exception, match="No space left"):
+        signer.renew("iqua-a", fail, Change(link=Link.LTE))
+    member = made.authority.roll().members["iqua-a"]
+    assert (member.link, [one.common_name for one in member.good]) == (Link.FIBRE, ["iqua-a"])
+    assert on_list(made) == {"iqua-a.2"}
+    with made.signing() as signer:
+        assert signer.renew("iqua-a", made.deliver).certificate.common_name == "iqua-a.3"
+
+
+def test_a_revocation_takes_all_certificates_and_says_so_again(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a", "b", "c")
+    with made.signing() as signer:
+        signer.renew("iqua-a", made.deliver)
+        number = signer.roll.crl_number
+        first = signer.revoke(["iqua-a", "iqua-b", "iqua-a"], "lost at sea")
+        again = signer.revoke(["iqua-a", "iqua-b"], "once more")
+    assert first.common_names == again.common_names == ("iqua-a", "iqua-a.2", "iqua-b")
+    assert first.members == again.members == ("iqua-a", "iqua-b")
+    assert (first.already, again.already) == ((), ("iqua-a", "iqua-b"))
+    assert first.crl == again.crl == made.authority.crl()
+    roll = made.authority.roll()
+    assert roll.crl_number == number + 1
+    assert roll.queued == first.common_names
+    assert {one.reason for one in roll.members["iqua-a"].certificates} == {"lost at sea"}
+    assert on_list(made) == set(first.common_names)
+    made.authority.settled(["iqua-a", "iqua-a.2", "iqua-c", "nobody"])
+    assert made.authority.roll().queued == ("iqua-b",)
+    assert made.authority.check() == []
+
+
+def test_a_revoked_member_is_not_renewed(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("sparus2")
+    with made.signing() as signer:
+        signer.revoke(["iqua-sparus2"], "")
+        with pytest.raises(UsageError, match="`iqua-sparus2` was revoked: it gets no certificate any more"):
+            signer.renew("iqua-sparus2", made.deliver)
+        with pytest.raises(NoSuchMember, match="the record has no member `iqua-sparus`") as unknown:
+            signer.revoke(["iqua-sparus"], "lost")
+        assert unknown.value.hint == "did you mean `iqua-sparus2`?"
+        for reason in ("a\nb", "\x1b[2J", "x" * 300):
+            with pytest.raises(UsageError, match="the reason is no short text"):
+                signer.revoke(["iqua-sparus2"], reason)
+        with pytest.raises(UsageError, match="nobody was named"):
+            signer.revoke([], "lost")
+
+
+def test_sightings_are_recorded_once_a_day(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    made.authority.seen({"iqua-a": NOW})
+    before = (made.folder / "ledger.jsonl").read_bytes()
+    made.authority.seen({"iqua-a": NOW + timedelta(hours=23), "nobody": NOW})
+    made.authority.seen({})
+    assert (made.folder / "ledger.jsonl").read_bytes() == before
+    made.authority.seen({"iqua-a": NOW + timedelta(hours=24)})
+    (certificate,) = made.authority.roll().members["iqua-a"].certificates
+    assert (certificate.standing, certificate.seen) == (Standing.SEEN, NOW.replace(tzinfo=UTC) + timedelta(hours=24))
+
+
+def test_a_file_that_is_handed_over_again_is_recorded(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    made.authority.delivered("iqua-a", Delivered("elsewhere", "00"))
+    last = made.authority.handed_out("iqua-a")
+    assert last is not None
+    assert last.path == "elsewhere"
+    with made.signing() as signer:
+        assert signer.issue([wish("a")], made.deliver)[0].delivered == Delivered("elsewhere", "00")
+        signer.revoke(["iqua-a"], "lost")
+    for name in ("iqua-a", "nobody"):
+        with pytest.raises(UsageError, match=f"`{name}` is no certificate in use"):
+            made.authority.delivered(name, Delivered("x", "00"))
