@@ -165,7 +165,7 @@ def _builder(  # noqa: PLR0913, PLR0917 - as above
 ) -> x509.CertificateBuilder:
     if _COMMON_NAME.fullmatch(common_name) is None:
         raise CertificateRefused(f"no name for a certificate: {common_name!r}", hint="use a-z, 0-9 and -")
-    if serial.bit_length() not in range(1, 160) or serial < 0:
+    if not 0 < serial < 1 << 159:
         raise CertificateRefused("a serial number has 1 to 159 bits", hint="this is our fault: please report it")
     start, end = _dates(ca.certificate, now, *span)
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
