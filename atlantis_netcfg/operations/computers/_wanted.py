@@ -37,8 +37,8 @@ def perform(
         gate(declaration, computers, asked)
         _watch.refuse()
         if part == ACCESS:
-            refuse_unfounded(computers, asked)
             _open_bundle(declaration, computers, asked)
+            refuse_unfounded(computers, asked)
         bundle = bundle_of(asked.offline)
         return {
             "per_host": {

@@ -261,6 +261,7 @@ class _Run:
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=subprocess.STDOUT,
+                start_new_session=True,
             )
         )
         os.close(write)
