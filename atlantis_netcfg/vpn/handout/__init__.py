@@ -1,8 +1,8 @@
 """The one file that a member gets: its profile, its page of instructions and its self-test, sealed for it alone.
 
-A hand-out is a pure function of the declaration and of the identity, so that what was handed out can be told from its
-hash. It exists in memory only, until it is sealed: no step writes a secret to a disk. What is in it is read back by the
-same package (`accept`), so that a declared host takes the way of every partner.
+What is inside is a pure function of the declaration, of the identity and of whom to call: its page, its profile and its
+test cannot say different things. It exists in memory only, until it is sealed: no step writes a secret to a disk. It is
+read back by the same package (`accept`), so that a declared host takes the way of every partner.
 """
 
 from __future__ import annotations
