@@ -8,7 +8,7 @@ the VPN alone. It ends in PASS, or says what is wrong and what to do. Exit code 
 not be tested.
 """
 
-# ruff: noqa: INP001, S603, S607 - partners read this program before they run it; it starts their openvpn and ping
+# ruff: noqa: INP001, S603 - partners read this program before they run it; it starts their openvpn and ping
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ PING_S = 4.0
 READY = "Initialization Sequence Completed"
 REACHED = "TLS: Initial packet from"
 BLOCKS = ("ca", "cert", "key")
+SBIN = "/usr/sbin:/usr/local/sbin:/opt/homebrew/sbin"
 ROOT = os.name != "posix" or os.geteuid() == 0
 
 
@@ -59,7 +60,7 @@ class Tunnel:
         words += ["--dev", "null", "--dev-type", "null", "--ifconfig-noexec", "--route-noexec"] if dry else []
         self.facts, self.log, self.wait_s, self.began = facts, log, wait_s, time.monotonic()
         with log.open("wb") as out:
-            command = ["openvpn", "--cd", str(profile.parent), "--config", profile.name, *words]
+            command = [openvpn() or "openvpn", "--cd", str(profile.parent), "--config", profile.name, *words]
             self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT)
 
     def said(self) -> str:
@@ -149,12 +150,18 @@ def profile_whole(facts: Facts, profile: Path) -> Result:
     return Result("profile", OK, "whole" if same else "whole, but not as it was handed out: somebody has changed it")
 
 
+def openvpn() -> str | None:
+    """Where the program is: on many systems not where an ordinary user's programs are looked for."""
+    return shutil.which("openvpn") or shutil.which("openvpn", path=SBIN)
+
+
 def version(facts: Facts) -> Result:
     """Whether there is an OpenVPN that can use this profile."""
-    if shutil.which("openvpn") is None:
+    program = openvpn()
+    if program is None:
         do = "Install openvpn, or start the tunnel with the program that you use, then run the test again."
         return Result("openvpn", UNKNOWN, "the program `openvpn` is not on this computer", do)
-    run = subprocess.run(["openvpn", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    run = subprocess.run([program, "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     found = re.match(r"OpenVPN (\d+)\.(\d+)(\S*)", run.stdout.decode("utf-8", "replace"))
     if found is None:
         return Result("openvpn", UNKNOWN, "`openvpn --version` does not say what it is", "Look what program that is.")
@@ -271,7 +278,7 @@ def connected(facts: Facts, profile: Path) -> Iterator[Result]:
         yield Result("tunnel", OK, f"is up, with this device's address {facts['address']}")
         yield from through(facts)
         return
-    if shutil.which("openvpn") is None:
+    if openvpn() is None:
         yield without_openvpn(facts)
         return
     with tempfile.TemporaryDirectory(prefix="self-test-") as folder:
@@ -343,7 +350,13 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--facts", type=Path, default=here / "self-test.json", help="the file that came with the test")
     parser.add_argument("--wait", type=float, help="seconds that the tunnel may take to come up")
     asked = parser.parse_args(words)
-    facts = json.loads(asked.facts.read_text(encoding="utf-8"))
+    try:
+        facts = json.loads(asked.facts.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        sys.stdout.write(
+            f"NOT PASSED\n{asked.facts} cannot be read: unpack the hand-out again, and run its test there\n"
+        )
+        return FAILED
     facts["wait_s"] = asked.wait or facts["wait_s"]
     sys.stdout.write("Self-test of {name}, VPN of {pilot}\n".format(**facts))
     results = []
@@ -357,4 +370,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(FAILED)

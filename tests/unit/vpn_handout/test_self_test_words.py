@@ -6,6 +6,7 @@ import importlib.util
 import json
 import socket
 import sys
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +14,12 @@ import pytest
 from handout_mint import NOT_AFTER, NOT_BEFORE, Wanted, identity
 
 from atlantis_netcfg.render import template_folder
-from atlantis_netcfg.site import load
+from atlantis_netcfg.site import Declaration, load
 from atlantis_netcfg.vpn.handout import contents
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import ModuleType
 
 SAID = Path(__file__).with_name("said")
@@ -63,14 +65,19 @@ def program(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     made = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)
     monkeypatch.setattr(made, "ROOT", False)
+    monkeypatch.setattr(made, "SBIN", "")
     monkeypatch.setattr(made.time, "time", lambda: NOW)
     monkeypatch.setattr(made, "is_local", lambda _address: False)
     return made
 
 
+@cache
+def declared() -> Declaration:
+    return load(Path(__file__).parents[3] / "inventory")
+
+
 def unpacked(folder: Path, wanted: Wanted | None = None) -> Path:
-    declaration = load(Path(__file__).parents[3] / "inventory")
-    for name, text in contents(declaration, identity(wanted), contact="Example Person, +00 000").items():
+    for name, text in contents(declared(), identity(wanted), contact="Example Person, +00 000").items():
         (folder / name).write_text(text)
         (folder / name).chmod(0o600)
     return folder / "self-test.json"
@@ -250,3 +257,28 @@ def test_pings_this_computer(kind: int, program: ModuleType, monkeypatch: pytest
     for address, answered in (("127.0.0.1", True), ("240.0.0.1", False)):
         with socket.socket(socket.AF_INET, kind, socket.IPPROTO_ICMP) as one:
             assert (program.echo(one, address, 57) is not None) is answered
+
+
+@pytest.mark.parametrize("spoil", [lambda facts: facts.unlink(), lambda facts: facts.write_text("{")])
+def test_without_what_came_with_it(
+    spoil: Callable[[Path], object],
+    program: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    spoil(unpacked(tmp_path))
+    assert program.main(["--facts", "self-test.json"]) == 6
+    said = "NOT PASSED\nself-test.json cannot be read: unpack the hand-out again, and run its test there\n"
+    assert capsys.readouterr().out == said
+
+
+def test_finds_openvpn_where_an_ordinary_user_does_not_look(
+    program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_openvpns_place(tmp_path, monkeypatch, WORDS["silence"])
+    monkeypatch.setenv("PATH", "/nonexistent")
+    assert program.openvpn() is None
+    monkeypatch.setattr(program, "SBIN", str(tmp_path / "bin"))
+    assert program.openvpn() == str(tmp_path / "bin" / "openvpn")
