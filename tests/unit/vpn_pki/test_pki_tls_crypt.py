@@ -92,7 +92,7 @@ class Stand:
 
     def start(self, name: str, *options: str) -> subprocess.Popen[str]:
         fixed = ("--dev", "null", "--ca", "ca.crt", "--cert", f"{name}.crt", "--key", f"{name}.key", "--tls-exit")
-        rest = ("--tls-version-min", "1.2", "--verb", "3", "--hand-window", "10", "--cd", str(self.folder))
+        rest = ("--tls-version-min", "1.2", "--verb", "3", "--cd", str(self.folder))
         command = ["openvpn", *rest, *fixed, *options]
         made = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.started.append(made)
