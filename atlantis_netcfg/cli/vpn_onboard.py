@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import JSON, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
@@ -39,7 +39,7 @@ COMMAND = Command(
         AUTHORITY,
         INVENTORY,
     ),
-    flags=(NO_PUSH, PASSPHRASE_FD, JSON, VERBOSE),
+    flags=(NO_PUSH, PASSPHRASE_FD, JSON),
     details=(
         "Repeating it makes nothing new; a different wish for the same name is refused. Exit code 5 says that all is "
         "recorded and handed out, and the server does not know of it yet: `provision vpn sync` goes on."

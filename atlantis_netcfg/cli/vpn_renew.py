@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import JSON, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
@@ -32,7 +32,7 @@ COMMAND = Command(
         AUTHORITY,
         INVENTORY,
     ),
-    flags=(NO_PUSH, PASSPHRASE_FD, JSON, VERBOSE),
+    flags=(NO_PUSH, PASSPHRASE_FD, JSON),
     details="A successor that was handed out before and never used is revoked: one is under way at a time.",
 )
 

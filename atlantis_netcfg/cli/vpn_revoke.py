@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
@@ -26,7 +26,7 @@ COMMAND = Command(
         AUTHORITY,
         INVENTORY,
     ),
-    flags=(Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, JSON, VERBOSE),
+    flags=(Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, JSON),
     details=(
         "A name never returns. Exit code 5 says that it is recorded, and that the server did not answer: whoever is "
         "connected stays so until `provision vpn sync` has reached it."

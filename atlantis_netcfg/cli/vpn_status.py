@@ -9,6 +9,7 @@ from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from datetime import datetime
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.errors import ExitCode
@@ -56,7 +57,7 @@ def run(arguments: Arguments) -> ExitCode:
     return _vpn.tell(arguments, found.exit, told, _lines(found, members, now))
 
 
-def _lines(found: Standing, members: Sequence[Member], now: object) -> Iterator[str]:
+def _lines(found: Standing, members: Sequence[Member], now: datetime) -> Iterator[str]:
     from atlantis_netcfg.cli._vpn import table
     from atlantis_netcfg.operations.vpn.records import expires, standing_of, when
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Command, Flag
+from atlantis_netcfg.cli._arguments import JSON, Command, Flag
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY
 
@@ -22,7 +22,6 @@ COMMAND = Command(
         Flag("sign", "also sign the list of revoked certificates anew: it is good for 90 days"),
         PASSPHRASE_FD,
         JSON,
-        VERBOSE,
     ),
     details="Needs no passphrase without `--sign`. Exit code 5 says that the server was not reached.",
     changes=True,
