@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hmac
 import re
+import shutil
 import socket
 import subprocess
 from datetime import UTC, datetime
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+OPENVPN = shutil.which("openvpn") or "/usr/sbin/openvpn"
 UP = "Initialization Sequence Completed"
 V2 = ("--tls-crypt-v2", "server.v2"), ("--tls-crypt-v2", "client.v2")
 SHARED = ("--tls-crypt", "shared"), ("--tls-crypt", "shared")
@@ -93,7 +95,7 @@ class Stand:
     def start(self, name: str, *options: str) -> subprocess.Popen[str]:
         fixed = ("--dev", "null", "--ca", "ca.crt", "--cert", f"{name}.crt", "--key", f"{name}.key", "--tls-exit")
         rest = ("--tls-version-min", "1.2", "--verb", "3", "--cd", str(self.folder))
-        command = ["openvpn", *rest, *fixed, *options]
+        command = [OPENVPN, *rest, *fixed, *options]
         made = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.started.append(made)
         return made
