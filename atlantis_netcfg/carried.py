@@ -10,6 +10,7 @@ import ast
 import bz2
 import hashlib
 import io
+import re
 import zipfile
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,6 +30,7 @@ _DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 _LIVE = "vpn_"
 """How the files begin that only the VPN's server needs."""
 _SERVES = "vpn_serve"
+_IMPORT = re.compile(r"^ *from \.(\w*) import ([\w, ]*)", re.MULTILINE)
 _BEGINNING = (1980, 1, 1, 0, 0, 0)
 """The first time that a zip archive can hold; the same files make the same bytes at any time."""
 
@@ -96,10 +98,9 @@ def _live_files(plugins: Path) -> Iterator[tuple[str, str]]:
 
 
 def _imported(text: str) -> Iterator[str]:
-    """Files beside this one that it imports, in `from .name import …` and `from . import name`."""
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ImportFrom) and node.level == 1:
-            yield from [node.module] if node.module else [one.name for one in node.names]
+    """Files beside this one that it imports, in `from .name import …` and `from . import name, …`."""
+    for module, names in _IMPORT.findall(text):
+        yield from [module] if module else (name.strip() for name in names.split(","))
 
 
 def _undocumented(text: str) -> str:

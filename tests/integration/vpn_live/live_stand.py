@@ -47,6 +47,7 @@ NAME = "scc-vpn"
 PARTNER = "iqua"
 _PASSPHRASE = Secret("a passphrase of nobody, for tests")
 _ECHO = 7
+_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _MOUNTS = ("/etc/openvpn", "/etc/atlantis", "/var/lib/atlantis", "/run", "/usr/local/sbin")
 _SYSTEMCTL = """\
 #!/bin/sh
@@ -143,7 +144,7 @@ class Computer:
         assert self._holder.stdout is not None
         assert self._holder.stdout.readline() == b"up\n"
         self.pid = self._holder.pid
-        self.enter = ("nsenter", "-t", str(self.pid), "-m", "-n")
+        self.enter = ("nsenter", "-t", str(self.pid), "-m", "-n", "env", f"PATH={_PATH}")
 
     def _end(self) -> None:
         self._holder.kill()

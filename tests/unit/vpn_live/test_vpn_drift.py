@@ -74,8 +74,10 @@ CASES: dict[str, tuple[dict[str, Any], str | None]] = {
     ),
     "newer": (
         {"crl": replace(CRL, number=5), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
-        "the server's list of revoked certificates is number 5, newer than the record's (4): "
-        + "somebody works with another copy of the authority",
+        (
+            "the server's list of revoked certificates is number 5, newer than the record's (4): "
+            "somebody works with another copy of the authority"
+        ),
     ),
     "same number, other list": (
         {"files": {**FILES, f"{FOLDER}/crl.pem": "00"}},

@@ -78,7 +78,8 @@ class Management:
     def kill(self, real: str) -> str:
         """End a session at once, by its client's real address; the client is told nothing. Gives the reply.
 
-        The message of `halt` is sent in the server's next round: without 10 ms between them it is lost [measured].
+        The message of `halt` is sent in the server's next round: without 10 ms between them it is lost [measured]. Only
+        for a client that is not heard any more: see `vpn_end`.
         """
         if not _REAL.fullmatch(real):
             raise ValueError(f"no address and port of a client: {real!r}")

@@ -1,0 +1,176 @@
+"""The way to the server: the tool goes over once, requests one round trip each, and what can break is told."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+import asyncssh
+import pytest
+from live_stand import NAME, Computer
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
+from atlantis_netcfg.carried import build_live
+from atlantis_netcfg.operations.vpn import link as link_module
+from atlantis_netcfg.operations.vpn._state import PLACE
+from atlantis_netcfg.operations.vpn._trouble import AnswerLost, HostKeyChanged, ServerAway, ServerRefused
+from atlantis_netcfg.operations.vpn.link import FOLDER, LocalLink, SshLink
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.namespace
+
+START, SENT, ASKED = 1, 1, 1
+"""Round trips."""
+
+
+@pytest.fixture(scope="module")
+def computer() -> Iterator[Computer]:
+    with ExitStack() as stack:
+        yield Computer(stack)
+
+
+def asked(link: LocalLink | SshLink) -> dict[str, Any]:
+    return link.ask("sessions", place=dict(PLACE))
+
+
+def test_the_tool_is_sent_once_and_again_where_it_is_not_whole(computer: Computer) -> None:
+    path = f"{FOLDER}/{build_live().sha256}.pyz"
+    with LocalLink(NAME, computer.enter) as link:
+        assert asked(link)["management"] == "down"
+        assert link.round_trips == START + SENT + ASKED
+        asked(link)
+        assert link.round_trips == START + SENT + 2 * ASKED
+    for harm, trips in (("true", START + ASKED), (f"truncate -s 999 {path}", START + SENT + ASKED)):
+        computer.run("sh", "-c", harm)
+        with LocalLink(NAME, computer.enter) as link:
+            asked(link)
+            assert link.round_trips == trips
+    assert computer.run("ls", FOLDER).split() == [path.rpartition("/")[2]]
+    assert computer.at(path).read_bytes() == build_live().content
+
+
+def test_a_computer_that_is_no_server_says_so(computer: Computer) -> None:
+    with LocalLink(NAME, computer.enter) as link:
+        with pytest.raises(ServerRefused, match="no server of the VPN was ever set up") as refused:
+            link.ask("push", place=dict(PLACE), files=[], only=[])
+        assert "provision site=" in str(refused.value.hint)
+        with pytest.raises(AnswerLost, match="failed at `nonsense`: KeyError"):
+            link.ask("nonsense", place=dict(PLACE))
+        assert asked(link)["sessions"] == []
+
+
+@pytest.mark.parametrize("cut", ["exit", "half"])
+def test_an_answer_that_does_not_come_whole_is_no_answer(computer: Computer, cut: str) -> None:
+    said = {"exit": "", "half": f"{vpn_serve.MARK}eJwrS\\n"}[cut]
+    computer.put(
+        "/usr/local/sbin/python3", f"#!/bin/sh\nprintf '{vpn_serve.MARK}hello\\n'\nread x\nprintf '{said}'\n", 0o755
+    )
+    try:
+        with LocalLink(NAME, computer.enter) as link, pytest.raises(AnswerLost, match="before an answer came to `sess"):
+            asked(link)
+    finally:
+        computer.at("/usr/local/sbin/python3").unlink()
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        (f"printf '\\n{link_module._ASKS}3 6\\n'; cat >/dev/null", "has Python 3.6, and at least 3.8"),
+        ("echo 'cannot start' >&2; exit 9", r"did not start \(exit 9\): cannot start"),
+    ],
+)
+def test_a_python_that_will_not_do_is_told(computer: Computer, script: str, words: str) -> None:
+    computer.put("/usr/local/sbin/python3", f"#!/bin/sh\n{script}\n", 0o755)
+    try:
+        with LocalLink(NAME, computer.enter) as link, pytest.raises(ServerAway, match=words):
+            asked(link)
+    finally:
+        computer.at("/usr/local/sbin/python3").unlink()
+
+
+def test_a_card_on_which_the_tool_has_no_place_is_told(computer: Computer) -> None:
+    computer.run("rm", "-rf", FOLDER)
+    computer.put(FOLDER, "in the way")
+    try:
+        with LocalLink(NAME, computer.enter) as link, pytest.raises(ServerRefused, match=FOLDER):
+            asked(link)
+    finally:
+        computer.at(FOLDER).unlink()
+
+
+@contextmanager
+def served(computer: Computer, folder: Path) -> Iterator[dict[str, Any]]:
+    """An SSH server whose commands run on that computer; gives how it is reached."""
+    host, user = (asyncssh.generate_private_key("ssh-ed25519") for _ in range(2))
+    host.write_public_key(folder / "host.pub")
+    user.write_private_key(folder / "key")
+    (folder / "key").chmod(0o600)
+    loop = asyncio.new_event_loop()
+
+    async def process(made: asyncssh.SSHServerProcess[bytes]) -> None:
+        started = await asyncio.create_subprocess_exec(
+            *computer.enter,
+            *("sh", "-c", f"echo Welcome aboard; {made.command}"),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+        )
+        assert started.stdin is not None
+        assert started.stdout is not None
+
+        async def say() -> None:
+            while data := await made.stdin.read(65536):
+                started.stdin.write(data)  # type: ignore[union-attr] # asserted above
+            started.stdin.close()  # type: ignore[union-attr] # as above
+
+        saying = asyncio.ensure_future(say())
+        while data := await started.stdout.read(65536):
+            made.stdout.write(data)
+        made.exit(await started.wait())
+        await saying
+
+    async def serve() -> asyncssh.SSHAcceptor:
+        return await asyncssh.listen(
+            "127.0.0.1", 0, server_host_keys=[host], process_factory=process, encoding=None,
+            authorized_client_keys=asyncssh.import_authorized_keys(user.export_public_key().decode()),
+        )  # fmt: skip
+
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    acceptor = asyncio.run_coroutine_threadsafe(serve(), loop).result()
+    (folder / "known").write_text(f"{NAME} {host.export_public_key().decode()}")
+    options = f"-F none -o HostKeyAlias={NAME} -o StrictHostKeyChecking=yes -o UserKnownHostsFile={folder / 'known'}"
+    try:
+        yield {
+            "host": "127.0.0.1",
+            "port": acceptor.get_port(),
+            "user": "root",
+            "become": False,
+            "ssh_args": f"{options} -o IdentityFile={folder / 'key'} -o IdentitiesOnly=yes",
+        }
+    finally:
+        acceptor.close()
+        asyncio.run_coroutine_threadsafe(acceptor.wait_closed(), loop).result()
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+def test_over_ssh_it_is_the_same(computer: Computer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ANSIBLE_SSH_ARGS", "-o ControlMaster=no")
+    computer.run("rm", "-rf", FOLDER)
+    with served(computer, tmp_path) as access:
+        with SshLink(NAME, access) as link:
+            assert asked(link)["management"] == "down"
+            assert link.round_trips == START + SENT + ASKED
+        (tmp_path / "known").write_text(
+            f"{NAME} {asyncssh.generate_private_key('ssh-ed25519').export_public_key().decode()}"
+        )
+        with SshLink(NAME, access) as link, pytest.raises(HostKeyChanged, match="nothing was told"):
+            asked(link)
+    with SshLink(NAME, access) as link, pytest.raises(ServerAway, match=r"was not reached .*Connection refused"):
+        asked(link)

@@ -1,0 +1,148 @@
+"""How a session is ended: told, unheard, silent, killed; a server that would fall over it is never asked to kill."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, cast
+
+import pytest
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_end
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_end import Ending, peer
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import Closed, Down, Held
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_server import Server
+
+REAL = "192.0.2.7:40000"
+
+
+@dataclass
+class OpenVpn:
+    """A server with sessions, and what was done to it, in order."""
+
+    sessions_there: list[dict[str, Any]] = field(default_factory=list)
+    chatty: bool = False
+    """Packets come although nothing should."""
+    returns: int = 0
+    """So often somebody comes back right after he was killed."""
+    nft: int = 0
+    asking: type[Exception] | None = None
+    acts: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def asked(self) -> Iterator[OpenVpn]:
+        if self.asking is not None:
+            raise self.asking("silent")
+        yield self
+
+    def sessions(self) -> list[dict[str, Any]]:
+        for one in self.sessions_there:
+            one["received"] += self.chatty
+        return [dict(one) for one in self.sessions_there]
+
+    def halt(self, cid: int) -> str:
+        self.acts.append(f"halt {cid}")
+        return "SUCCESS: halted"
+
+    def kill(self, real: str) -> str:
+        self.acts.append(f"kill {real}")
+        gone = next(one for one in self.sessions_there if one["real"] == real)
+        self.sessions_there.remove(gone)
+        if self.returns:
+            self.returns -= 1
+            self.sessions_there.append(session(gone["cid"] + 1, gone["common_name"], REAL))
+        return "SUCCESS: killed"
+
+    def run(self, words: list[str]) -> Done:
+        if words[1].startswith("delete"):
+            self.acts.append("heard again")
+        else:
+            rules = [line for line in words[1].splitlines() if line.startswith("ip saddr")]
+            self.acts.append("unheard: " + "; ".join(rules))
+        return Done(self.nft, "Error: no such thing" if self.nft else "")
+
+
+def session(cid: int, name: str, real: str = REAL, virtual: str = "10.80.17.1") -> dict[str, Any]:
+    return {"cid": cid, "common_name": name, "real": real, "virtual": virtual, "since": 0, "received": 9, "sent": 9}
+
+
+def end(server: OpenVpn, *addresses: str) -> Ending:
+    ending = Ending(["iqua-d0"], addresses)
+    ending.run(cast("Server", server), lambda: server.acts.append("meanwhile"))
+    return ending
+
+
+UNHEARD = "unheard: ip saddr 192.0.2.7 meta l4proto { tcp, udp } th sport 40000 drop"
+
+
+def test_in_this_order() -> None:
+    server = OpenVpn([session(7, "iqua-d0"), session(8, "vtt-d0", "192.0.2.8:1", "10.80.20.1")])
+    ending = end(server)
+    assert server.acts == ["halt 7", UNHEARD, "meanwhile", f"kill {REAL}", "heard again"]
+    assert (ending.management, ending.left, ending.told) == ("answers", [], [])
+    assert [one["replies"] for one in ending.ended] == [["SUCCESS: halted", "SUCCESS: killed"]]
+    assert [one["common_name"] for one in server.sessions_there] == ["vtt-d0"]
+
+
+def test_an_address_counts_whatever_its_name() -> None:
+    server = OpenVpn([session(7, "another", virtual="10.80.17.9")])
+    assert [one["cid"] for one in end(server, "10.80.17.9").ended] == [7]
+
+
+def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
+    assert end(OpenVpn([session(7, "iqua-d0")], returns=2)).left == []
+    server = OpenVpn([session(7, "iqua-d0")], returns=99)
+    assert [one["cid"] for one in end(server).left] == [7 + vpn_end._ROUNDS]
+
+
+@pytest.mark.parametrize(
+    ("server", "told"),
+    [
+        (OpenVpn([session(7, "iqua-d0")], chatty=True), []),
+        (
+            OpenVpn([session(7, "iqua-d0")], nft=1),
+            ["their packets could not be kept away: nft: Error: no such thing"] * vpn_end._ROUNDS,
+        ),
+        (OpenVpn([session(7, "iqua-d0", "[2001:db8::7]:40000")]), []),
+    ],
+    ids=["heard", "no nft", "IPv6"],
+)
+def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenVPN would end for everybody."""
+    monkeypatch.setattr(vpn_end, "_QUIET_S", 0)
+    ending = end(server)
+    assert not [act for act in server.acts if act.startswith("kill")]
+    assert "halt 7" in server.acts
+    assert [one["cid"] for one in ending.left] == [7]
+    assert ending.told == told
+
+
+@pytest.mark.parametrize(("asking", "does"), [(Held, "held"), (Closed, "held"), (Down, "down")])
+def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], does: str) -> None:
+    server = OpenVpn(asking=asking)
+    ending = end(server)
+    assert (ending.management, server.acts) == (does, ["meanwhile"])
+    assert len(ending.told) == (does == "held")
+    nobody = OpenVpn()
+    assert end(nobody).management == "answers"
+    assert nobody.acts == ["meanwhile"]
+
+
+@pytest.mark.parametrize(
+    ("real", "told"),
+    [
+        (REAL, ("192.0.2.7", 40000)),
+        ("udp4:192.0.2.7:40000", ("192.0.2.7", 40000)),
+        ("192.0.2.700:1", None),
+        ("[2001:db8::7]:1", None),
+        ("192.0.2.7:1 accept\n", None),
+        ("", None),
+    ],
+)
+def test_a_peer_is_an_address_and_a_port(real: str, told: tuple[str, int] | None) -> None:
+    assert peer(real) == told
