@@ -16,9 +16,9 @@ from atlantis_netcfg.vpn.authority._book import Book, new_operation
 from atlantis_netcfg.vpn.authority._desk import Desk
 from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
 from atlantis_netcfg.vpn.authority._lock import Lock
+from atlantis_netcfg.vpn.authority._server import names_of
 from atlantis_netcfg.vpn.authority._sighting import sighting
 from atlantis_netcfg.vpn.authority._signer import Signer
-from atlantis_netcfg.vpn.authority._types import ServerNames
 from atlantis_netcfg.vpn.ledger import records
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.secret import Secret
-    from atlantis_netcfg.vpn.authority._types import Delivered, Sighting
+    from atlantis_netcfg.vpn.authority._types import Delivered, ServerNames, Sighting
     from atlantis_netcfg.vpn.identity import Roll
     from atlantis_netcfg.vpn.ledger import Entry
 
@@ -78,7 +78,7 @@ class Authority:
         server = self._fold().server
         if server is None:
             raise AuthorityDamaged("the ledger names no server", hint="restore the ledger from a backup")
-        return ServerNames(server.common_name, server.dns, server.addresses)
+        return names_of(server)
 
     def handed_out(self, common_name: str) -> records.Delivered | None:
         """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""

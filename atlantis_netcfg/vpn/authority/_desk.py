@@ -6,19 +6,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _lists as lists
+from atlantis_netcfg.vpn.authority import _server as server
 from atlantis_netcfg.vpn.authority._book import new_operation
 from atlantis_netcfg.vpn.authority._errors import translated
 from atlantis_netcfg.vpn.identity import Wrap
-from atlantis_netcfg.vpn.ledger.records import Committed, RolledBack
+from atlantis_netcfg.vpn.ledger.records import Begun, Committed, RolledBack
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.vpn.authority._book import Book
+    from atlantis_netcfg.vpn.authority._types import ServerNames
 
 __all__ = ["Desk"]
 
@@ -46,6 +49,16 @@ class Desk:
         """Put a list in place that says what the record says."""
         return lists.publish(self.folder, self.book, self.ca, operation)
 
+    def serve(self, names: ServerNames) -> None:
+        """Make the server a new key and certificate."""
+        operation = new_operation()
+        written, record = server.made(self.ca, names, self.book.now())
+        self.book.write([Begun(command="serve"), record], operation)
+        with translated("the server's certificate cannot be written"):
+            for name, data in written.items():
+                write_atomically(self.folder / name, data)
+        self.book.write([Committed()], operation)
+
     def recover(self, *, left: bool) -> None:
         """Finish or withdraw what commands before this one left; `left`: the last one was killed.
 
@@ -58,6 +71,10 @@ class Desk:
             for operation in tuple(self.book.fold.open):
                 self.book.write([self._end(operation)], operation)
             files.restore_copies(self.folder, self.book.fold.issued.values())
+            of = self.book.fold.server
+            whole = of is None or server.is_sound(self.folder, of)
+        if of is not None and not whole:
+            self.serve(server.names_of(of))
         if lists.due(self.folder, self.book, self.ca):
             self.publish(new_operation())
 

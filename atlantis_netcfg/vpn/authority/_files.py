@@ -29,6 +29,7 @@ __all__ = [
     "forget",
     "restore_copies",
     "sweep",
+    "sync",
 ]
 
 CA = "ca.crt"
@@ -74,7 +75,12 @@ def sweep(folder: Path) -> None:
 def forget(path: Path) -> None:
     """Remove a file for good."""
     path.unlink(missing_ok=True)
-    descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    sync(path.parent)
+
+
+def sync(folder: Path) -> None:
+    """Put a folder's entries on disk."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
     finally:

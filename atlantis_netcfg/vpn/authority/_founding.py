@@ -16,17 +16,16 @@ from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority._book import new_operation
 from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, NoAuthority, translated
 from atlantis_netcfg.vpn.authority._lists import sign
-from atlantis_netcfg.vpn.identity import KeyType
-from atlantis_netcfg.vpn.ledger.records import Founded, ServerIssued
+from atlantis_netcfg.vpn.authority._server import made, names_of
+from atlantis_netcfg.vpn.ledger.records import Founded
 
 if TYPE_CHECKING:
-    from datetime import datetime
     from pathlib import Path
 
     from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.vpn.authority._types import ServerNames
 
-__all__ = ["Sealing", "found", "is_complete", "new_server", "prepare", "require", "seal"]
+__all__ = ["Sealing", "found", "is_complete", "prepare", "require", "seal"]
 
 Sealing = Literal["age", "vault"]
 MARK = "founding"
@@ -49,6 +48,7 @@ def prepare(folder: Path) -> None:
     """Make the folder, for its owner alone."""
     with translated("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        files.sync(folder.parent)
         if folder.stat().st_mode & 0o077:
             folder.chmod(0o700)
 
@@ -70,34 +70,12 @@ def seal(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
     return encrypt(key.reveal().encode(), passphrase)
 
 
-def new_server(ca: pki.Ca, names: ServerNames, now: datetime, kind: KeyType) -> tuple[dict[str, bytes], ServerIssued]:
-    """The server's key and certificate, as files, and their record."""
-    key = pki.new_key(kind)
-    certificate = pki.new_server(
-        ca, key.public_key(), names.common_name, names.dns, names.addresses, pki.new_serial(), now
-    )
-    record = ServerIssued(
-        common_name=names.common_name,
-        dns=names.dns,
-        addresses=names.addresses,
-        serial=certificate.serial_number,
-        sha256=pki.sha256(certificate),
-        not_before=certificate.not_valid_before_utc,
-        not_after=certificate.not_valid_after_utc,
-    )
-    written = {
-        files.SERVER_KEY: pki.key_pem(key).reveal().encode(),
-        files.SERVER_CERT: pki.cert_pem(certificate).encode(),
-    }
-    return written, record
-
-
 def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
     _unfinished(folder)
     now = ledger.utc_now()
     # Each authority has a name of its own: OpenVPN takes a list of another CA of the same name with a mere warning.
     ca = pki.new_ca(f"ATLANTIS VPN {secrets.token_hex(4)}", now)
-    server, issued = new_server(ca, names, now, KeyType.EC)
+    server, issued = made(ca, names, now)
     crl, published = sign(ca, (), 1, now)
     written = {
         files.SEALED[sealing]: seal(pki.key_pem(ca.key), passphrase, sealing),
@@ -142,11 +120,7 @@ def _remains(folder: Path) -> str | None:
 
 def _same_names(folder: Path, names: ServerNames) -> None:
     server = ledger.Fold(ledger.read(folder / ledger.FILE).sound().entries).server
-    if server is None or (server.common_name, server.dns, server.addresses) != (
-        names.common_name,
-        names.dns,
-        names.addresses,
-    ):
+    if server is None or names_of(server) != names:
         made = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
         raise UsageError(
             f"there is an authority in {folder} already, whose server is {made}: it is not overwritten",

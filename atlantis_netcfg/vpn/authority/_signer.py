@@ -11,6 +11,7 @@ from atlantis_netcfg.vpn.authority._book import new_operation
 from atlantis_netcfg.vpn.authority._errors import translated
 from atlantis_netcfg.vpn.authority._files import CRL
 from atlantis_netcfg.vpn.authority._issuing import hand_out
+from atlantis_netcfg.vpn.authority._server import needs_another
 from atlantis_netcfg.vpn.identity import Certificate, Member, Standing
 from atlantis_netcfg.vpn.ledger import records
 
@@ -100,6 +101,16 @@ class Signer:
         begun = records.Begun(command="publish")
         self._desk.book.write([begun, *_revocations(old, SUPERSEDED)], operation)
         return self._listed(operation)
+
+    def serve(self, names: types.ServerNames) -> bool:
+        """Give the server a new certificate, if the one it has is for other names, or ends within 90 days.
+
+        True if there is a new one: the server's computer needs it. Members go on with what they have.
+        """
+        if not needs_another(self._desk.book.fold.server, names, self._desk.book.now()):
+            return False
+        self._desk.serve(names)
+        return True
 
     def _revoke(self, names: Sequence[str], certificates: Iterable[Certificate], why: str) -> bytes:
         operation = new_operation()

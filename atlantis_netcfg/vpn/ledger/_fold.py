@@ -137,16 +137,18 @@ class Fold:
     def _revoked(self, entry: Entry, record: records.Revoked) -> None:
         self._put(record.common_name, standing=Standing.REVOKED, revoked=entry.at, reason=record.reason)
         self._did(entry, record.common_name)
+        self.pending.pop(record.common_name, None)
         if record.common_name in self.delivered:
             self._queued[record.common_name] = None
 
     def _seen(self, _: Entry, record: records.Seen) -> None:
-        self._put(record.common_name, standing=Standing.SEEN, seen=record.last)
+        if self._good(record.common_name):
+            self._put(record.common_name, standing=Standing.SEEN, seen=record.last)
 
     def _superseded(self, entry: Entry, record: records.Superseded) -> None:
-        self._put(
-            record.common_name, standing=Standing.SUPERSEDED, revoked=entry.at, reason=f"{record.by} was seen in use"
-        )
+        if self._good(record.common_name):
+            reason = f"{record.by} was seen in use"
+            self._put(record.common_name, standing=Standing.SUPERSEDED, revoked=entry.at, reason=reason)
 
     def _settled(self, _: Entry, record: records.Settled) -> None:
         self._queued.pop(record.common_name, None)
@@ -159,6 +161,10 @@ class Fold:
 
     def _clock_trusted(self, _: Entry, record: records.ClockTrusted) -> None:
         """Of interest to an audit alone."""
+
+    def _good(self, common_name: str) -> bool:
+        """Nothing brings a revoked certificate back."""
+        return self._holder(common_name).certificates[common_name].good
 
     def _close(self, operation: str) -> None:
         self.open.pop(operation, None)

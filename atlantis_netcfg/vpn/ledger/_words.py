@@ -16,6 +16,7 @@ _COMMANDS = {
     "renew": "renewal of {} began",
     "revoke": "revocation of {} began",
     "publish": "a new revocation list was asked for",
+    "serve": "a new certificate of the server was asked for",
 }
 _NAMED = 3
 """So many names are told, the others are counted."""

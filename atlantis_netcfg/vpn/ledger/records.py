@@ -34,7 +34,7 @@ __all__ = [
     "Superseded",
 ]
 
-Command = Literal["issue", "renew", "revoke", "publish"]
+Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
     int,
     BeforeValidator(lambda value: int(value, 16) if isinstance(value, str) else value),

@@ -45,6 +45,7 @@ SCENARIOS = {
     "renew-first": Scenario(("issue a", "seen iqua-a"), "renew iqua-a", (("a", 2),)),
     "revoke": Scenario(("issue a b c", "renew iqua-a"), "revoke iqua-a iqua-b", (("a", 0), ("b", 0), ("c", 1))),
     "publish": Scenario(("issue a", "renew iqua-a", "seen iqua-a.2"), "publish", (("a", 1),)),
+    "serve": Scenario(("issue a",), "serve", (("a", 1),)),
     "seen": Scenario(("issue a", "renew iqua-a"), "seen iqua-a.2", (("a", 2),)),
 }
 FAULTS = {"kill": "signal=KILL", "full": "error=ENOSPC", "broken": "error=EIO", "quota": "error=EDQUOT"}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
@@ -13,7 +16,7 @@ from cryptography.x509.oid import NameOID
 from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames
+from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames, _book
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -111,6 +114,42 @@ def test_the_passphrase_is_changed(tmp_path: Path) -> None:
     text = (made.folder / "ledger.jsonl").read_text()
     assert PASSPHRASE.reveal() not in text
     assert OTHER.reveal() not in text
+
+
+def test_the_server_gets_another_certificate_for_other_names_or_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = stand(tmp_path)
+    other = replace(NAMES, dns=("other.example",))
+    with made.signing() as signer:
+        assert not signer.serve(NAMES)
+        assert signer.serve(other)
+        assert not signer.serve(other)
+    assert made.authority.server() == other
+    server = x509.load_pem_x509_certificate((made.folder / "server" / "server.crt").read_bytes())
+    key = pki.load_key(Secret((made.folder / "server" / "server.key").read_text()))
+    assert server.public_key() == key.public_key()
+    names = server.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert names.get_values_for_type(x509.DNSName) == ["other.example"]
+    assert made.authority.check() == []
+    monkeypatch.setattr(_book, "utc_now", lambda: datetime.now(UTC) + timedelta(days=1826 - 80))
+    with made.signing() as signer:
+        assert signer.serve(other)
+
+
+@pytest.mark.parametrize("name", ["server.crt", "server.key"])
+def test_a_server_whose_key_is_not_its_certificate_s_gets_both_anew(name: str, tmp_path: Path) -> None:
+    made, other = (stand(tmp_path / side) for side in ("one", "other"))
+    with other.signing() as signer:
+        signer.serve(replace(NAMES, common_name="vpn-server-2"))
+    shutil.copy(other.folder / "server" / name, made.folder / "server" / name)
+    with made.signing():
+        pass
+    server = x509.load_pem_x509_certificate((made.folder / "server" / "server.crt").read_bytes())
+    key = pki.load_key(Secret((made.folder / "server" / "server.key").read_text()))
+    assert server.public_key() == key.public_key()
+    assert made.authority.server() == NAMES
+    assert made.authority.check() == []
 
 
 def test_a_ca_of_another_ledger_signs_nothing(tmp_path: Path) -> None:

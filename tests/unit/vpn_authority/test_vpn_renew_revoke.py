@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 import pytest
 from authority_stand import stand, wish
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import Change, Delivered, NoSuchMember, Sighting
-from atlantis_netcfg.vpn.identity import KeyType, Link, Standing, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Standing, Wrap
+from atlantis_netcfg.vpn.ledger import Entry, Fold, records
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -147,6 +151,56 @@ def test_sightings_are_recorded_once_a_day(tmp_path: Path) -> None:
     made.authority.seen({"iqua-a": NOW + timedelta(hours=24)})
     (certificate,) = made.authority.roll().members["iqua-a"].certificates
     assert (certificate.standing, certificate.seen) == (Standing.SEEN, NOW.replace(tzinfo=UTC) + timedelta(hours=24))
+
+
+KNOWN = ("iqua-a", "iqua-b")
+AFTER = st.sampled_from(KNOWN).flatmap(
+    lambda name: st.sampled_from(
+        (
+            records.Delivered(common_name=name, path="x", sha256="00"),
+            records.Seen(common_name=name, last=NOW),
+            records.Superseded(common_name=name, by="other"),
+            records.Revoked(common_name=name, reason="lost"),
+            records.RolledBack(common_names=(name,)),
+            records.Settled(common_name=name),
+        )
+    )
+)
+
+
+@settings(deadline=None)
+@given(st.lists(AFTER, max_size=12))
+def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) -> None:
+    fold = Fold(Entry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))
+    withdrawn: set[str] = set()
+    for record in after:
+        fold.apply(Entry(9, NOW, "me", "op", record))
+        if isinstance(record, records.Revoked):
+            withdrawn.add(record.common_name)
+        if isinstance(record, records.RolledBack):
+            withdrawn.update(set(record.common_names) - fold.delivered.keys())
+        good = {one.common_name for _, one in fold.roll().certificates() if one.good}
+        assert good <= fold.delivered.keys() - withdrawn
+
+
+def issued(name: str) -> records.Issued:
+    return records.Issued(
+        name=name,
+        device_kind=Kind.ROBOT,
+        partner="iqua",
+        device=name[5:],
+        address=IPv4Address("10.8.16.1"),
+        link=Link.LTE,
+        vehicle=None,
+        common_name=name,
+        serial=ord(name[-1]),
+        sha256=name,
+        not_before=NOW,
+        not_after=NOW,
+        wrap=Wrap.TLS_CRYPT_V2,
+        key=KeyType.EC,
+        der="",
+    )
 
 
 def test_a_file_that_is_handed_over_again_is_recorded(tmp_path: Path) -> None:
