@@ -73,7 +73,7 @@ def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
             f"the hand-out is for {member.name}, which is no host of this inventory",
             hint="take the inventory of the pilot that it was made for",
         )
-    if (declared := tunnel_address(host)) != member.address:
+    if (declared := _tunnel_address(host)) != member.address:
         raise UsageError(
             f"the hand-out gives {member.name} the address {member.address}; the inventory declares {declared}",
             hint="take the newest inventory, or ask for a new hand-out",
@@ -85,7 +85,7 @@ def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
         )
 
 
-def tunnel_address(host: Host) -> IPv4Address | None:
+def _tunnel_address(host: Host) -> IPv4Address | None:
     """The address in the VPN that the inventory declares for a host."""
     if isinstance(host.device, Router):
         return host.device.vpn_client.address if host.device.vpn_client is not None else None

@@ -89,7 +89,7 @@ def _roll(*members: Member) -> Roll:
 
 def _reach(declaration: Declaration, member: Member, permissions: list[Permission]) -> Reach | None:
     zone = permissions[0].destination
-    traffic = tuple(dict.fromkeys(words(one.traffic, one.why) for one in permissions))
+    traffic = tuple(dict.fromkeys(_words(one.traffic, one.why) for one in permissions))
     ping = any(one.traffic in (PING, ANYTHING) for one in permissions)
     if zone is None:
         server = _policy(declaration, member).server
@@ -116,7 +116,7 @@ def _hosts(declaration: Declaration, zone: Zone) -> Iterator[tuple[str, IPv4Addr
             yield host.name, address
 
 
-def words(traffic: Traffic, why: str) -> str:
+def _words(traffic: Traffic, why: str) -> str:
     """What passes, for people; `why` names a service."""
     if traffic == ANYTHING:
         return "everything"

@@ -92,8 +92,14 @@ def _member(wanted: Wanted, certificate: Certificate) -> Member:
 
 def _key(kind: KeyType) -> ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey:
     if kind is KeyType.RSA:
-        return rsa.generate_private_key(65537, 2048)
+        return _rsa()
     return ec.generate_private_key(ec.SECP256R1())
+
+
+@cache
+def _rsa() -> rsa.RSAPrivateKey:
+    """One for all: making it takes a while."""
+    return rsa.generate_private_key(65537, 2048)
 
 
 @cache

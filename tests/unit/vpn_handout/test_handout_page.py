@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import product
 from pathlib import Path
@@ -115,3 +117,22 @@ def test_the_page_says_of_declared_hosts_what_the_firewall_does(kind: str, decla
     for name, other in others.items():
         allowed = {word for word, flow in FLOWS.items() if matrix.allows(own, Party(name, other.address), flow)}
         assert said[name] == allowed
+
+
+def test_who_sees_a_robot_and_whom_it_is_told_of(declaration: Declaration) -> None:
+    partner = declaration.partners["vtt"].model_copy(update={"sees": ("sparus", "zarco")})
+    seeing = replace(declaration, partners={**declaration.partners, "vtt": partner})
+    robot = contents(seeing, identity(KINDS["robot"]), contact=CONTACT)["README.txt"]
+    other = contents(seeing, identity(KINDS["router"]), contact=CONTACT)["README.txt"]
+    assert "This robot is also reached, by ping and DDS, by: VTT." in " ".join(robot.split())
+    assert "- the robots Sparus, Zarco: ping, DDS (UDP 7410 to 7429)\n" in other
+    assert "also reached" not in other
+
+
+def test_a_pilot_without_dds_or_services(declaration: Declaration) -> None:
+    vpn = declaration.pilot.vpn.model_copy(update={"services": ()})
+    plain = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": None, "vpn": vpn}))
+    told = contents(plain, identity(), contact=CONTACT)
+    assert "DDS" not in told["README.txt"].partition("What you may reach")[2]
+    assert json.loads(told["self-test.json"])["dds_port"] is None
+    assert "- the control centre (scc-control 10.80.0.2): ping\n" in told["README.txt"]
