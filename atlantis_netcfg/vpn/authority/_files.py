@@ -6,8 +6,6 @@ import os
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.journal import write_atomically
-
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
@@ -62,7 +60,7 @@ def restore_copies(folder: Path, issued: Iterable[Issued]) -> None:
         path = folder / CERTS / f"{one.common_name}.pem"
         data = copy_of(one)
         if _read(path) != data:
-            write_atomically(path, data)
+            _write_copy(path, data)
 
 
 def sweep(folder: Path) -> None:
@@ -85,6 +83,19 @@ def sync(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _write_copy(path: Path, data: bytes) -> None:
+    """Whole or not at all, but nothing waits for the disk: what a power cut takes is made again from the ledger."""
+    scratch = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        descriptor = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        scratch.replace(path)
+    except OSError:
+        scratch.unlink(missing_ok=True)
+        raise
 
 
 def _read(path: Path) -> bytes | None:
