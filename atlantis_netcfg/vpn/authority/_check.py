@@ -122,7 +122,7 @@ def _members(fold: Fold, now: datetime) -> Iterator[str]:
     for member in fold.roll().members.values():
         if member.good and (last := member.good[-1]).not_after - now < SOON:
             ends = "ended" if last.not_after <= now else "ends"
-            yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew {member.name}"
+            yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew name={member.name}"
 
 
 def _modes(folder: Path) -> Iterator[str]:

@@ -140,7 +140,7 @@ def _same(wish: Wish, member: Member) -> None:
     if other:
         raise OtherMember(
             f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
-            hint=f"provision vpn renew {member.name} changes link, wrap and key; for anything else take another name",
+            hint=f"provision vpn renew name={member.name} changes link, wrap and key; for the rest take another name",
         )
 
 

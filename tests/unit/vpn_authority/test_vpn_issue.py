@@ -87,7 +87,7 @@ def test_another_wish_of_that_name_is_told_what_differs(change: dict[str, Any], 
     made.issue("a")
     with made.signing() as signer, pytest.raises(OtherMember, match=said) as other:
         signer.issue([wish("a", **change)], made.deliver)
-    assert "provision vpn renew iqua-a" in str(other.value.hint)
+    assert "provision vpn renew name=iqua-a" in str(other.value.hint)
 
 
 def test_nothing_is_made_of_a_batch_with_one_wrong_wish(tmp_path: Path) -> None:
