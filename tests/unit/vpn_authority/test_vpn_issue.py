@@ -179,3 +179,23 @@ def test_a_large_batch_waits_little_for_the_ledger(tmp_path: Path, monkeypatch: 
     assert len({one.member.address for one in issued}) == 220
     assert synced.count("ledger.jsonl") == 8
     assert made.authority.check() == []
+
+
+def test_a_batch_that_breaks_off_keeps_what_was_handed_out(tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    wishes = [wish(f"d{number}") for number in range(120)]
+
+    def deliver(identity: Identity) -> Delivered:
+        if identity.member.device == "d110":
+            raise OSError(28, "No space left on device")
+        return made.deliver(identity)
+
+    with made.signing() as signer, pytest.raises(AuthorityFailed, match="what `iqua-d110` gets cannot be written"):
+        signer.issue(wishes, deliver)
+    assert sum(1 for one in made.authority.roll().members.values() if one.good) == 110
+    assert made.authority.check() == []
+    with made.signing() as signer:
+        issued = signer.issue(wishes, made.deliver)
+    assert [one.already for one in issued] == [True] * 110 + [False] * 10
+    assert len({one.member.address for one in issued}) == 120
+    assert len(made.identities) == 120
