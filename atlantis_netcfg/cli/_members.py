@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.deploying import Deployed
     from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
     from atlantis_netcfg.vpn.authority import Revoked
+    from atlantis_netcfg.vpn.identity import Member
 
-__all__ = ["close", "close_revoked", "close_synced", "outlet"]
+__all__ = ["bringing", "close", "close_revoked", "close_synced", "outlet"]
 
 
 def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
-    """How hand-outs leave. Raises UsageError where `to=` is no folder."""
+    """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
     from pathlib import Path
 
     from atlantis_netcfg.operations.vpn.onboarding import CONTACT, Outlet
@@ -68,9 +69,18 @@ def _lines(one: Handed) -> Iterator[str]:
     for gone in one.issued.replaced:
         yield f"  revoked     {gone}, which was handed out before and never used"
     if member.partner is None:
-        yield f"              `provision site=… only={member.name}` brings it there"
+        yield f"              `{bringing(member)}` brings it there"
     else:
-        yield "              the partner opens it with age and follows README.txt inside; then runs self-test.py"
+        yield "              the partner opens it with age, and goes on with README.txt inside"
+
+
+def bringing(member: Member) -> str:
+    """The command that brings a declared computer its identity."""
+    from atlantis_netcfg.vpn.identity import Kind
+
+    if member.kind is Kind.ROUTER:
+        return f"provision vpn install host={member.name}"
+    return f"provision site=… only={member.name}"
 
 
 def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) -> ExitCode:

@@ -37,7 +37,7 @@ def run(arguments: Arguments) -> ExitCode:
     from datetime import UTC, datetime
     from pathlib import Path
 
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.errors import ExitCode
     from atlantis_netcfg.vpn.handout import accept
 
@@ -56,7 +56,7 @@ def run(arguments: Arguments) -> ExitCode:
     how = "already so" if accepted.already else "accepted"
     lines = [
         f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
-        f"  kept in {accepted.path}; `provision site=… only={member.name}` brings it there",
+        f"  kept in {accepted.path}; `{_members.bringing(member)}` brings it there",
     ]
     return _vpn.tell(arguments, ExitCode.DONE, told, lines)
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["CONTACT", "Handed", "Onboarding", "Outlet", "reserved"]
 
 CONTACT = "whoever gave you this file"
+_CONTACT_MAX = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +46,14 @@ class Outlet:
     """Whom the owner of a device calls, on the page of instructions."""
 
     def __post_init__(self) -> None:
-        """Raise UsageError where nothing can be copied to, before anything is issued."""
+        """Raise UsageError for what would fail while something is issued."""
         if self.copies is not None and not self.copies.is_dir():
             raise UsageError(f"there is no folder {self.copies}", hint="make it first, or leave `to=` out")
+        if not self.contact.strip() or not self.contact.isprintable() or len(self.contact) > _CONTACT_MAX:
+            raise UsageError(
+                f"`contact=`: that is no line of {_CONTACT_MAX} characters at most",
+                hint="a name, a telephone number and a mail address, for instance",
+            )
 
 
 @dataclass(frozen=True, slots=True)

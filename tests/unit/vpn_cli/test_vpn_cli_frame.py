@@ -1,0 +1,34 @@
+"""What the frame of all commands does for those of two words, and for text that would do something to a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli._outcome import harmless
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    import pytest
+
+OURS = [name for name in COMMANDS if name.startswith("vpn ")]
+
+
+def test_the_first_word_alone_is_answered_with_what_may_follow(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["vpn"]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert all(name.removeprefix("vpn ") in said for name in OURS)
+    for line in (["vpn", "--help"], ["-h", "vpn"]):
+        assert main(line) == ExitCode.DONE
+        told = capsys.readouterr().out
+        assert [row.split("  ")[1] for row in told.splitlines() if row.startswith("  vpn ")] == OURS
+        assert "  run " not in told
+
+
+def test_an_error_moves_no_cursor(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["vpn", "list", "partner=a", "\x1b[2J\u202e\x9b\udcff=x"]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert "\\x1b[2J\\u202e\\x9b\\udcff" in said
+    assert said.replace("\n", "").isprintable()
+    assert harmless("čaj 🤖") == "čaj 🤖"

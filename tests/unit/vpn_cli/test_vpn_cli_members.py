@@ -1,0 +1,246 @@
+"""What the commands make, print and keep, with nobody but the authority."""
+
+from __future__ import annotations
+
+import getpass
+import json
+from typing import TYPE_CHECKING, Any
+
+import pyrage
+import pytest
+from vpn_desk import NOBODY, PASSPHRASE, Desk, onboarding, over_a_pipe, seated
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn.handout import open_handout, read_identity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+LAPTOP = (*onboarding("iqua", "laptop"), f"recipient={NOBODY}")
+
+
+@pytest.fixture
+def desk(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Desk:
+    return seated(tmp_path_factory.getbasetemp(), tmp_path, capsys, monkeypatch)
+
+
+def modes(folder: Path) -> set[int]:
+    return {path.stat().st_mode & 0o777 for path in folder.rglob("*") if path.is_file()}
+
+
+# --- the passphrase ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
+    """Somebody who types these answers, and the questions that they were asked."""
+
+    def sits(*answers: str) -> list[str]:
+        asked: list[str] = []
+        rest = iter(answers)
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+        monkeypatch.setattr(getpass, "getpass", lambda question: asked.append(question) or next(rest))
+        return asked
+
+    return sits
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        (("short",), "the passphrase has 5 characters and needs 20: nobody counts the guesses at a file"),
+        (("",), "the passphrase is empty"),
+        ((PASSPHRASE, PASSPHRASE[:-1]), "the two are not the same, so nothing was made"),
+    ],
+)
+def test_a_passphrase_that_cannot_be_taken(
+    answers: tuple[str, ...], said: str, desk: Desk, terminal: Callable[..., list[str]]
+) -> None:
+    terminal(*answers)
+    code = main(["vpn", "init", f"authority={desk.folder / 'new'}", "sealed=vault"])
+    assert (code, said in desk.capsys.readouterr().err) == (3, True)
+    assert not (desk.folder / "new").exists()
+
+
+def test_on_a_terminal_it_is_asked_for_twice_to_make_and_once_to_use(
+    desk: Desk, terminal: Callable[..., list[str]]
+) -> None:
+    asked = terminal(PASSPHRASE, PASSPHRASE, PASSPHRASE)
+    new = Desk(desk.folder / "new", desk.capsys)
+    assert new.told("init", "sealed=vault")["already"] is False
+    assert new.told(*LAPTOP)["members"][0]["name"] == "iqua-laptop"
+    assert new.told("init")["already"] is True
+    assert asked == [
+        "Choose the passphrase of the CA key (20 characters or more): ",
+        "The same again: ",
+        "The passphrase of the CA key: ",
+    ]
+    assert modes(new.authority) == {0o600}
+    assert PASSPHRASE.encode() not in b"".join(new.files().values())
+
+
+@pytest.mark.parametrize("text", ["x" * 5000, "\udcff\udcfe", ""])
+def test_a_descriptor_that_gives_nonsense(text: str, desk: Desk) -> None:
+    before = desk.files()
+    with over_a_pipe("") as number:
+        code, _, err = desk.type(*LAPTOP, f"--passphrase-fd={number}")
+    assert (code, "the passphrase is empty" in err) == (3, True)
+    code, out, err = desk.type(*LAPTOP, passphrase=text.encode("utf-8", "replace").decode())
+    assert (code, out) == (3, ""), err
+    assert desk.files() == before
+
+
+def test_the_wrong_passphrase_opens_nothing(desk: Desk) -> None:
+    before = desk.files()
+    code, out, err = desk.type(*LAPTOP, passphrase=f"{PASSPHRASE}r")
+    assert (code, out) == (3, "")
+    assert "does not open" in err
+    assert desk.files() == before
+
+
+# --- onboarding --------------------------------------------------------------------------------------------------
+
+
+def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) -> None:
+    code, out, err = desk.type(*onboarding("iqua", "sparus2", "robot"), passphrase=PASSPHRASE)
+    assert (code, err) == (0, "")
+    (shown,) = [line.split()[1] for line in out.splitlines() if line.startswith("  passphrase  ")]
+    (file,) = desk.authority.glob("handouts/*/*")
+    profile = open_handout(file.read_bytes(), Secret(shown))["iqua-sparus2.ovpn"]
+    assert read_identity(profile).member.vehicle == "sparus"
+    assert shown.encode() not in b"".join(desk.files().values())
+    code, again, _ = desk.type(*onboarding("iqua", "sparus2", "robot"))
+    assert (code, "already so" in again, shown in again) == (0, True, False)
+
+
+def test_a_repeat_makes_nothing_and_another_wish_is_refused(desk: Desk) -> None:
+    desk.told(*LAPTOP, passphrase=PASSPHRASE)
+    before = desk.files()
+    (row,) = desk.told(*LAPTOP)["members"]
+    assert (row["already"], row["passphrase"], row["file"].endswith("iqua-laptop.tar.age")) == (True, None, True)
+    told = desk.told(*onboarding("iqua", "laptop", "robot"), passphrase=PASSPHRASE, code=3)
+    assert "kind is laptop, not robot" in told["errors"][0]["message"]
+    assert desk.files() == before
+
+
+YAML = """\
+# of the partner
+- {{partner: iqua, device: sparus2, kind: robot, link: satellite, recipient: {0}}}
+- partner: inesc
+  device: 007
+  kind: laptop
+  days: 30
+"""
+CSV = "partner;device;kind;link;recipient;days\niqua;sparus2;robot;satellite;{0};\n\ninesc;007;laptop;;;30\n"
+
+
+@pytest.mark.parametrize(("suffix", "text"), [("yml", YAML), ("csv", CSV)])
+def test_a_list_of_devices(suffix: str, text: str, desk: Desk, tmp_path: Path) -> None:
+    key = pyrage.x25519.Identity.generate()
+    (tmp_path / f"list.{suffix}").write_text(text.format(key.to_public()))
+    words = ("onboard", f"batch={tmp_path / f'list.{suffix}'}", f"recipient={NOBODY}", "--no-push")
+    rows = desk.told(*words, passphrase=PASSPHRASE)["members"]
+    assert [(row["name"], row["address"], row["link"]) for row in rows] == [
+        ("iqua-sparus2", "10.80.17.1", "satellite"),
+        ("inesc-007", "10.80.16.1", "fibre"),
+    ]
+    (sealed,) = desk.authority.glob("handouts/iqua-sparus2/*")
+    assert open_handout(sealed.read_bytes(), Secret(str(key)))
+    assert all(row["already"] for row in desk.told(*words)["members"])
+
+
+BAD: dict[str, tuple[bytes, str]] = {
+    "laughs.yml": (b"a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "laughs.yml:1: this is no list"),
+    "deep.yml": (b"- " * 2000 + b"x", "deep.yml:1: this is nested too deeply"),
+    "alias.yml": (b"- &a {partner: iqua}\n- *a\n", "alias.yml:2: an alias"),
+    "tag.yml": (b"- !!python/object/apply:os.system [id]\n", "tag.yml:1: a `!` begins a tag"),
+    "twice.yml": (b"- {partner: iqua, partner: eca}\n", "twice.yml:1: `partner` stands here twice"),
+    "word.yml": (b"- {partner: iqua, devise: a}\n", "word.yml:1: `devise` is not known here"),
+    "list.yml": (b"- {partner: iqua, device: [a]}\n", "list.yml:1: `device` has no simple value"),
+    "text.yml": (b"- just words\n", "text.yml:1: this is no record"),
+    "empty.yml": (b"", "empty.yml:1: there is no record in it"),
+    "bytes.yml": (b"- {partner: iqua}\n- \xff\xfe\n", "bytes.yml:2: this line is not UTF-8 text"),
+    "large.yml": (b"#" * 1_000_001, "large.yml is larger than 1 MB"),
+    "same.yml": (b"- {partner: iqua, device: a, kind: robot}\n" * 2, "same.yml:2: `iqua-a` is there twice, first in"),
+    "columns.csv": (b"partner,device,kind\niqua,a\n", "columns.csv:2: 2 values for 3 columns"),
+    "head.csv": (b"partner,partner\niqua,eca\n", "head.csv:1: `partner` stands here twice"),
+    "quote.csv": (b'partner,device\niqua,"a\n', "quote.csv:2: this is no CSV"),
+    "nul.csv": (b"partner,device,kind\niqua,a\0b,robot\n", "nul.csv:2: "),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_list_that_cannot_be_taken_names_the_line(name: str, desk: Desk, tmp_path: Path) -> None:
+    data, said = BAD[name]
+    (tmp_path / name).write_bytes(data)
+    before = desk.files()
+    told = desk.told("onboard", f"batch={tmp_path / name}", "--no-push", code=3)
+    assert said in json.dumps(told["errors"], ensure_ascii=False).replace(f"{tmp_path}/", "")
+    assert desk.files() == before
+
+
+# --- the record --------------------------------------------------------------------------------------------------
+
+
+def test_all_that_is_told_of_members(desk: Desk) -> None:
+    desk.told(*LAPTOP, passphrase=PASSPHRASE)
+    desk.told(*onboarding("eca", "rov", "robot"), f"recipient={NOBODY}", passphrase=PASSPHRASE)
+    assert [one["name"] for one in desk.told("list")["members"]] == ["iqua-laptop", "eca-rov"]
+    assert [one["name"] for one in desk.told("list", "partner=eca")["members"]] == ["eca-rov"]
+    assert desk.told("show", "name=iqua-laptop")["member"]["certificates"][0]["standing"] == "issued"
+    (renewed,) = desk.told("renew", "name=eca-rov", f"recipient={NOBODY}", "--no-push", passphrase=PASSPHRASE)[
+        "members"
+    ]
+    assert renewed["common_name"] == "eca-rov.2"
+    entries = desk.told("audit", "partner=eca")["entries"]
+    assert not any("iqua-laptop" in json.dumps(one) for one in entries)
+    assert desk.told("audit", "since=1d")["whole"] is True
+    assert desk.told("status", "--no-push")["told"][0]["verdict"] == "PASS"
+
+
+def test_everybody_of_a_partner_is_put_out_and_stays_so(desk: Desk) -> None:
+    desk.told(*LAPTOP, passphrase=PASSPHRASE)
+    words = ("revoke", "partner=iqua", "reason=the project has ended", "--no-push")
+    code, _, err = desk.type(*words, passphrase=PASSPHRASE)
+    assert (code, "nobody is here to agree" in err) == (3, True)
+    told = desk.told(*words, "--yes", passphrase=PASSPHRASE, code=5)
+    assert (told["members"], told["deployed"]) == (["iqua-laptop"], False)
+    status = desk.told("status", "--no-push", code=6)
+    assert status["queued"] == ["iqua-laptop"]
+    again = desk.told(*LAPTOP, passphrase=PASSPHRASE, code=3)
+    assert "was revoked: the project has ended" in again["errors"][0]["message"]
+
+
+def test_a_record_that_somebody_has_changed_is_told(desk: Desk) -> None:
+    desk.told(*LAPTOP, passphrase=PASSPHRASE)
+    ledger = desk.authority / "ledger.jsonl"
+    ledger.write_bytes(ledger.read_bytes().replace(b"iqua-laptop", b"iqua-lapdog", 1))
+    told: dict[str, Any] = desk.told("audit", code=6)
+    assert (told["whole"], told["entries"]) == (False, [])
+    assert told["errors"]
+    assert desk.told(*LAPTOP, passphrase=PASSPHRASE, code=4)["errors"]
+
+
+def test_an_identity_that_was_handed_out_is_taken_on_another_laptop(desk: Desk, tmp_path: Path) -> None:
+    key = pyrage.x25519.Identity.generate()
+    (tmp_path / "age.key").write_text(f"# mine\n{key}\n")
+    (tmp_path / "stick").mkdir()
+    words = ("onboard", "host=coastal-gateway", f"recipient={key.to_public()}", f"to={tmp_path / 'stick'}", "--no-push")
+    (row,) = desk.told(*words, passphrase=PASSPHRASE)["members"]
+    other = Desk(tmp_path / "other", desk.capsys)
+    taking = ("accept", f"file={row['copy']}", f"key={tmp_path / 'age.key'}")
+    (tmp_path / "age.key").chmod(0o644)
+    assert "others may read the key" in other.told(*taking, code=3)["errors"][0]["message"]
+    (tmp_path / "age.key").chmod(0o600)
+    assert other.told(*taking)["already"] is False
+    assert other.told(*taking)["already"] is True
+    here, there = (one.authority / "hosts" / "coastal-gateway.identity" for one in (desk, other))
+    assert here.read_bytes() == there.read_bytes()
+    assert modes(other.authority) == {0o600}
