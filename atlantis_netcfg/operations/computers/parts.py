@@ -73,10 +73,16 @@ def concerns(part: str, host: Host) -> bool:
 
 def refuse_unfounded(hosts: Iterable[Host], request: Request) -> None:
     """Hold that there is an authority where the server of the VPN is among the hosts. Raises NoAuthority."""
-    if any(is_server(host) for host in hosts):
-        from atlantis_netcfg.vpn.authority import Authority  # noqa: PLC0415 - as above
+    servers = [host.name for host in hosts if is_server(host)]
+    if not servers:
+        return
+    from atlantis_netcfg.vpn.authority import Authority, NoAuthority  # noqa: PLC0415 - as above
 
+    try:
         Authority.open(request.vpn)
+    except NoAuthority as error:
+        others = "where a colleague has it, let them run this, and name the other devices with `only=`"
+        raise NoAuthority(f"{', '.join(servers)}: {error}", hint=f"{error.hint}; {others}") from None
 
 
 PARTS: Mapping[str, Part] = {

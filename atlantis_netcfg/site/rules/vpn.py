@@ -37,6 +37,17 @@ def server(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
 
 
+def one_server(draft: Draft) -> Iterator[Finding]:
+    """One computer is the server: a second one would hold the same keys, and nobody would be told of it."""
+    if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
+        return
+    for host, _, _ in draft.boxes(VpnServer):
+        if host != draft.pilot.vpn.server:
+            message = f"`{host}` is a VPN server, and the pilot's is `{draft.pilot.vpn.server}`"
+            hint = "take it out of vpn_servers, or name it in `pilot.vpn.server`"
+            yield draft.wrong(Part("device", host), ("kind",), message, hint)
+
+
 def way_in(draft: Draft) -> Iterator[Finding]:
     """The router of the server's site forwards the VPN's port to it."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
@@ -131,6 +142,7 @@ def password_length(draft: Draft) -> Iterator[Finding]:
 
 RULES: tuple[Rule, ...] = (
     server,
+    one_server,
     way_in,
     forwards,
     endpoint_outside,

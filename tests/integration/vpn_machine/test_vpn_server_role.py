@@ -68,6 +68,7 @@ def test_members_connect_as_the_record_says(stand: Stand) -> None:  # noqa: F811
         assert f"ifconfig {members[name].address} 255.255.0.0" in client.log
         assert client.pings()
     assert not fast.pings(str(members["iqua-slow"].address)), "partners are apart"
+    assert "dev tun0" in stand.machine.run("ip route show 10.64.1.0/24").stdout, "the LAN of another site"
     assert "ping 60,ping-restart 300" in slow.log
     assert "ping 10,ping-restart 60" in fast.log
     stand.machine.run("until grep -q inesc-one /run/atlantis-vpn/status; do sleep 0.2; done", timeout_s=20)
@@ -168,6 +169,7 @@ def test_a_power_cut_while_it_is_made_is_completed_by_the_next_run(stand: Stand)
         stand.machine.power_cut()
         os.killpg(process.pid, signal.SIGKILL)  # with the tasks, which hold the lock of the site as well
     shutil.rmtree(stand.folder / "kept", ignore_errors=True)  # connections that were kept open
+    stand.ground.command(("ip", "neighbour", "flush", "all"))
     gone = stand.provision("site=all", f"only={NAME},coastal-gateway", "--yes")
     assert {name: one["status"] for name, one in gone["devices"].items()} == {
         NAME: "left-as-found",
@@ -176,4 +178,6 @@ def test_a_power_cut_while_it_is_made_is_completed_by_the_next_run(stand: Stand)
     stand.machine.power_on()
     settled(stand)
     assert settled(stand) == []
+    stand.machine.power_cut()
+    stand.machine.power_on()
     stand.client("inesc-one").connect().end()
