@@ -45,8 +45,13 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
     def sits(*answers: str) -> list[str]:
         asked: list[str] = []
         rest = iter(answers)
+
+        def answer(question: str) -> str:
+            asked.append(question)
+            return next(rest)
+
         monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-        monkeypatch.setattr(getpass, "getpass", lambda question: asked.append(question) or next(rest))
+        monkeypatch.setattr(getpass, "getpass", answer)
         return asked
 
     return sits
