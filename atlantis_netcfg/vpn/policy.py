@@ -215,6 +215,10 @@ class _Draft:
                 yield from self._both_ways(own, _zone(f"p_{name}_sees", robots), f"what {name} sees")
 
     def _of_server(self) -> Iterator[Permission]:
+        """Into the server itself only technicians come: in a site's LAN there are robots of partners, and others' boxes.
+
+        Of its own LAN nothing is said: what arrives there without the tunnel is not this firewall's business.
+        """
         everybody = _zone("p_members", (network for networks in self._behind.values() for network in networks))
         managers = [site.management.network for site in self._sites.values()]
         managers += [IPv4Network(one.address) for one in self._members if _ours(one) and one.kind is Kind.LAPTOP]
