@@ -28,8 +28,8 @@ pytestmark = pytest.mark.namespace
 ORDER = [
     "list in place",
     "no longer admitted",
-    "firewall closed",
     "client told to stop",
+    "firewall closed",
     "session dead",
     "safe on the disk",
     "verified",
@@ -89,6 +89,7 @@ def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server)
             refused(server, client, "certificate revoked")
         beside.goes()
     assert server.names() == [other]
+    assert server.run("nft", "list", "tables") == "table inet p_atlantis_vpn\n"
     assert server.push().changes == ()
     assert server.drift() == ()
 

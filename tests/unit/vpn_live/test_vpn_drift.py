@@ -11,7 +11,8 @@ import pytest
 
 from atlantis_netcfg.gateway.parts import File
 from atlantis_netcfg.operations.vpn._drift import drift
-from atlantis_netcfg.operations.vpn._state import Crl, ServerState, observe
+from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, observe
+from atlantis_netcfg.vpn import _server_system
 from atlantis_netcfg.vpn.identity import Roll
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER
 
@@ -121,6 +122,12 @@ CASES: dict[str, tuple[dict[str, Any], str | None]] = {
 def test_drift_is_told_in_words(case: str) -> None:
     other, words = CASES[case]
     assert drift(replace(SOUND, **other), WANTED, ROLL) == ((words,) if words is not None else ())
+
+
+def test_the_stamp_of_the_firewall_is_that_of_the_roles_unit() -> None:
+    unit = next(one for one in _server_system.units(()) if one.name == PLACE["firewall_unit"])
+    assert unit.after == (PLACE["firewall"],)
+    assert unit.reload
 
 
 class Told:

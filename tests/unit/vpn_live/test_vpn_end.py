@@ -10,7 +10,7 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_end
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_end import Ending, peer
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_end import Ending, Unheard, peer
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import Closed, Down, Held
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class OpenVpn:
     acts: list[str] = field(default_factory=list)
 
     @contextmanager
-    def asked(self) -> Iterator[OpenVpn]:
+    def asked(self, _patience_s: float | None = None) -> Iterator[OpenVpn]:
         if self.asking is not None:
             raise self.asking("silent")
         yield self
@@ -73,7 +73,7 @@ def session(cid: int, name: str, real: str = REAL, virtual: str = "10.80.17.1") 
 
 def end(server: OpenVpn, *addresses: str) -> Ending:
     ending = Ending(["iqua-d0"], addresses)
-    ending.run(cast("Server", server), lambda: server.acts.append("meanwhile"))
+    ending.run(cast("Server", server), Unheard(cast("Server", server), ()), lambda: server.acts.append("meanwhile"))
     return ending
 
 
@@ -83,10 +83,21 @@ UNHEARD = "unheard: ip saddr 192.0.2.7 meta l4proto { tcp, udp } th sport 40000 
 def test_in_this_order() -> None:
     server = OpenVpn([session(7, "iqua-d0"), session(8, "vtt-d0", "192.0.2.8:1", "10.80.20.1")])
     ending = end(server)
-    assert server.acts == ["halt 7", UNHEARD, "meanwhile", f"kill {REAL}", "heard again"]
+    assert server.acts == ["halt 7", "meanwhile", UNHEARD, f"kill {REAL}", "heard again"]
     assert (ending.management, ending.left, ending.told) == ("answers", [], [])
     assert [one["replies"] for one in ending.ended] == [["SUCCESS: halted", "SUCCESS: killed"]]
     assert [one["common_name"] for one in server.sessions_there] == ["vtt-d0"]
+
+
+def test_what_is_kept_away_already_costs_nothing_more() -> None:
+    server = OpenVpn([session(7, "iqua-d0")])
+    ending = Ending(["iqua-d0"])
+    unheard = Unheard(cast("Server", server), ending.look(cast("Server", server)))
+    assert "ip saddr 192.0.2.7 meta l4proto { tcp, udp } th sport 40000 drop" in unheard.text
+    unheard.holds = True
+    ending.run(cast("Server", server), unheard)
+    assert server.acts == ["halt 7", f"kill {REAL}", "heard again"]
+    assert Unheard(cast("Server", server), ()).text == ""
 
 
 def test_an_address_counts_whatever_its_name() -> None:
@@ -106,7 +117,7 @@ def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
         (OpenVpn([session(7, "iqua-d0")], chatty=True), []),
         (
             OpenVpn([session(7, "iqua-d0")], nft=1),
-            ["their packets could not be kept away: nft: Error: no such thing"] * vpn_end._ROUNDS,
+            ["their packets are not kept away: nft: Error: no such thing"] * vpn_end._ROUNDS,
         ),
         (OpenVpn([session(7, "iqua-d0", "[2001:db8::7]:40000")]), []),
     ],

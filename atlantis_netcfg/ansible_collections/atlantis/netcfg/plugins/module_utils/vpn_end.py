@@ -33,6 +33,8 @@ _HEARD_S = 0.01
 """So long after its HALT the server has sent it; a kill at once would take the message back [measured, 2.6.14]."""
 _ROUNDS = 4
 """A client that comes back between two looks is ended again; it has no admission any more."""
+_AT_ONCE_S = 0.05
+"""So long a server that answers at all may take."""
 _QUIET_S = 0.005
 _LOOKS = 20
 """So often, that long apart, it is looked whether a client is still heard; one that is is not killed."""
@@ -55,29 +57,39 @@ class Ending:
         self.management = DOWN
         self.told: list[str] = []
 
+    def look(self, server: Server) -> list[Session]:
+        """Whom it is about, if the server says so at once; nobody, if it does not."""
+        try:
+            with server.asked(_AT_ONCE_S) as management:
+                return self._find(management)
+        except (Down, Held, Closed, Torn):
+            return []
+
     def run(
-        self, server: Server, meanwhile: Callable[[], None], step: Callable[[str], None] = lambda _name: None
+        self,
+        server: Server,
+        unheard: Unheard,
+        meanwhile: Callable[[], None] = lambda: None,
+        step: Callable[[str], None] = lambda _name: None,
     ) -> None:
         """Do it. `meanwhile` is done after the clients were told, or where nobody can be; it has to come to its end."""
         waits = [meanwhile]
         try:
             with server.asked() as management:
-                self._end(server, management, waits, step)
+                self._end(management, unheard, waits, step)
                 self.management = ANSWERS
         except Down:
             self.management = DOWN
         except (Held, Closed, Torn) as silent:
             self.management = HELD
             self.told.append(f"who has a session could not be asked: {silent}")
-        while waits:
-            waits.pop()()
+        finally:
+            while waits:
+                waits.pop()()
+            unheard.end()
 
     def _end(
-        self,
-        server: Server,
-        management: Management,
-        waits: list[Callable[[], None]],
-        step: Callable[[str], None],
+        self, management: Management, unheard: Unheard, waits: list[Callable[[], None]], step: Callable[[str], None]
     ) -> None:
         """Halt, then kill, until nobody is there any more."""
         self.left = self._find(management)
@@ -87,18 +99,18 @@ class Ending:
             replies = {session["cid"]: [management.halt(session["cid"])] for session in self.left}
             heard = time.monotonic() + _HEARD_S
             step("client told to stop")
-            with Unheard(server, self.left) as heard_still:
-                while waits:
-                    waits.pop()()
-                time.sleep(max(0.0, heard - time.monotonic()))
-                if heard_still:
-                    self.told.append(heard_still)
-                for session in [] if heard_still else self._silent(management):
-                    if session["cid"] in replies:
-                        replies[session["cid"]].append(management.kill(session["real"]))
-                self.ended += [{**session, "replies": replies[session["cid"]]} for session in self.left]
-                self.left = self._find(management)
-                step("session dead")
+            while waits:
+                waits.pop()()
+            why = unheard.cover(self.left)
+            time.sleep(max(0.0, heard - time.monotonic()))
+            if why:
+                self.told.append(why)
+            for session in [] if why else self._silent(management):
+                if session["cid"] in replies:
+                    replies[session["cid"]].append(management.kill(session["real"]))
+            self.ended += [{**session, "replies": replies[session["cid"]]} for session in self.left]
+            self.left = self._find(management)
+            step("session dead")
 
     def _silent(self, management: Management) -> list[Session]:
         """Wait until nothing comes from them any more, and give those of whom that is so."""
@@ -117,22 +129,38 @@ class Ending:
 
 
 class Unheard:
-    """As long as this lasts, nothing that these clients send reaches the server; what it sends reaches them."""
+    """As long as this holds, nothing that these clients send reaches the server; what it sends reaches them."""
 
     def __init__(self, server: Server, sessions: Sequence[Session]) -> None:
         self._server = server
-        peers = filter(None, (peer(session["real"]) for session in sessions))
-        rules = [f"ip saddr {address} meta l4proto {{ tcp, udp }} th sport {port} drop" for address, port in peers]
+        self._peers = {found for session in sessions if (found := peer(session["real"])) is not None}
+        self.holds = False
+        """Set by whoever has `text` loaded."""
+
+    @property
+    def text(self) -> str:
+        """What nft has to be told; empty: nothing."""
+        rules = [
+            f"ip saddr {address} meta l4proto {{ tcp, udp }} th sport {port} drop" for address, port in self._peers
+        ]
         chain = ["chain p_input {", "type filter hook input priority raw", *rules, "}"]
-        self._text = "\n".join((f"add table {_TABLE}", f"delete table {_TABLE}", f"table {_TABLE} {{", *chain, "}"))
+        lines = (f"add table {_TABLE}", f"delete table {_TABLE}", f"table {_TABLE} {{", *chain, "}")
+        return "\n".join(lines) if rules else ""
 
-    def __enter__(self) -> str:
-        """Why they are heard after all; empty: they are not."""
-        done = self._server.run(["nft", self._text])
-        return "" if done.code == 0 else f"their packets could not be kept away: nft: {last_lines(done.said)}"
+    def cover(self, sessions: Sequence[Session]) -> str:
+        """See that it holds for these; gives why it does not."""
+        peers = {found for session in sessions if (found := peer(session["real"])) is not None}
+        if self.holds and peers <= self._peers:
+            return ""
+        self._peers |= peers
+        done = self._server.run(["nft", self.text]) if self._peers else None
+        self.holds = done is None or done.code == 0
+        return "" if self.holds or done is None else f"their packets are not kept away: nft: {last_lines(done.said)}"
 
-    def __exit__(self, *_: object) -> None:
-        self._server.run(["nft", f"delete table {_TABLE}"])
+    def end(self) -> None:
+        """Let them be heard again."""
+        if self.holds and self._peers:
+            self._server.run(["nft", f"delete table {_TABLE}"])
 
 
 def peer(real: str) -> tuple[str, int] | None:

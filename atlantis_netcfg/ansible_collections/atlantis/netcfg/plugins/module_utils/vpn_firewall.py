@@ -40,9 +40,9 @@ class Firewall:
         self.load_only(source)
         self.stamps.note(name, wanted)
 
-    def load_only(self, source: str) -> None:
-        """Load a file without a note."""
-        done = self.run(["nft", "-f", source])
+    def load_only(self, source: str, also: str = "") -> None:
+        """Load a file, and in the same act other words of nft, without a note."""
+        done = self.run(["nft", f'include "{source}"\n{also}'] if also else ["nft", "-f", source])
         if done.code != 0:
             raise Refused(
                 f"the firewall of the VPN could not be loaded, and is what it was (exit {done.code}):\n"

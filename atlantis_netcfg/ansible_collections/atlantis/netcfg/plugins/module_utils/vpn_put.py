@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from .lock import alone
 from .placing import Placing
 from .strays import clear, strays
-from .vpn_end import Ending
+from .vpn_end import Ending, Unheard
 from .wishes import Wishes
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
         gone = before - set(server.admitted())
         ending = Ending(gone)
         if gone:
-            ending.run(server, lambda: None)
+            ending.run(server, Unheard(server, ()))
     return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.told}
 
 

@@ -79,9 +79,10 @@ class Server:
         vpn_list.accept(new, old, self.now())
 
     @contextlib.contextmanager
-    def asked(self) -> Iterator[Management]:
+    def asked(self, patience_s: float | None = None) -> Iterator[Management]:
         """A conversation with the server. Raises `Down`, `Held`, `Closed`."""
-        with opened(self.tree.at(self.place.socket), self.place.patience_s) as management:
+        patience_s = self.place.patience_s if patience_s is None else patience_s
+        with opened(self.tree.at(self.place.socket), patience_s) as management:
             management.greeted()
             yield management
 
