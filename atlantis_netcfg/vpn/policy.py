@@ -215,7 +215,7 @@ class _Draft:
                 yield from self._both_ways(own, _zone(f"p_{name}_sees", robots), f"what {name} sees")
 
     def _of_server(self) -> Iterator[Permission]:
-        """Into the server itself only technicians come: in a site's LAN there are robots of partners, and others' boxes.
+        """Into the server itself only technicians come: a site's LAN also has robots of partners in it.
 
         Of its own LAN nothing is said: what arrives there without the tunnel is not this firewall's business.
         """

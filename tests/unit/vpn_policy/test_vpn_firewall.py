@@ -228,7 +228,7 @@ def test_an_address_leaves_the_set_of_members_alone() -> None:
 _RESERVED = frozenset({"members", "default", "server"})
 _KEYS = st.from_regex(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?", fullmatch=True).filter(lambda key: key not in _RESERVED)
 _TEXTS = st.text(st.characters(categories=("L", "N", "P", "S", "Zs")), min_size=1, max_size=200).filter(
-    lambda text: bool(text.strip())
+    lambda text: bool(text.strip()) and text.isprintable()
 )
 
 
