@@ -181,7 +181,8 @@ def _real(text: str) -> str:
         text = text.replace(documentation, real)
     text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
     text = text.replace("internet.example", "internet.atlantis.internal")
-    text = text.replace("ssid: EXAMPLE-", "ssid: ").replace("revision: EXAMPLE-", "revision: ")
+    for named in ("ssid", "revision", "name"):
+        text = text.replace(f"{named}: EXAMPLE-", f"{named}: ")
     text = text.replace(" EXAMPLE technician", " technician")
     return re.sub(r"EXAMPLE-([a-z0-9-]+)", lambda found: _vaulted(f"a-real-{found[1]}"), text)
 
