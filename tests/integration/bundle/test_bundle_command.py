@@ -62,7 +62,7 @@ def real(text: str) -> str:
         text = text.replace(documentation, ours)
     text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
     text = text.replace("internet.example", "internet.atlantis.internal").replace("ssid: EXAMPLE-", "ssid: ")
-    text = text.replace(" EXAMPLE technician", " technician")
+    text = text.replace(" EXAMPLE technician", " technician").replace("name: EXAMPLE-", "name: ")
     return re.sub(r"EXAMPLE-[a-z0-9-]+", sealed, text)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, SHIPPED, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
 from atlantis_netcfg.bundle import Keys, Order, Purpose, make, open_bundle, read_target
@@ -22,6 +22,7 @@ from atlantis_netcfg.machine.standins.git_server import GitServer, serve_git
 from atlantis_netcfg.machine.standins.interop import EXAMPLES, LIBRARY, make_interop
 from atlantis_netcfg.operations.bundling import wish_of
 from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.vpn.rehearsed import identities
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
-ROLES = ["gateway_base/offline", "gateway_base", "gateway_ros2", "gateway_interop", "gateway_dds"]
+ROLES = ["gateway_base/offline", "gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds"]
 TOKEN = "EXAMPLE-token-of-the-voyage"
 
 
@@ -106,6 +107,7 @@ def voyage(
 ) -> Voyage:
     git, archive, mirror = ashore
     stand = Voyage(machine(NAME), technician, tmp_path, ROLES)
+    identities(SHIPPED, [SHIPPED.hosts[NAME]], tmp_path / "state" / "vpn")
     (stand.inventory / "keys").mkdir(exist_ok=True)
     (stand.inventory / "keys" / "stand-in.gpg").write_bytes(archive.key)
     ros2 = {"origin": "snapshot", "mirror": mirror, "key_file": "stand-in.gpg"}
@@ -141,4 +143,5 @@ def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple
     assert len(ashore[0].requests) == asked
     seen = voyage.gateway.run(f"grep -rlF {TOKEN} /var/lib/atlantis /etc /opt /var/log", check=False)
     assert (seen.returncode, seen.stdout) == (1, "")
-    assert checked(voyage).keys() == {f"test_clock_follows_a_source[{NAME}]"}, "no time server is in the yard"
+    away = {f"test_clock_follows_a_source[{NAME}]", f"test_tunnel_has_its_address[{NAME}]"}
+    assert checked(voyage).keys() == away, "neither a time server nor the VPN's is in the yard"
