@@ -6,17 +6,26 @@ the server, such as two computers of one LAN, is nobody's to forbid here and is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
-from functools import cached_property
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.site.model import ControlCentre, DdsPath, Gateway, Router, VpnServer
+from atlantis_netcfg.vpn._matrix import (
+    ANYTHING,
+    PING,
+    Flow,
+    Party,
+    Permission,
+    Policy,
+    Protocol,
+    Traffic,
+    Zone,
+    zone_of,
+)
 from atlantis_netcfg.vpn.identity import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.site import Declaration, Host
@@ -24,117 +33,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member, Roll
 
 __all__ = ["ANYTHING", "PING", "Flow", "Party", "Permission", "Policy", "Protocol", "Traffic", "Zone", "policy"]
-
-
-class Protocol(StrEnum):
-    """What the firewall tells apart; of ICMP the echo, as errors pass with what they are about."""
-
-    ICMP = "icmp"
-    TCP = "tcp"
-    UDP = "udp"
-
-
-@dataclass(frozen=True, slots=True)
-class Flow:
-    """What the one who begins sends, to which port; ICMP has none."""
-
-    protocol: Protocol
-    port: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Traffic:
-    """Flows of one kind. No protocol: every flow; no ports: every port."""
-
-    protocol: Protocol | None = None
-    ports: range | None = None
-
-    def holds(self, flow: Flow) -> bool:
-        """Whether a flow is of this kind."""
-        if self.protocol is None:
-            return True
-        return flow.protocol is self.protocol and (self.ports is None or flow.port in self.ports)
-
-
-ANYTHING = Traffic()
-PING = Traffic(Protocol.ICMP)
-
-
-@dataclass(frozen=True, slots=True)
-class Zone:
-    """Addresses that are treated alike, under the name of their set in the firewall."""
-
-    name: str
-    networks: tuple[IPv4Network, ...]
-
-    def holds(self, address: IPv4Address) -> bool:
-        """Whether an address lies in it."""
-        return any(address in network for network in self.networks)
-
-
-@dataclass(frozen=True, slots=True)
-class Permission:
-    """Who may begin what with whom. No source or destination: the server itself."""
-
-    source: Zone | None
-    destination: Zone | None
-    traffic: Traffic
-    why: str
-    """A few words, in the firewall a comment."""
-
-
-@dataclass(frozen=True, slots=True)
-class Party:
-    """One end of a flow."""
-
-    name: str
-    address: IPv4Address
-
-
-@dataclass(frozen=True)
-class Policy:
-    """The complete answer."""
-
-    server: Party
-    server_addresses: frozenset[IPv4Address]
-    """Of the tunnel and of its LAN: whatever is sent to them, the server itself receives."""
-    members: Mapping[str, tuple[IPv4Network, ...]]
-    """Whom the server admits, by name: the tunnel address, and of a site's router also what lies behind it."""
-    beside: Zone
-    """The LAN in which the server stands, and what its router joins to it: reached without the tunnel."""
-    permissions: tuple[Permission, ...]
-
-    @cached_property
-    def admitted(self) -> Zone:
-        """Every address that may be met at the other end of the tunnel."""
-        return _zone("p_members", (network for networks in self.members.values() for network in networks))
-
-    @property
-    def zones(self) -> tuple[Zone, ...]:
-        """Every zone that a permission names, once; the firewall has a set for each."""
-        named = (zone for one in self.permissions for zone in (one.source, one.destination) if zone is not None)
-        return tuple({zone.name: zone for zone in named}.values())
-
-    def allows(self, source: Party, destination: Party, flow: Flow) -> bool:
-        """Whether the source may begin this flow, and gets its answers."""
-        ends = (source.address, destination.address)
-        if not all(self._known(address) for address in ends):
-            return False
-        if not any(self.admitted.holds(address) for address in ends):
-            return True  # without the tunnel
-        return any(
-            permission.traffic.holds(flow)
-            and self._is(permission.source, source.address)
-            and self._is(permission.destination, destination.address)
-            for permission in self.permissions
-        )
-
-    def _known(self, address: IPv4Address) -> bool:
-        return address in self.server_addresses or self.admitted.holds(address) or self.beside.holds(address)
-
-    def _is(self, zone: Zone | None, address: IPv4Address) -> bool:
-        own = address in self.server_addresses
-        return own if zone is None else not own and zone.holds(address)
 
 
 def policy(declaration: Declaration, roll: Roll) -> Policy:
@@ -193,7 +91,7 @@ class _Draft:
     def _of_hosts(self) -> Iterator[Permission]:
         networks = [network for name in self._sites for network in self._of_site(name)]
         own = [IPv4Network(one.address) for one in self._members if _ours(one)]
-        hosts = _zone("p_site_hosts", (*own, *networks))
+        hosts = zone_of("p_site_hosts", (*own, *networks))
         yield Permission(hosts, hosts, ANYTHING, "our hosts and sites")
 
     def _of_guests(self) -> Iterator[Permission]:
@@ -208,22 +106,22 @@ class _Draft:
 
     def _of_partners(self) -> Iterator[Permission]:
         for name, partner in self._partners.items():
-            own = _zone(f"p_{name}", (IPv4Network(one.address) for one in self._members if one.partner == name))
+            own = zone_of(f"p_{name}", (IPv4Network(one.address) for one in self._members if one.partner == name))
             yield Permission(own, own, ANYTHING, f"{name} among itself")
             if partner.sees:
                 robots = [IPv4Network(one.address) for one in self._members if one.vehicle in partner.sees]
-                yield from self._both_ways(own, _zone(f"p_{name}_sees", robots), f"what {name} sees")
+                yield from self._both_ways(own, zone_of(f"p_{name}_sees", robots), f"what {name} sees")
 
     def _of_server(self) -> Iterator[Permission]:
         """Into the server itself only technicians come: a site's LAN also has robots of partners in it.
 
         Of its own LAN nothing is said: what arrives there without the tunnel is not this firewall's business.
         """
-        everybody = _zone("p_members", (network for networks in self._behind.values() for network in networks))
+        everybody = zone_of("p_members", (network for networks in self._behind.values() for network in networks))
         managers = [site.management.network for site in self._sites.values()]
         managers += [IPv4Network(one.address) for one in self._members if _ours(one) and one.kind is Kind.LAPTOP]
         yield Permission(everybody, None, PING, "is the server there?")
-        yield Permission(_zone("p_all_managers", managers), None, ANYTHING, "technicians")
+        yield Permission(zone_of("p_all_managers", managers), None, ANYTHING, "technicians")
         yield Permission(None, everybody, ANYTHING, "the server's own")
 
     def _both_ways(self, one: Zone, other: Zone, why: str) -> Iterator[Permission]:
@@ -233,31 +131,24 @@ class _Draft:
             yield Permission(other, one, traffic, why)
 
     def _among(self, name: str, chosen: Callable[[Member], bool]) -> Zone:
-        return _zone(name, (IPv4Network(one.address) for one in self._members if chosen(one)))
+        return zone_of(name, (IPv4Network(one.address) for one in self._members if chosen(one)))
 
     def _speaking(self, name: str, kind: type[ControlCentre | Gateway]) -> Zone:
         """Where the DDS of our computers is: in the VPN, and in the LANs if the pilot's DDS goes there."""
         lan = self._pilot.dds is not None and self._pilot.dds.over is DdsPath.LAN
         found = (host for host in self._hosts.values() if isinstance(host.device, kind))
-        return _zone(name, (IPv4Network(address) for host in found for address in _addresses(host, lan=lan)))
+        return zone_of(name, (IPv4Network(address) for host in found for address in _addresses(host, lan=lan)))
 
     def _serving(self, service: VpnService) -> Zone | None:
         if service.host == self._pilot.vpn.server:
             return None
         addresses = _addresses(self._hosts[service.host], lan=False)
-        return _zone(f"p_host_{service.host}", (IPv4Network(address) for address in addresses))
+        return zone_of(f"p_host_{service.host}", (IPv4Network(address) for address in addresses))
 
 
 def _ours(member: Member) -> bool:
     """A computer of the pilot's own; a robot is a guest, whoever's it is."""
     return member.partner is None and member.kind is not Kind.ROBOT
-
-
-def _zone(name: str, networks: Iterable[IPv4Network]) -> Zone:
-    """Sorted, each network once and none inside another: a set of the firewall takes no overlap."""
-    found = set(networks)
-    wide = [one for one in found if one.prefixlen < one.max_prefixlen]
-    return Zone(name, tuple(sorted(one for one in found if not any(one != net and one.subnet_of(net) for net in wide))))
 
 
 def _dds(dds: Dds | None) -> tuple[Traffic, ...]:
