@@ -20,7 +20,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import pytest
-from matrix_stand import Vpn, host, vpn
+from matrix_papers import host
+from matrix_stand import Vpn, vpn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

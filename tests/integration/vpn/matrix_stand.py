@@ -9,7 +9,6 @@ sends there may pass a slow link with outages. Keys are from an authority of its
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import os
 import subprocess
@@ -19,15 +18,10 @@ from dataclasses import dataclass, field
 from typing import IO, TYPE_CHECKING
 
 import pytest
+from matrix_papers import issued, write
 from slow_link import Link, open_in
 
-from atlantis_netcfg.secret import Secret
-from atlantis_netcfg.site.model import Gateway
 from atlantis_netcfg.vpn import server as product
-from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
-from atlantis_netcfg.vpn.client import IDENTITY, openvpn_client, site_link
-from atlantis_netcfg.vpn.handout import identity_file, profile
-from atlantis_netcfg.vpn.identity import Kind
 
 if TYPE_CHECKING:
     import socket
@@ -35,13 +29,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.site import Declaration
-    from atlantis_netcfg.vpn.identity import Identity, Roll
+    from atlantis_netcfg.vpn.authority import Authority, Wish
+    from atlantis_netcfg.vpn.identity import Roll
 
 NET, SERVER = "net", "server"
 BESIDE, BEHIND, TECHNICIAN = "beside", "behind", "technician"
 ROUTER, CENTRE = "coastal-router", "scc-control"
 _NUMBERS = itertools.count()
-_PASSPHRASE = Secret("a long passphrase of this test alone")
 
 
 @dataclass
@@ -97,7 +91,7 @@ class Vpn:
         """Write what is live at the server, and load its firewall, as a push does."""
         roll = roll or self.authority.roll()
         for file in product.live_files(declaration or self.declaration, roll, self.authority.crl()):
-            _write(self.placed(file.path), self.placed_text(file.content))
+            write(self.placed(file.path), self.placed_text(file.content))
         self.run(SERVER, "nft", "-f", str(self.placed(product.FIREWALL)))
 
     def placed_text(self, text: str) -> str:
@@ -115,61 +109,26 @@ def _end(process: subprocess.Popen[str]) -> None:
     process.wait()
 
 
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    path.chmod(0o600)
-
-
 @contextmanager
 def vpn(declaration: Declaration, wishes: Sequence[Wish], folder: Path, slow: Sequence[str] = ()) -> Iterator[Vpn]:
     """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` before them."""
     if os.geteuid() != 0:
         pytest.skip("making a network namespace needs root")
     with ExitStack() as stack:
-        authority = _authority(declaration, folder / "authority")
         made = Vpn(
-            f"vpn{os.getpid()}-{next(_NUMBERS)}",
-            declaration,
-            authority,
-            folder,
-            stack,
-            tuple(one.name for one in wishes),
+            prefix=f"vpn{os.getpid()}-{next(_NUMBERS)}",
+            declaration=declaration,
+            authority=issued(declaration, wishes, folder),
+            folder=folder,
+            stack=stack,
+            members=tuple(one.name for one in wishes),
         )
-        with authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
-            signer.issue(list(wishes), lambda identity: _deliver(made, identity))
         _ground(made)
         for number, name in enumerate(made.members):
             _member(made, name, number + 10, slow=name in slow)
         _behind(made)
         _connect(made)
         yield made
-
-
-def _authority(declaration: Declaration, folder: Path) -> Authority:
-    pilot, server = declaration.pilot.vpn, declaration.hosts[declaration.pilot.vpn.server]
-    names = ServerNames(server.name, (pilot.endpoint_name,), (pilot.endpoint, server.device.address))  # type: ignore[union-attr]
-    return Authority.init(folder, _PASSPHRASE, names, "test", sealed_by="vault")
-
-
-def _deliver(made: Vpn, identity: Identity) -> Delivered:
-    """A gateway's own configuration, everybody else's profile."""
-    name = identity.member.name
-    path = made.folder / f"{name}.ovpn"
-    host = made.declaration.hosts.get(name)
-    if host is not None and isinstance(host.device, Gateway):
-        key = made.folder / f"{name}.identity"
-        _write(key, identity_file(identity).reveal())
-        files = openvpn_client(made.declaration, host, key).configuration.files
-        _write(
-            path,
-            next(one for one in files if one.path.endswith(".conf") and IDENTITY in one.content).content.replace(
-                IDENTITY, str(key)
-            ),
-        )
-    else:
-        _write(path, profile(made.declaration, identity).reveal())
-    return Delivered(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 _SETTINGS = (
@@ -259,11 +218,11 @@ def _behind(made: Vpn) -> None:
 def _connect(made: Vpn) -> None:
     host = made.declaration.hosts[made.declaration.pilot.vpn.server]
     conf = made.placed("/etc/openvpn/server/atlantis.conf")
-    _write(conf, made.placed_text(product.server_conf(made.declaration, host)))
+    write(conf, made.placed_text(product.server_conf(made.declaration, host)))
     made.placed("/run/atlantis-vpn").mkdir(parents=True)
     for name in ("ca.crt", "server/server.crt", "server/server.key", "server/tls-crypt-v2.key", "server/tls-crypt.key"):
         source = made.authority.folder / name
-        _write(made.placed(f"{product.FOLDER}/{source.name}"), source.read_text(encoding="utf-8"))
+        write(made.placed(f"{product.FOLDER}/{source.name}"), source.read_text(encoding="utf-8"))
     made.load()
     _openvpn(made, SERVER, conf).wait()
     for up in [_openvpn(made, name, made.folder / f"{name}.ovpn") for name in made.members]:
@@ -299,17 +258,3 @@ def _openvpn(made: Vpn, who: str, conf: Path) -> _Up:
     assert process.stdout is not None
     threading.Thread(target=up.listen, args=(process.stdout,), daemon=True).start()
     return up
-
-
-def host(declaration: Declaration, name: str) -> Wish:
-    """A declared host, with its declared address."""
-    device = declaration.hosts[name].device
-    client = getattr(device, "vpn_client", None)
-    address = client.address if client else device.vpn_address  # type: ignore[union-attr]
-    return Wish(name, Kind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site))
-
-
-def guest(declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None) -> Wish:
-    """A partner's device, with the next address of its pool."""
-    pool = declaration.partners[partner].vpn_pool
-    return Wish(f"{partner}-{device}", kind, partner, device, pool=pool, vehicle=vehicle)

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from matrix_stand import CENTRE, guest, host, vpn
+from matrix_papers import guest, host
+from matrix_stand import CENTRE, vpn
 
 from atlantis_netcfg.dds import profile_views, profiles
 from atlantis_netcfg.site import load

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 from matrix_checks import BESIDE_ALL, CHECKS, GATEWAY, LAPTOP, UDP_PORTS, ZARCO, Reach, matrix
+from matrix_papers import guest, host
 from matrix_probe import Probes
-from matrix_stand import CENTRE, ROUTER, SERVER, guest, host, vpn
+from matrix_stand import CENTRE, ROUTER, SERVER, vpn
 
 from atlantis_netcfg.site import load
 from atlantis_netcfg.vpn import server as product

@@ -1,0 +1,67 @@
+"""Who shall be in a stand's VPN, and what the product hands out to them."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.site.model import Gateway, VpnServer
+from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
+from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
+from atlantis_netcfg.vpn.handout import identity_file, profile
+from atlantis_netcfg.vpn.identity import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.vpn.identity import Identity
+
+_PASSPHRASE = Secret("a long passphrase of this test alone")
+
+
+def issued(declaration: Declaration, wishes: Sequence[Wish], folder: Path) -> Authority:
+    """An authority with these members; each one's configuration is `NAME.ovpn` of the folder."""
+    pilot, server = declaration.pilot.vpn, declaration.hosts[declaration.pilot.vpn.server]
+    assert isinstance(server.device, VpnServer)
+    names = ServerNames(server.name, (pilot.endpoint_name,), (pilot.endpoint, server.device.address))
+    authority = Authority.init(folder / "authority", _PASSPHRASE, names, "test", sealed_by="vault")
+    with authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
+        signer.issue(list(wishes), lambda identity: _deliver(declaration, folder, identity))
+    return authority
+
+
+def _deliver(declaration: Declaration, folder: Path, identity: Identity) -> Delivered:
+    """A gateway's own configuration, everybody else's profile."""
+    name = identity.member.name
+    path, declared = folder / f"{name}.ovpn", declaration.hosts.get(name)
+    if declared is not None and isinstance(declared.device, Gateway):
+        key = folder / f"{name}.identity"
+        write(key, identity_file(identity).reveal())
+        files = openvpn_client(declaration, declared, key).configuration.files
+        write(path, next(one.content for one in files if one.path == CONF).replace(IDENTITY, str(key)))
+    else:
+        write(path, profile(declaration, identity).reveal())
+    return Delivered(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    path.chmod(0o600)
+
+
+def host(declaration: Declaration, name: str) -> Wish:
+    """A declared host, with its declared address."""
+    device = declaration.hosts[name].device
+    client = getattr(device, "vpn_client", None)
+    address = client.address if client else device.vpn_address  # type: ignore[union-attr]
+    return Wish(name, Kind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site))
+
+
+def guest(declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None) -> Wish:
+    """A partner's device, with the next address of its pool."""
+    pool = declaration.partners[partner].vpn_pool
+    return Wish(f"{partner}-{device}", kind, partner, device, pool=pool, vehicle=vehicle)
