@@ -24,13 +24,15 @@ _CHANGED: Final = ("REMOTE HOST IDENTIFICATION HAS CHANGED", "Host key verificat
 
 
 def ssh_words(access: Mapping[str, Any]) -> Sequence[str]:
-    """Program and options up to the host; a command follows them."""
+    """Program and options up to the host; a command follows them. Ansible's own variables of the environment count."""
     kept = os.environ.get("ANSIBLE_SSH_ARGS", _KEPT)
     words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(kept), *shlex.split(access["ssh_args"])]
     if "ControlPersist" in kept:
         words += ["-o", f"ControlPath={control_path(access['host'], access['port'], access['user'])}"]
-    words += ["-o", f"ConnectTimeout={_CONNECT_S}", "-p", str(access["port"])]
-    return [*words, f"{access['user']}@{access['host']}"]
+    if key := os.environ.get("ANSIBLE_PRIVATE_KEY_FILE"):
+        words += ["-o", f"IdentityFile={key}"]
+    words += ["-o", f"ConnectTimeout={_CONNECT_S}", *shlex.split(os.environ.get("ANSIBLE_SSH_EXTRA_ARGS", ""))]
+    return [*words, "-p", str(access["port"]), f"{access['user']}@{access['host']}"]
 
 
 def control_path(host: str, port: int, user: str) -> str:

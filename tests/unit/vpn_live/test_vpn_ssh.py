@@ -49,8 +49,10 @@ def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyP
     assert control_path("192.0.2.10", 2222, "tech") == theirs % {"directory": tmp_path / "cp"}
     assert (tmp_path / "cp").stat().st_mode & 0o777 == 0o700
     monkeypatch.setenv("ANSIBLE_SSH_ARGS", "-o ControlMaster=no")
+    monkeypatch.setenv("ANSIBLE_SSH_EXTRA_ARGS", "-F none")
+    monkeypatch.setenv("ANSIBLE_PRIVATE_KEY_FILE", "/a/key")
     words = ssh_words(ACCESS)
-    assert "ControlMaster=no" in words
+    assert {"ControlMaster=no", "-F", "none", "IdentityFile=/a/key"} <= set(words)
     assert not [word for word in words if "ControlP" in word]
 
 

@@ -1,0 +1,69 @@
+"""The live commands over SSH, on a computer that its role has set up: neither finds anything to do after the other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from vpn_server_stand import NAME, TUNNEL, stand, wait  # noqa: F401 - a fixture
+
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn.link import SshLink
+
+if TYPE_CHECKING:
+    from vpn_server_stand import Stand
+
+pytestmark = [pytest.mark.namespace, pytest.mark.campaign]
+
+
+def access(stand: Stand) -> dict[str, Any]:  # noqa: F811 - not the fixture
+    known = stand.folder / "known"
+    options = f"-F none -o HostKeyAlias={NAME} -o UserKnownHostsFile={known} -o IdentityFile={stand.key}"
+    return {"host": "127.0.0.1", "port": stand.machine.port, "user": "root", "become": False, "ssh_args": options}
+
+
+def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    monkeypatch.setenv("ANSIBLE_SSH_CONTROL_PATH_DIR", str(stand.folder / "cp"))
+    stand.laptop("one")
+    assert stand.run()["status"] == "changed"
+    with SshLink(NAME, access(stand)) as link:
+
+        def drift() -> tuple[str, ...]:
+            wanted = live.wanted(stand.declaration, stand.authority)
+            return live.drift(live.observe(link), wanted, stand.authority.roll())
+
+        assert live.push(stand.declaration, stand.authority, link).changes == ()
+        assert drift() == ()
+        name = stand.laptop("two")
+        assert live.push(stand.declaration, stand.authority, link).changed
+        assert stand.run("--check")["changes"] == []
+        assert stand.run()["changes"] == []
+        pid = stand.pid()
+
+        client = stand.client(name).connect()
+        assert client.pings()
+        state = live.observe(link)
+        assert (state.active, state.asked, state.package is not None) == (True, True, True)
+        assert [one.common_name for one in state.sessions] == [name]
+        wait(lambda: name in stand.read("/run/atlantis-vpn/status"), lambda: "no status was written")
+        stand.machine.run("systemctl start atlantis-vpn-seen.service")
+        assert name in live.observe(link).seen
+
+        stand.revoke(name)
+        evidence = live.go_on(stand.declaration, stand.authority, link)
+        assert evidence is not None
+        assert evidence.confirmed, evidence
+        assert not client.pings()
+        assert live.verify(link, evidence).confirmed
+        assert drift() == ()
+        assert stand.run()["changes"] == []
+        assert stand.pid() == pid
+
+        other = stand.laptop("three")
+        stand.run()
+        stand.machine.run(f"systemctl stop {TUNNEL}")
+        stand.revoke(other)
+        evidence = live.go_on(stand.declaration, stand.authority, link)
+        assert evidence is not None
+        assert evidence.confirmed, "systemd knows that it is down"
+        stand.machine.run(f"systemctl start {TUNNEL}")
