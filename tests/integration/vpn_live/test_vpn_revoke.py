@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import shutil
@@ -14,6 +15,7 @@ import pytest
 from live_stand import NAME, Echo, Record, Server, declaration, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn._state import PLACE
 from atlantis_netcfg.operations.vpn._trouble import ServerRefused
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
@@ -242,6 +244,42 @@ def test_hand_edits_are_told_and_taken_back_and_strangers_are_ended(server: Serv
     assert server.push().ended == (), "who is admitted stays connected, whatever his file said"
     assert other in server.names()
     assert not stranger.log().count("Halt")
+
+
+def test_another_run_on_the_server_holds_up_a_push_and_no_revocation(server: Server) -> None:
+    (name,), (client,) = connected(server)
+    with server.at("/run/lock/atlantis-configure").open("r+") as busy, Echo(client) as echo:
+        fcntl.flock(busy, fcntl.LOCK_EX)
+        with pytest.raises(ServerRefused, match="another run is at work on this computer"):
+            server.push()
+        echo.goes()
+        evidence = server.throw_out(name)
+        assert echo.answers() == 0
+    assert evidence.confirmed
+    assert "another run is at work" in evidence.told[0]
+    assert server.push().changes == ()
+
+
+def test_a_firewall_that_cannot_be_loaded_lets_no_revoked_one_pass(server: Server) -> None:
+    (name,), (client,) = connected(server)
+    common_names, address = server.record.revoke(name), server.record.address(name)
+    with Echo(client) as echo:
+        echo.goes()
+        told = server.link.ask(
+            "revoke",
+            place=dict(PLACE),
+            files=[{"path": FIREWALL, "content": "no ruleset\n"}],
+            common_names=list(common_names),
+            addresses=[address],
+        )
+        assert echo.answers() == 0
+    assert (told["out"], told["dead"]) == (False, True)
+    assert told["left"] == [f"{FIREWALL} is not what it has to be"]
+    assert "could not be loaded, and is what it was" in told["told"][0]
+    assert server.at(FIREWALL).read_text() != "no ruleset\n"
+    evidence = server.go_on()
+    assert evidence is not None
+    assert evidence.confirmed
 
 
 def test_a_list_of_another_authority_is_refused(server: Server, tmp_path_factory: pytest.TempPathFactory) -> None:
