@@ -1,16 +1,13 @@
 """The real server of the VPN and real clients, each on a computer of its own, and an echo that runs through the tunnel.
 
-A computer is a process in a network and a mount namespace of its own: it has the real paths of a server, on file
-systems in memory, and one veth to the server. All of it ends with the stand. Authority, configuration, firewall and
-whatever is sent to the server are the product's own; only systemd is not there: a script answers in its place. Whoever
-waits, waits for a line of a log or for an echo, not for time.
+Authority, configuration, firewall and whatever is sent to the server are the product's own; only systemd is not there:
+a script answers in its place. Each client has one veth to the server, and all of it ends with the stand. Whoever waits,
+waits for a line of a log or for an echo, not for time.
 """
 
 from __future__ import annotations
 
-import ctypes
 import itertools
-import os
 import select
 import socket
 import subprocess
@@ -22,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-import pytest
+from live_computer import LOG, PATIENCE_S, Computer, until
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
@@ -34,21 +31,18 @@ from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Signer
 
-__all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of"]
+__all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of", "until"]
 
-LOG = "/run/openvpn.log"
 NAME = "scc-vpn"
 PARTNER = "iqua"
 _PASSPHRASE = Secret("a passphrase of nobody, for tests")
 _ECHO = 7
-_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
-_MOUNTS = ("/etc/openvpn", "/etc/atlantis", "/var/lib/atlantis", "/run", "/usr/local/sbin")
 _SYSTEMCTL = """\
 #!/bin/sh
 test -e /run/no-systemd && exit 1
@@ -56,10 +50,7 @@ pid=$(cat /run/openvpn.pid 2>/dev/null) && kill -0 "$pid" 2>/dev/null || pid=0
 test $pid = 0 && state=failed || state=active
 printf 'LoadState=loaded\\nActiveState=%s\\nSubState=%s\\nMainPID=%s\\n' $state $state $pid
 """
-_NEWNET = 0x40000000
 _SIGSTOP = 19
-_PATIENCE_S = 20.0
-_LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 @cache
@@ -125,70 +116,6 @@ def record(folder: Path) -> Record:
     vpn = declaration().pilot.vpn
     names = ServerNames(NAME, (vpn.endpoint_name,), (vpn.endpoint, lan))
     return Record(Authority.init(folder, _PASSPHRASE, names, "test", sealed_by="vault"))
-
-
-class Computer:
-    """A process that holds a network and a mount namespace."""
-
-    def __init__(self, stack: ExitStack) -> None:
-        if os.geteuid() != 0:
-            pytest.skip("making a network namespace needs root")
-        made = " && ".join(f"mkdir -p {path} && mount -t tmpfs none {path}" for path in _MOUNTS)
-        script = f"{made} && mkdir -p /run/lock && ip link set lo up && echo up && exec cat"
-        self._holder = subprocess.Popen(
-            ["unshare", "--net", "--mount", "--propagation", "private", "sh", "-c", script],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
-        stack.callback(self._end)
-        assert self._holder.stdout is not None
-        assert self._holder.stdout.readline() == b"up\n"
-        self.pid = self._holder.pid
-        self.enter = ("nsenter", "-t", str(self.pid), "-m", "-n", "env", f"PATH={_PATH}")
-
-    def _end(self) -> None:
-        self._holder.kill()
-        self._holder.communicate()
-
-    def run(self, *words: str, text: str | None = None, check: bool = True) -> str:
-        """Run a command on it, and give what it prints."""
-        done = subprocess.run([*self.enter, *words], input=text, capture_output=True, text=True, check=False)
-        assert done.returncode == 0 or not check, f"{' '.join(words)}: {done.stderr}{done.stdout}"
-        return done.stdout
-
-    def at(self, path: str) -> Path:
-        """Where one of its paths is for this process."""
-        return Path(f"/proc/{self.pid}/root{path}")
-
-    def put(self, path: str, text: str, mode: int = 0o644) -> None:
-        """Write a file by rename."""
-        place = self.at(path)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        new = place.with_name(f".{place.name}.new")
-        new.write_text(text)
-        new.chmod(mode)
-        new.rename(place)
-
-    def log(self) -> str:
-        return self.at(LOG).read_text(errors="replace")
-
-    def said(self, words: str, times: int = 1) -> None:
-        """Wait until its OpenVPN has said something so often since it was started."""
-        until(lambda: self.log().count(words) >= times, lambda: f"not said {times}x: {words}\n{self.log()[-3000:]}")
-
-    def udp(self) -> socket.socket:
-        """A socket that lives on it, whoever uses it."""
-        made: list[socket.socket] = []
-
-        def enter() -> None:
-            with Path(f"/proc/{self.pid}/ns/net").open("rb") as namespace:
-                if _LIBC.setns(namespace.fileno(), _NEWNET) == 0:
-                    made.append(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-
-        thread = threading.Thread(target=enter)
-        thread.start()
-        thread.join()
-        return made[0]
 
 
 class Server(Computer):
@@ -318,7 +245,7 @@ class Client(Computer):
     def ended(self) -> int:
         """Wait until its OpenVPN has gone by itself."""
         assert self.process is not None
-        return self.process.wait(_PATIENCE_S)
+        return self.process.wait(PATIENCE_S)
 
     @property
     def up(self) -> bool:
@@ -398,14 +325,6 @@ def _shut(made: socket.socket) -> None:
     with suppress(OSError):
         made.shutdown(socket.SHUT_RDWR)
     made.close()
-
-
-def until(done: Callable[[], bool], why: Callable[[], str]) -> None:
-    """Wait for what has to come."""
-    end = time.monotonic() + _PATIENCE_S
-    while not done():
-        assert time.monotonic() < end, why()
-        time.sleep(0.002)
 
 
 @contextmanager

@@ -96,6 +96,16 @@ def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server)
     assert server.drift() == ()
 
 
+def test_who_does_not_listen_is_dead_as_well(server: Server) -> None:
+    """As behind a dead link, or where somebody has made a client that heeds nothing."""
+    (name,), (client,) = connected(server)
+    client.pause()
+    evidence = server.throw_out(name)
+    assert evidence.confirmed
+    assert [len(replies) for replies in evidence.replies] == [2]
+    assert name not in server.names()
+
+
 def test_what_a_revocation_leaves_is_what_the_role_wants(server: Server) -> None:
     (name,), _ = connected(server)
     server.throw_out(name)
