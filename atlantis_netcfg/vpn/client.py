@@ -89,8 +89,8 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
 def _nobody(host: Host) -> str:
     return (
         f"{host.name} has no identity of the VPN, neither there nor on this computer: its tunnel does not come up. "
-        f"Type `provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept FILE` with "
-        "what the control centre has handed out, then the same again"
+        f"Type `provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept file=FILE` "
+        "with what the control centre has handed out, then the same again"
     )
 
 

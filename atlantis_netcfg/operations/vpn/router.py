@@ -82,7 +82,7 @@ def identity_for(declaration: Declaration, host: Host, request: Request) -> Iden
     if path is None:
         raise UsageError(
             f"there is no identity of {host.name} on this computer",
-            hint=f"`provision vpn onboard host={host.name}` where the authority is, or `provision vpn accept FILE`",
+            hint=f"`provision vpn onboard host={host.name}` where the authority is, else `provision vpn accept file=…`",
         )
     identity = read_identity(path.read_text(encoding="ascii"))
     if identity.member.name != host.name:

@@ -91,7 +91,7 @@ UP = f"ip -4 -oneline address show dev tun0 | grep -q 'inet {ADDRESS}/16'"
 def test_a_gateway_joins_is_refused_and_comes_back(stand: Stand, vpn: Vpn) -> None:
     alone = stand.run()
     assert alone["status"] == "changed", alone["message"]
-    assert [note for note in alone["notes"] if "`provision vpn accept FILE`" in note]
+    assert [note for note in alone["notes"] if "`provision vpn accept file=FILE`" in note]
     assert state(stand) == "inactive"
 
     vpn.admit()

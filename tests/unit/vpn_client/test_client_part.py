@@ -73,7 +73,7 @@ def test_without_an_identity_here_the_gateways_own_stays_and_what_is_missing_is_
     (brought,) = made["configure"]["brought"]
     assert brought["path"] == IDENTITY
     assert "`provision vpn onboard host=coastal-gateway`" in brought["note"]
-    assert "`provision vpn accept FILE`" in brought["note"]
+    assert "`provision vpn accept file=FILE`" in brought["note"]
     assert made["configure"]["files"] == told()["configure"]["files"]
 
 
