@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import shutil
 import tempfile
@@ -72,7 +73,9 @@ class Stand:
 
 @cache
 def _founded() -> tuple[Path, pki.Ca]:
-    folder = Path(tempfile.mkdtemp(prefix="atlantis-authority-")) / "vpn"
+    place = Path(tempfile.mkdtemp(prefix="atlantis-authority-"))
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    folder = place / "vpn"
     # Sealed by ansible-vault: tests do not wait for age's second.
     Authority.init(folder, PASSPHRASE, NAMES, "founder", "vault")
     return folder, sealed.unseal(folder, PASSPHRASE)
