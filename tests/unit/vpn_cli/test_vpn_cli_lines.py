@@ -9,7 +9,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from vpn_desk import founded
+from vpn_desk import founded, reading_once
 
 from atlantis_netcfg.cli import main
 
@@ -29,6 +29,7 @@ def test_what_is_said_about_a_mistake(  # noqa: PLR0913, PLR0917 - a case, and f
     base = founded(tmp_path_factory.getbasetemp())
     before = {path: path.read_bytes() for path in base.rglob("*") if path.is_file()}
     capsys.readouterr()
+    reading_once(monkeypatch)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     typed = shlex.split(line.removeprefix("$ provision ").replace("FOUNDED", str(base / "vpn")))
