@@ -1,0 +1,36 @@
+"""`provision vpn install` as it is typed, against an emulated router."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LINE = ["vpn", "install", "host=coastal-router"]
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+
+
+def test_it_is_rehearsed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*LINE, "--rehearse", "--plan", "--json"]) == ExitCode.CHANGES
+    planned = json.loads(capsys.readouterr().out)
+    assert main([*LINE, "--rehearse", "--json"]) == ExitCode.DONE
+    done = json.loads(capsys.readouterr().out)
+    assert (planned["exit"], done["exit"], planned["errors"], done["errors"]) == (2, 0, [], [])
+    assert (planned["status"], done["status"], done["rehearsed"]) == ("planned", "changed", True)
+    assert len(planned["changes"]) == len(done["changes"]) == 2
+
+
+def test_without_an_identity_nobody_is_contacted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(LINE) == ExitCode.USAGE
+    assert "provision vpn onboard host=coastal-router" in capsys.readouterr().err
