@@ -70,13 +70,21 @@ _SECRETS = {
 }
 """Path on the server, and in the folder of the authority."""
 
-_SIGNED = (
-    'echo "$2" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1 | tee /dev/stderr | grep -qx "verify OK"'
-)
-"""`openssl crl -verify` ends with 0 whatever it finds."""
+_LIST = f"{FOLDER}/crl.pem"
+_SIGNED = """\
+ca=$2
+ours() { echo "$ca" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1; }
+number() { told=$(openssl crl -in "$1" -crlnumber -noout 2>/dev/null) && told=${told#*=} && echo $((0x${told#0x})); }
+ours "$1" | tee /dev/stderr | grep -qx "verify OK" || exit
+ours "$3" | grep -qx "verify OK" && here=$(number "$3") || exit 0
+new=$(number "$1") && [ "$new" -ge "$here" ] && exit
+echo "list $here is in its place, and this is list $new" >&2
+exit 1
+"""
+"""`openssl crl -verify` ends with 0 whatever it finds. A list of before would let in whom a later one keeps out."""
 _FOREIGN = (
-    "it is not signed by this authority, with which a revoked member would be let in: "
-    "look at `provision vpn status`, and type the same again"
+    "it is not signed by this authority, or older than the one in its place: with it a revoked member would be let in. "
+    "Look at `provision vpn status`, and type the same again"
 )
 
 
@@ -134,14 +142,14 @@ def live_files(declaration: Declaration, roll: Roll, crl: bytes, *, ca: str = ""
 
     With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.
     """
-    signed = ("sh", "-c", _SIGNED, "sh", "%s", ca) if ca else ()
+    signed = ("sh", "-c", _SIGNED, "sh", "%s", ca, _LIST) if ca else ()
     return (
         *(
             File(f"{CCD}/{one.common_name}", ccd(member, one, declaration), mode="0640")
             for member, one in sorted(roll.certificates(), key=lambda pair: pair[1].common_name)
             if one.good
         ),
-        File(f"{FOLDER}/crl.pem", crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
+        File(_LIST, crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
         File(FIREWALL, firewall(declaration, roll), mode="0600", validate=("nft", "-c", "-f", "%s")),
     )
 
