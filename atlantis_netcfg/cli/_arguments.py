@@ -91,7 +91,10 @@ VERBOSE = Flag("verbose", "say more about each step", short="v")
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown."""
+    """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown.
+
+    `again` says what to do then, where that is not `provision resume`.
+    """
 
     name: str
     summary: str
@@ -99,6 +102,7 @@ class Command:
     flags: tuple[Flag, ...] = ()
     details: str = ""
     changes: bool = False
+    again: str = ""
 
     def word(self, name: str) -> Word | None:
         """The declared word of that name."""

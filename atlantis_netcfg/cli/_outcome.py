@@ -26,7 +26,7 @@ def interrupted(command: Command | None, typed: Sequence[str], *, as_json: bool)
     """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
     if command is not None and command.changes and not _changes_nothing(command, typed):
         message = "stopped by Ctrl-C; what a device kept is not known here"
-        hint = "`provision runs` shows what was confirmed, `provision resume` goes on from there"
+        hint = command.again or "`provision runs` shows what was confirmed, `provision resume` goes on from there"
         _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
     _tell([("stopped by Ctrl-C; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority import Authority
 
 __all__ = [
+    "AGAIN",
     "AUTHORITY",
     "CLOCK",
     "INVENTORY",
@@ -44,6 +45,8 @@ CLOCK = Word(
     "`right`: this computer's clock is right, although the record's last entry is later",
     choices=("right",),
 )
+AGAIN = "what was recorded stands: type the same again, or look with `provision vpn status`"
+"""After Ctrl-C."""
 NO_PUSH = Flag("no-push", "only record it and make the files; `provision vpn sync` brings it to the server later")
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, INVENTORY
+from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, INVENTORY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -27,6 +27,8 @@ COMMAND = Command(
         "Once for a pilot, on one computer. Without the passphrase nobody can onboard, renew or revoke, and nobody can "
         "get it back; `docs/vpn.md` says what to copy where."
     ),
+    changes=True,
+    again=AGAIN,
 )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
+from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,6 +44,8 @@ COMMAND = Command(
         "Repeating it makes nothing new; a different wish for the same name is refused. Exit code 5 says that all is "
         "recorded and handed out, and the server does not know of it yet: `provision vpn sync` goes on."
     ),
+    changes=True,
+    again=AGAIN,
 )
 
 

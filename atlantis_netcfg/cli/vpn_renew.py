@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, Command, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY, NO_PUSH
+from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -34,6 +34,8 @@ COMMAND = Command(
     ),
     flags=(NO_PUSH, PASSPHRASE_FD, JSON),
     details="A successor that was handed out before and never used is revoked: one is under way at a time.",
+    changes=True,
+    again=AGAIN,
 )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, Command, Flag
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AUTHORITY, CLOCK, INVENTORY
+from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -25,6 +25,7 @@ COMMAND = Command(
     ),
     details="Needs no passphrase without `--sign`. Exit code 5 says that the server was not reached.",
     changes=True,
+    again=AGAIN,
 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.cli._outcome import harmless
 from atlantis_netcfg.errors import ExitCode
@@ -32,3 +32,14 @@ def test_an_error_moves_no_cursor(capsys: pytest.CaptureFixture[str]) -> None:
     assert "\\x1b[2J\\u202e\\x9b\\udcff" in said
     assert said.replace("\n", "").isprintable()
     assert harmless("čaj 🤖") == "čaj 🤖"
+
+
+def test_who_stops_a_command_is_told_that_the_record_stands(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(_arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_vpn, "declared", stopped)
+    assert main(["vpn", "onboard", "host=coastal-gateway"]) == ExitCode.UNKNOWN
+    assert "type the same again" in capsys.readouterr().err
