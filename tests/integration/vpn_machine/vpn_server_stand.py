@@ -57,6 +57,12 @@ def wait(until: Callable[[], object], what: Callable[[], str]) -> None:
         time.sleep(0.05)
 
 
+def below(pid: int) -> list[int]:
+    """The processes that a process has started, and those that they have."""
+    started = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [process for child in map(int, started) for process in (child, *below(child))]
+
+
 @dataclass
 class Client:
     """A computer in the LAN of the server with one profile."""
@@ -261,7 +267,6 @@ class _Run:
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,
             )
         )
         os.close(write)
