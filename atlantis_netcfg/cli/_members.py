@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.deploying import Deployed
+    from atlantis_netcfg.operations.vpn.deploying import Deployed, Server
     from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
-    from atlantis_netcfg.vpn.authority import Revoked
+    from atlantis_netcfg.vpn.authority import Authority, Revoked
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["bringing", "close", "close_revoked", "close_synced", "outlet"]
@@ -28,13 +28,33 @@ def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
     return Outlet(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
 
 
-def close(arguments: Arguments, handed: Sequence[Handed], deployed: Deployed) -> ExitCode:
-    """Tell what was issued, its one-time passphrases among it, and whether the server knows."""
+def close(arguments: Arguments, handed: Sequence[Handed], server: Server, authority: Authority) -> ExitCode:
+    """Tell what was issued, its one-time passphrases among it, then bring it to the server and tell that.
+
+    A passphrase is printed before the server is asked: who stops a command that waits for it has lost nothing.
+    """
     from atlantis_netcfg.cli import _vpn
 
+    if not arguments.flag("json"):
+        for line in (line for one in handed for line in _lines(one)):
+            print(line, flush=True)
+    deployed = _deployed(arguments, server, authority)
     told = {"members": [_row(one) for one in handed], **deployed.as_json()}
-    lines = [*(line for one in handed for line in _lines(one)), *deployed.lines]
-    return _vpn.tell(arguments, deployed.exit, told, lines, deployed.errors)
+    return _vpn.tell(arguments, deployed.exit, told, deployed.lines, deployed.errors)
+
+
+def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
+    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.cli._vpn import AGAIN
+    from atlantis_netcfg.errors import OutcomeUnknown
+    from atlantis_netcfg.operations.vpn.deploying import Deployed
+
+    try:
+        with progress(quiet=arguments.flag("json")) as notify:
+            return server.deploy(authority, notify)
+    except KeyboardInterrupt:
+        stopped = OutcomeUnknown("stopped by Ctrl-C before the server was seen to have it", hint=AGAIN)
+        return Deployed(errors=(stopped,), deployed=False)
 
 
 def _row(one: Handed) -> dict[str, Any]:

@@ -43,7 +43,6 @@ def run(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
-    from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn.founding import refuse_example_authority
     from atlantis_netcfg.operations.vpn.onboarding import Onboarding
     from atlantis_netcfg.operations.vpn.recipients import recipient_of
@@ -60,9 +59,7 @@ def run(arguments: Arguments) -> ExitCode:
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
     handed = onboarding.renew(members, change, asked(arguments))
-    with progress(quiet=arguments.flag("json")) as notify:
-        deployed = server.deploy(authority, notify)
-    return _members.close(arguments, handed, deployed)
+    return _members.close(arguments, handed, server, authority)
 
 
 def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:

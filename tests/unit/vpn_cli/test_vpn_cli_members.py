@@ -11,6 +11,7 @@ import pytest
 from vpn_desk import NOBODY, PASSPHRASE, Desk, onboarding, over_a_pipe, seated
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.handout import open_handout, read_identity
 
@@ -123,6 +124,19 @@ def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) 
     assert shown.encode() not in b"".join(desk.files().values())
     code, again, _ = desk.type(*onboarding("iqua", "sparus2", "robot"))
     assert (code, "already so" in again, shown in again) == (0, True, False)
+
+
+def test_who_stops_it_while_the_server_is_asked_keeps_the_passphrase(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> Deployed:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Later, "deploy", stopped)
+    told = desk.told(*LAPTOP, passphrase=PASSPHRASE, code=5)
+    assert (told["members"][0]["name"], told["deployed"]) == ("iqua-laptop", False)
+    code, out, err = desk.type(*onboarding("iqua", "sparus2", "robot"), passphrase=PASSPHRASE)
+    assert (code, "  passphrase  " in out, "stopped by Ctrl-C" in err) == (5, True, True)
 
 
 def test_a_repeat_makes_nothing_and_another_wish_is_refused(desk: Desk) -> None:
