@@ -28,9 +28,7 @@ def declaration(request: pytest.FixtureRequest) -> Declaration:
     return load(request.config.rootpath / "inventory")
 
 
-def accepted(
-    declaration: Declaration, folder: Path, new: bytes, here: bytes | None
-) -> subprocess.CompletedProcess[str]:
+def accepted(declared: Declaration, folder: Path, new: bytes, here: bytes | None) -> subprocess.CompletedProcess[str]:
     """Run the validator of the file, as the module that places it does."""
     empty = Roll({}, 0, "", NOW, ())
     files = live_files(declared, empty, new, ca=pki.cert_pem(OURS.certificate))
