@@ -117,8 +117,10 @@ def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) ->
     return _vpn.tell(arguments, deployed.exit, told, [*lines, *deployed.lines], deployed.errors)
 
 
-def close_synced(arguments: Arguments, deployed: Deployed) -> ExitCode:
-    """Tell what the server was brought to."""
+def close_synced(arguments: Arguments, deployed: Deployed, site: str | None) -> ExitCode:
+    """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there."""
     from atlantis_netcfg.cli import _vpn
 
-    return _vpn.tell(arguments, deployed.exit, deployed.as_json(), deployed.lines, deployed.errors)
+    told = {**deployed.as_json(), "server_certificate": site is not None}
+    new = () if site is None else (f"the server has a new certificate: `provision site={site}` puts it in its place",)
+    return _vpn.tell(arguments, deployed.exit, told, (*new, *deployed.lines), deployed.errors)

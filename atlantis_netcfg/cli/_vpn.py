@@ -33,6 +33,7 @@ __all__ = [
     "opened",
     "request",
     "server",
+    "site",
     "table",
     "tell",
     "waiting",
@@ -148,6 +149,11 @@ def server(arguments: Arguments, declaration: Declaration) -> Server:
     if arguments.command.flag(NO_PUSH.name) is not None and arguments.flag(NO_PUSH.name):
         return Later()
     return Connected(declaration, over_ssh(declaration, request(arguments)), who())
+
+
+def site(declaration: Declaration) -> str:
+    """Where the server stands."""
+    return declaration.hosts[declaration.pilot.vpn.server].site
 
 
 def request(arguments: Arguments) -> Request:

@@ -19,11 +19,14 @@ COMMAND = Command(
     "bring the server to what is recorded: members, list, firewall, and sessions that must end",
     words=(CLOCK, AUTHORITY, INVENTORY),
     flags=(
-        Flag("sign", "also sign the list of revoked certificates anew: it is good for 90 days"),
+        Flag("sign", "also sign the list of revoked certificates anew, and the server's certificate where it is time"),
         PASSPHRASE_FD,
         JSON,
     ),
-    details="Needs no passphrase without `--sign`. Exit code 5 says that the server was not reached.",
+    details=(
+        "Needs no passphrase without `--sign`, which makes a list that is good for 90 days, and a certificate of the "
+        "server where its names in the inventory are others or 90 days are left. Exit code 5: it was not reached."
+    ),
     changes=True,
     again=AGAIN,
 )
@@ -34,13 +37,16 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
     from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.operations.vpn.founding import server_names
 
     declaration = _vpn.declared(arguments)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
+    served = False
     if arguments.flag("sign"):
         with _vpn.desk(arguments, authority).unlocked(asked(arguments)) as signer:
             signer.publish()
+            served = signer.serve(server_names(declaration))
     with progress(quiet=arguments.flag("json")) as notify:
         deployed = server.deploy(authority, notify)
-    return _members.close_synced(arguments, deployed)
+    return _members.close_synced(arguments, deployed, site=_vpn.site(declaration) if served else None)

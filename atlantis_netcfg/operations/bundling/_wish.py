@@ -46,7 +46,9 @@ def wish_of(
 
     `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
     """
-    told = [part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)]
+    told = [
+        part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
+    ]
     expected: Mapping[str, Any] = next((each["expected"] for each in told if each.get("expected")), {})
     return HostWish(
         host=host.name,

@@ -33,7 +33,8 @@ def founded(folder: Path, declaration: Declaration) -> Authority | None:
     if names != wanted:
         raise UsageError(
             f"{folder} has an authority whose server is {_told(names)}, and the inventory declares {_told(wanted)}",
-            hint="correct the inventory, or name another folder: `authority=FOLDER`",
+            hint="if the inventory is right, `provision vpn sync --sign` makes a certificate for it; "
+            "another authority has another folder: `authority=FOLDER`",
         )
     return authority
 

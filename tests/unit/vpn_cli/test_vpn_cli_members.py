@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import getpass
 import json
+import shutil
 from typing import TYPE_CHECKING, Any
 
 import pyrage
 import pytest
+from cryptography import x509
 from vpn_desk import NOBODY, PASSPHRASE, Desk, onboarding, over_a_pipe, seated
 
-from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
+from atlantis_netcfg.paths import checkout
 from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.site import load
 from atlantis_netcfg.vpn.handout import open_handout, read_identity
 
 if TYPE_CHECKING:
@@ -263,3 +267,29 @@ def test_an_identity_that_was_handed_out_is_taken_on_another_laptop(desk: Desk, 
     here, there = (one.authority / "hosts" / "coastal-gateway.identity" for one in (desk, other))
     assert here.read_bytes() == there.read_bytes()
     assert modes(other.authority) == {0o600}
+
+
+# --- the server's own certificate --------------------------------------------------------------------------------
+
+
+def test_a_server_by_another_name_gets_a_certificate_once(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(checkout() / "inventory", tmp_path / "inventory")
+    pilot = tmp_path / "inventory" / "group_vars" / "all" / "pilot.yml"
+    pilot.write_text(pilot.read_text().replace("endpoint_name: vpn.example.org", "endpoint_name: tunnel.example.org"))
+    moved = load(tmp_path / "inventory")
+    monkeypatch.setattr(_vpn, "server", lambda *_: Later())
+    before = (desk.authority / "server" / "server.crt").read_bytes()
+    assert not desk.told("sync", "--sign", passphrase=PASSPHRASE)["server_certificate"]
+    assert (desk.authority / "server" / "server.crt").read_bytes() == before
+
+    monkeypatch.setattr(_vpn, "declared", lambda _: moved)
+    code, _, said = desk.type("init", passphrase=PASSPHRASE)
+    assert (code, "`provision vpn sync --sign` makes a certificate for it" in said) == (3, True), said
+    code, out, _ = desk.type("sync", "--sign", passphrase=PASSPHRASE)
+    assert (code, "`provision site=scc` puts it in its place" in out) == (0, True), out
+    made = x509.load_pem_x509_certificate((desk.authority / "server" / "server.crt").read_bytes())
+    names = made.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert names.get_values_for_type(x509.DNSName) == ["tunnel.example.org"]
+    assert not desk.told("sync", "--sign", passphrase=PASSPHRASE)["server_certificate"]

@@ -1,7 +1,8 @@
-"""Callback `atlantis.netcfg.computers`: lock, journal and results of a play over computers: gateways, and the server of the VPN.
+"""Callback `atlantis.netcfg.computers`: lock, journal and results of a play over computers.
 
-Ordinary roles tell Ansible how each task ended; this hands it to `atlantis_netcfg.operations.computers`, which holds
-the site's lock as long as the play lasts. Enabled in ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
+They are gateways and the server of the VPN. Ordinary roles tell Ansible how each task ended; this hands it to
+`atlantis_netcfg.operations.computers`, which holds the lock of the site as long as the play lasts. It is enabled in
+ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
 """
 
 from __future__ import annotations
