@@ -119,13 +119,16 @@ def test_an_ssh_key_opens_what_was_sealed_for_it() -> None:
         "-o ProxyCommand=x",
         "a\nssh-ed25519 AAAA",
     ],
+    ids="empty cut no-key capitals newline blank ssh-cut dss option two-lines".split(),
 )
 def test_what_is_no_recipient_is_told(text: str) -> None:
     assert "no key of a recipient" in told(lambda: pki.check_recipient(text), pki.RecipientRefused)
 
 
 @pytest.mark.parametrize(
-    "text", [str(IDENTITY), "-----BEGIN OPENSSH PRIVATE KEY-----\ncanary\n", f" {IDENTITY}".lower()]
+    "text",
+    [str(IDENTITY), "-----BEGIN OPENSSH PRIVATE KEY-----\ncanary\n", f" {IDENTITY}".lower()],
+    ids=["age", "ssh", "small letters"],
 )
 def test_a_secret_key_given_for_a_public_one_is_not_repeated(text: str) -> None:
     said = told(lambda: pki.check_recipient(text), pki.RecipientRefused)
