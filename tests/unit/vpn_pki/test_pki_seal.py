@@ -119,7 +119,7 @@ def test_an_ssh_key_opens_what_was_sealed_for_it() -> None:
         "-o ProxyCommand=x",
         "a\nssh-ed25519 AAAA",
     ],
-    ids="empty cut no-key capitals newline blank ssh-cut dss option two-lines".split(),
+    ids=["empty", "cut", "no-key", "capitals", "newline", "blank", "ssh-cut", "dss", "option", "two-lines"],
 )
 def test_what_is_no_recipient_is_told(text: str) -> None:
     assert "no key of a recipient" in told(lambda: pki.check_recipient(text), pki.RecipientRefused)
