@@ -59,6 +59,6 @@ class Later:
         waits = OutcomeUnknown(
             f"{', '.join(revoked.members)}: on the list, and the server does not have it (`--no-push`): "
             "whoever is connected stays so",
-            hint=f"`provision vpn sync` cuts them off; {len(authority.roll().queued)} certificates wait for it",
+            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.roll().queued)}",
         )
         return Deployed(errors=(waits,), deployed=False)
