@@ -4,8 +4,8 @@ SHELL := /bin/sh
 SITE ?= coastal
 ARGS ?=
 BENCH_ARGS ?=
-# Three for two cores: many tests wait for an emulated link.
-WORKERS ?= $(shell expr '(' "$$(nproc 2>/dev/null || echo 2)" '*' 3 + 1 ')' / 2)
+# Four for two cores: many tests wait for an emulated link or for a computer that boots.
+WORKERS ?= $(shell expr "$$(nproc 2>/dev/null || echo 2)" "*" 2)
 
 # Programs of .venv first, for us and for the programs that they start.
 export PATH := $(CURDIR)/.venv/bin:$(PATH)

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 EVERY = pytest.mark.parametrize("by", ["netplan", "ifupdown", "networkd"])
+SAMPLED = pytest.mark.parametrize(
+    "by", ["netplan", *(pytest.param(by, marks=pytest.mark.campaign) for by in ("ifupdown", "networkd"))]
+)
+"""Each of them waits out three roll-backs: a minute."""
 _PATIENCE_S = 60.0
 ROLLED_BACK = "the change of the network was rolled back, and everything is as before"
 
@@ -83,7 +87,7 @@ def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stan
     assert gateway.run("systemctl list-units --failed --no-legend 'atlantis*'").stdout == ""
 
 
-@EVERY
+@SAMPLED
 def test_what_cuts_the_way_in_is_taken_back(network_stand: NetworkStand, by: str) -> None:
     """An address where nobody looks for it, an interface without a cable, a gateway that nobody is."""
     before = settled(network_stand, by)
