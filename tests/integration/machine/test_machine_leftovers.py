@@ -40,7 +40,13 @@ class Owner:
 
     def __init__(self, folder: Path, tree: Path) -> None:
         words = (sys.executable, "-c", OWNER, str(folder), str(tree), ADDRESS, ROUTER)
-        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(
+            words,
+            stdout=subprocess.PIPE,
+            text=True,
+            # Tests that a shell runs in the background hand on that Ctrl+C is ignored.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no thread of ours forks
+        )
         assert self.process.stdout is not None
         self.yard = self.process.stdout.readline().strip()
         assert self.yard

@@ -163,6 +163,7 @@ def test_the_firewall_comes_back_and_the_tunnel_does_not_run_without_it(stand: S
     assert stand.pid() == before
 
 
+@pytest.mark.campaign
 def test_a_power_cut_while_it_is_made_is_completed_by_the_next_run(stand: Stand) -> None:  # noqa: F811
     stand.machine.run(f"systemctl stop {TUNNEL}; rm -rf {FOLDER} /etc/openvpn/server/atlantis.conf /etc/atlantis")
     with stand.starting() as (process, _):
