@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn.identity import Roll
 from atlantis_netcfg.vpn.policy import ANYTHING, PING, Protocol, policy
+from atlantis_netcfg.vpn.server import tunnel_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,7 +62,7 @@ def reached_by(declaration: Declaration, member: Member) -> tuple[str, ...]:
 
 def tunnel_of_server(declaration: Declaration) -> IPv4Address:
     """The server's own address in the VPN: every member may ping it."""
-    return policy(declaration, _roll()).server.address
+    return tunnel_address(declaration, declaration.hosts[declaration.pilot.vpn.server])
 
 
 def dds_port(declaration: Declaration, member: Member) -> int | None:
