@@ -14,7 +14,7 @@ Everything is readable by its owner only. No record holds a secret: actions arri
 from __future__ import annotations
 
 from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy, StateDamaged
-from atlantis_netcfg.journal._files import write_atomically
+from atlantis_netcfg.journal._files import sync_directory, write_all, write_atomically
 from atlantis_netcfg.journal._lock import Holder, SiteLock
 from atlantis_netcfg.journal._log import Entry, Log, read
 from atlantis_netcfg.journal._pins import Pins
@@ -98,5 +98,7 @@ __all__ = [
     "Usage",
     "Verified",
     "read",
+    "sync_directory",
+    "write_all",
     "write_atomically",
 ]

@@ -6,6 +6,8 @@ import os
 import re
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.journal import sync_directory
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
@@ -27,7 +29,6 @@ __all__ = [
     "forget",
     "restore_copies",
     "sweep",
-    "sync",
 ]
 
 CA = "ca.crt"
@@ -73,16 +74,7 @@ def sweep(folder: Path) -> None:
 def forget(path: Path) -> None:
     """Remove a file for good."""
     path.unlink(missing_ok=True)
-    sync(path.parent)
-
-
-def sync(folder: Path) -> None:
-    """Put a folder's entries on disk."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    sync_directory(path.parent)
 
 
 def _write_copy(path: Path, data: bytes) -> None:

@@ -10,7 +10,7 @@ import secrets
 from typing import TYPE_CHECKING, Literal
 
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.journal import sync_directory, write_atomically
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority._book import new_operation
@@ -48,7 +48,7 @@ def prepare(folder: Path) -> None:
     """Make the folder, for its owner alone."""
     with translated("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        files.sync(folder.parent)
+        sync_directory(folder.parent)
         if folder.stat().st_mode & 0o077:
             folder.chmod(0o700)
 

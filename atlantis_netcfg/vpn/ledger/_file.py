@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Self
 
+from atlantis_netcfg.journal import write_all
 from atlantis_netcfg.vpn.ledger._entry import GENESIS, Entry, Misread, digest, encode, parse
 from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged, LedgerFailed
 
@@ -111,7 +112,7 @@ class Ledger:
             return ()
         size = os.fstat(self._descriptor).st_size
         try:
-            _write_all(self._descriptor, b"".join(line for _, line in lines))
+            write_all(self._descriptor, b"".join(line for _, line in lines))
             os.fsync(self._descriptor)
         except OSError as error:
             self._fail(error, size)
@@ -168,12 +169,6 @@ def _lines(
 def _one_line(who: str) -> str:
     """A person's name as it may be printed: nobody writes to the auditor's terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in who)[:_WHO]
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(descriptor, rest) :]
 
 
 def _failed(what: str, path: Path, error: OSError) -> LedgerFailed:

@@ -19,6 +19,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtensionOID
 
+from atlantis_netcfg.journal import sync_directory
 from atlantis_netcfg.vpn.pki._errors import CrlRefused
 from atlantis_netcfg.vpn.pki.keys import PublicKey
 
@@ -119,7 +120,7 @@ def publish(  # noqa: PLR0913 - a list, and what it is checked against
     except OSError:
         scratch.unlink(missing_ok=True)
         raise
-    _sync(path.parent)
+    sync_directory(path.parent)
     return facts
 
 
@@ -184,11 +185,3 @@ def _write(path: Path, data: bytes, modified: int, mode: int) -> None:
             rest = rest[file.write(rest) :]
         os.utime(descriptor, (modified, modified))
         os.fsync(descriptor)
-
-
-def _sync(directory: Path) -> None:
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
