@@ -9,6 +9,7 @@ from pydantic import Field, StrictBool, StrictInt
 
 from atlantis_netcfg.site.model._base import Address, DnsName, HostName, Model, Name, Network, Text
 from atlantis_netcfg.site.model.dds import Dds
+from atlantis_netcfg.site.model.endpoints import Endpoints
 from atlantis_netcfg.site.model.gateways import Gateways
 
 __all__ = [
@@ -115,6 +116,8 @@ class Vehicle(Model):
     """Why `table3` differs from the report; required if it does."""
     ethernet: StrictBool = False
     """Our extension, not part of Table 3: the vehicle is also reached by cable."""
+    endpoints: Endpoints = Endpoints()
+    """How the pre-test checklist looks at each; what is missing, a person confirms."""
 
 
 class Pilot(Model):

@@ -21,6 +21,7 @@ from atlantis_netcfg.site.model._base import (
     Network,
     Text,
 )
+from atlantis_netcfg.site.model.endpoints import Endpoints, Geofence
 from atlantis_netcfg.site.model.pilot import Column, Transport
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Bearer",
     "BearerKind",
     "Billing",
+    "Checklist",
     "DhcpRange",
     "Failover",
     "Lan",
@@ -192,6 +194,17 @@ class LocationRow(Model):
     table3: tuple[Column, ...] = ()
     ethernet: StrictBool = False
     """Our extension, not part of Table 3."""
+    endpoints: Endpoints = Endpoints()
+    """How the pre-test checklist looks at each; the bearers speak for satellite, 4G and the Wi-Fi bridge."""
+
+
+class Checklist(Model):
+    """What the pre-test checklist of a site needs to know besides the devices."""
+
+    vehicles: tuple[Name, ...] | None = None
+    """Keys of the vehicles that are tested here; None: every vehicle of the pilot."""
+    geofence: Geofence | None = None
+    """Where they are then; None: positions are not compared with a place, and the report says so."""
 
 
 class Site(Model):
@@ -205,3 +218,4 @@ class Site(Model):
     served_links: tuple[ServedLink, ...] = ()
     failover: Failover = Failover()
     location: LocationRow = LocationRow()
+    checklist: Checklist = Checklist()

@@ -1,0 +1,27 @@
+"""The programs that a probe may run on a gateway or a laptop: a closed list, all of which only read."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["PROGRAMS", "allowed"]
+
+PROGRAMS: tuple[str, ...] = (
+    r"ip -j(son)? (-s )?(-d )?(addr|link|route|neigh|rule)( show)?( (dev|table|to|default|exclude|from)( \S+)?)*",
+    r"ip -j route get \d+(\.\d+){3}",
+    r"iw dev \S+ (link|info|station dump)",
+    r"iw reg get",
+    r"ping -n -c \d{1,2} -i \d(\.\d)? -W \d{1,2} (-I \S+ )?\d+(\.\d+){3}",
+    r"timedatectl show",
+    r"chronyc -n -c (tracking|sources)",
+    r"cat /etc/resolv\.conf",
+)
+"""Full matches of the arguments joined by blanks; an argument with a blank is refused before."""
+_COMPILED = tuple(re.compile(program) for program in PROGRAMS)
+
+
+def allowed(argv: tuple[str, ...]) -> bool:
+    """Whether a command line is on the list."""
+    if any(not argument or re.search(r"\s", argument) for argument in argv):
+        return False
+    return any(one.fullmatch(" ".join(argv)) for one in _COMPILED)

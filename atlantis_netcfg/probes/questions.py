@@ -1,0 +1,106 @@
+"""What a probe may ask, as data: nothing else is ever sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers.query import Query
+
+__all__ = ["Ask", "Listen", "Look", "Place", "Probing", "Prove", "Question", "Run", "Say"]
+
+
+class Place(StrEnum):
+    """Where a question is asked from."""
+
+    GATEWAY = "gateway"
+    """The site's gateway computer: all its questions travel in one SSH command."""
+    LAPTOP = "laptop"
+    """This computer."""
+    ROUTER = "router"
+    """A RouterOS device, by its API: all its questions in one session."""
+
+
+@dataclass(frozen=True, slots=True)
+class Say:
+    """Something sent into a stream, and what ends the waiting for its answer."""
+
+    data: bytes
+    until: bytes
+    """Regular expression over what has come since; the next thing is said when it matches."""
+    within_s: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Listen to a stream, saying some things first."""
+
+    name: str
+    """Of the answer, unlike all others of the same probe."""
+    place: Place
+    transport: Literal["tcp", "udp", "serial"]
+    """udp: datagrams that arrive at `port` are taken, nothing is sent."""
+    address: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = 0
+    say: tuple[Say, ...] = ()
+    listen_s: float = 0.0
+    """After the last thing was said; the stream is closed then."""
+    enough: bytes = b""
+    """Regular expression over all that was heard: listening ends early; empty: it does not."""
+    connect_s: float = 10.0
+    max_bytes: int = 262_144
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Run a program that only reads; it must stand in `probes/programs.py`."""
+
+    name: str
+    place: Place
+    argv: tuple[str, ...]
+    within_s: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Probing:
+    """Ask a segment for the DHCP servers on it: one DISCOVER is broadcast, every OFFER is kept, none is taken."""
+
+    name: str
+    place: Place
+    interface: str
+    within_s: float = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """One reading command of RouterOS' API."""
+
+    name: str
+    host: str
+    query: Query
+    place: Literal[Place.ROUTER] = Place.ROUTER
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a bearer of the site is: the look of `provision links`, taken once for all who ask."""
+
+    name: str
+    bearer: str
+    place: Literal[Place.ROUTER] = Place.ROUTER
+
+
+@dataclass(frozen=True, slots=True)
+class Prove:
+    """Whether the satellite lets through what is declared and nothing else: `provision prove`. It costs."""
+
+    name: str
+    bearer: str
+    place: Literal[Place.ROUTER] = Place.ROUTER
+
+
+Question = Listen | Run | Probing | Ask | Look | Prove

@@ -1,0 +1,266 @@
+"""The document of one checklist: what `--json` prints, what is stored, what is signed."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from enum import StrEnum
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.verdicts import Verdict, worst
+
+__all__ = [
+    "Change",
+    "Document",
+    "Drawing",
+    "DrawnLink",
+    "DrawnNode",
+    "Evidence",
+    "EvidenceType",
+    "Finding",
+    "Item",
+    "Kind",
+    "LeftOut",
+    "Override",
+    "Phase",
+    "Row",
+    "Signature",
+    "SinceGreen",
+]
+
+
+class _Data(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Kind(StrEnum):
+    """Who finds out."""
+
+    AUTOMATIC = "automatic"
+    """The tool, which only observes."""
+    ACTIVE = "active"
+    """The tool, which makes something happen: only with a person's consent."""
+    PERSON = "person"
+    """A person, who looks and answers."""
+
+
+class Phase(StrEnum):
+    """When an item's turn is, in this order."""
+
+    BENCH = "bench"
+    QUAY = "quay"
+    WATER = "in water"
+
+
+class EvidenceType(StrEnum):
+    """What a verdict stands on."""
+
+    MEASURED = "measured"
+    """By this tool."""
+    READ = "read"
+    """From the device, in its own words."""
+    CONFIRMED = "confirmed"
+    """By a person: `by` and `at` say who and when."""
+    DECLARED = "declared"
+    """In the inventory."""
+    FILE = "file"
+    """A photo, a screenshot, an exported backup: `file` and `sha256` say which."""
+
+
+class Evidence(_Data):
+    """One thing that was seen."""
+
+    type: EvidenceType
+    what: str
+    """`signal at coastal-gateway`."""
+    value: str
+    """`-52 dBm`: with its unit; never a secret, an IMEI, IMSI or ICCID."""
+    at: datetime | None = None
+    by: str | None = None
+    file: str | None = None
+    """Name of the copy that is kept beside the document."""
+    sha256: str | None = None
+
+
+class Finding(_Data):
+    """One sentence of a verdict."""
+
+    verdict: Verdict
+    code: str
+    message: str
+    hint: str | None = None
+
+
+class Override(_Data):
+    """A person takes the responsibility for an item that did not pass."""
+
+    reason: str
+    by: str
+    at: datetime
+
+
+class Item(_Data):
+    """One line of the checklist."""
+
+    id: str
+    """`sparus/wifi`, `sparus/usbl/ping`, `coastal/satellite`, `coastal/site/rogue-dhcp`: row, endpoint, step."""
+    title: str
+    """What is checked, in a technician's words."""
+    vehicle: str | None
+    """Key of the vehicle; None: an item of the location."""
+    location: str
+    """The site."""
+    endpoint: str
+    """A column of Table 3, `ethernet`, or `site` for the site's own checks."""
+    table3: bool
+    """Whether it is part of a cell that the report marks."""
+    kind: Kind
+    phase: Phase
+    open: bool
+    """Not settled yet: not probed, or nobody has answered."""
+    verdict: Verdict
+    """While it is open: INCONCLUSIVE."""
+    message: str
+    hint: str | None = None
+    findings: tuple[Finding, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    at: datetime | None = None
+    seconds: float | None = None
+    override: Override | None = None
+
+    @property
+    def counts(self) -> Verdict:
+        """The verdict as it counts for the exit: what a person has overridden warns, and no more."""
+        if self.override is not None and self.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR}:
+            return Verdict.WARN
+        return self.verdict
+
+
+class Row(_Data):
+    """A row of the grid."""
+
+    key: str
+    name: str
+    """As Table 3 prints it; of a location its title."""
+    kind: str
+    """auv, asv, uav, rov, or `location`."""
+    aliases: tuple[str, ...] = ()
+    table3: tuple[str, ...]
+    """The columns that are marked, by the report or (a location) by the declaration."""
+    deviation: str | None = None
+    """Why the row differs from the report's."""
+    beside: tuple[str, ...] = ()
+    """Columns that are checked though Table 3 does not mark them: a location's bearers, `ethernet`."""
+
+
+class LeftOut(_Data):
+    """Something that was not checked."""
+
+    what: str
+    why: str
+
+
+class Change(_Data):
+    """An item that is otherwise than when all was green."""
+
+    id: str
+    before: Verdict | None
+    """None: there was no such item."""
+    after: Verdict | None
+    message: str
+
+
+class SinceGreen(_Data):
+    """What has changed since the last checklist of the same scope that was green."""
+
+    run: str
+    at: datetime
+    changes: tuple[Change, ...]
+
+
+class DrawnNode(_Data):
+    """A thing in the drawing of the site."""
+
+    key: str
+    label: str
+    kind: str
+    """router, cpe, lte_router, satellite_terminal, gateway, control_centre, vpn_server, vehicle, site."""
+    items: tuple[str, ...] = ()
+    """Items that speak of it; the drawing shows the worst."""
+    detail: str = ""
+
+
+class DrawnLink(_Data):
+    """A line in the drawing."""
+
+    a: str
+    b: str
+    label: str
+    kind: str
+    """wifi, acoustic, satellite, usbl, rc_rf, 4g, gps, ethernet, vpn."""
+    items: tuple[str, ...] = ()
+
+
+class Drawing(_Data):
+    """The site, from its declaration."""
+
+    nodes: tuple[DrawnNode, ...]
+    links: tuple[DrawnLink, ...]
+
+
+class Signature(_Data):
+    """A named person vouches for the document as it is."""
+
+    by: str
+    at: datetime
+    digest: str
+    """SHA-256 over the canonical JSON of the document without this field."""
+    key: str
+    """Fingerprint of the computer's key, `SHA256:…`."""
+    signature: str
+    """Ed25519 over the digest, base64."""
+
+
+class Document(_Data):
+    """One checklist of a site, whole."""
+
+    version: Literal[1] = 1
+    run: str
+    site: str
+    title: str
+    rehearsed: bool
+    tool: str
+    """Version of this toolkit."""
+    inventory: str
+    """Revision of the declaration: SHA-256 over its files."""
+    started: datetime
+    ended: datetime | None
+    scope: dict[str, tuple[str, ...]]
+    """What it was narrowed to (`vehicle`, `endpoint`, `phase`); empty: everything."""
+    columns: tuple[str, ...]
+    """Table 3's, in the report's order."""
+    rows: tuple[Row, ...]
+    items: tuple[Item, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    not_rehearsed: tuple[str, ...] = ()
+    broken: tuple[str, ...] = ()
+    """Rehearsal: what was broken on purpose."""
+    drawing: Drawing
+    since_green: SinceGreen | None = None
+    signed: Signature | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all items as they count."""
+        return worst(item.counts for item in self.items)
+
+    @property
+    def exit(self) -> ExitCode:
+        """Nothing looked at is not green, nor is anything that nobody has answered."""
+        if not self.items or all(item.verdict is Verdict.SKIP for item in self.items):
+            return ExitCode.NOTHING
+        green = {Verdict.PASS, Verdict.WARN, Verdict.SKIP}
+        done = all(item.counts in green and (not item.open or item.override) for item in self.items)
+        return ExitCode.DONE if done else ExitCode.CHECKS_FAILED
