@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
 
-__all__ = ["Answer", "Looked", "Proved", "Ran", "Rows", "Transcript", "Trouble"]
+__all__ = ["Answer", "Looked", "Offer", "Offered", "Proved", "Ran", "Rows", "Transcript", "Trouble"]
 
 
 class Trouble(StrEnum):
@@ -66,6 +66,10 @@ class Ran:
     err: str = ""
     began: float = 0.0
     """Seconds since 1970 by the clock of the computer that ran it."""
+    asked: float = 0.0
+    """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
+    heard: float = 0.0
+    """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,10 @@ class Rows:
     words: str = ""
     rows: tuple[Mapping[str, str], ...] | None = None
     """None: the device does not know the menu, or refused."""
+    asked: float = 0.0
+    """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
+    heard: float = 0.0
+    """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,4 +108,27 @@ class Proved:
     """How long silent targets were asked."""
 
 
-Answer = Transcript | Ran | Rows | Looked | Proved
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What one DHCP server offers."""
+
+    server: str
+    """Its identifier (RFC 2132, option 54), else the address that the packet came from."""
+    mac: str | None
+    """Of the card that sent it, in lower case with colons; None: the system does not tell."""
+    address: str
+    """That it would give."""
+    router: str | None = None
+    """Default gateway that it would give (option 3), the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offered:
+    """Which DHCP servers answered on a segment; without trouble and without offers: nobody within the time."""
+
+    trouble: Trouble | None
+    words: str = ""
+    offers: tuple[Offer, ...] = ()
+
+
+Answer = Transcript | Ran | Rows | Looked | Proved | Offered

@@ -72,6 +72,7 @@ class Probing:
     name: str
     place: Place
     interface: str
+    """Its name, or an address: then the interface that has that address, since few sites declare a name."""
     within_s: float = 8.0
 
 
