@@ -1,0 +1,16 @@
+"""The questions of a checklist, asked where the things are: on the gateway, on this computer, of the routers.
+
+All places are asked at the same time, each in one turn: one SSH command carries every question to the gateway, each
+router has one session, and what comes back is judged item by item as soon as it is there. Nothing leaves before it is
+looked at (programs from the closed list, addresses that are declared, reading commands only) and, where the way is paid
+by the byte, before somebody has agreed to pay; a place that cannot be asked answers so, and is no error.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.operations.checking._ears import Ears, Heard
+from atlantis_netcfg.operations.checking._laptop import ask_here
+from atlantis_netcfg.operations.checking._real import RealEars
+from atlantis_netcfg.operations.checking._run import examine, utc_now
+
+__all__ = ["Ears", "Heard", "RealEars", "ask_here", "examine", "utc_now"]
