@@ -29,13 +29,21 @@ class Say:
 
     data: bytes
     until: bytes
-    """Regular expression over what has come since; the next thing is said when it matches."""
+    """Regular expression, searched in what has come since; the next thing is said when it matches.
+
+    When it does not match within the time, nothing more is said: whatever stands after it in the script depends on it,
+    a transmission on the answer that allows it. The listening (`Listen.listen_s`) goes on all the same.
+    """
     within_s: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Listen:
-    """Listen to a stream, saying some things first."""
+    """Listen to a stream, saying some things first.
+
+    Many devices serve one client: identical questions of several items are asked once, and different ones to the same
+    end (place, transport, address and port, or device) one after the other, in the order of the items.
+    """
 
     name: str
     """Of the answer, unlike all others of the same probe."""
@@ -53,6 +61,8 @@ class Listen:
     """Regular expression over all that was heard: listening ends early; empty: it does not."""
     connect_s: float = 10.0
     max_bytes: int = 262_144
+    turn: str = ""
+    """Questions with the same word are asked one after another, whatever end they go to: they share a medium."""
 
 
 @dataclass(frozen=True, slots=True)
