@@ -1,20 +1,28 @@
 """Emulated devices that speak the real protocol on real sockets, as strict as the devices they stand for.
 
 Asyncio programs use `Router` or `Site`; others `RunningSite` (a thread) or `spawn` (a process).
+
+A name is imported when it is asked for: who only describes a twin does not load the whole of an emulated router.
 """
 
-from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
-from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
-from atlantis_netcfg.twin.lte import CellSpec, ModemSpec, SimSpec
-from atlantis_netcfg.twin.radio import Air, RadioLink, RadioPair
-from atlantis_netcfg.twin.router import Router
-from atlantis_netcfg.twin.running import RunningSite, SpawnedSite, TwinsFailed, spawn
-from atlantis_netcfg.twin.site import Site, SiteSpec, TwinSpec
-from atlantis_netcfg.twin.spec import DeviceMode, Execute, Management, Mode, Radio, RouterSpec, User
-from atlantis_netcfg.twin.wire.faults import Fault, FaultKind
-from atlantis_netcfg.twin.wire.knobs import Knobs
-from atlantis_netcfg.twin.wire.link import Link
-from atlantis_netcfg.twin.wire.tally import Counters, Tally
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
+    from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
+    from atlantis_netcfg.twin.lte import CellSpec, ModemSpec, SimSpec
+    from atlantis_netcfg.twin.radio import Air, RadioLink, RadioPair
+    from atlantis_netcfg.twin.router import Router
+    from atlantis_netcfg.twin.running import RunningSite, SpawnedSite, TwinsFailed, spawn
+    from atlantis_netcfg.twin.site import Site, SiteSpec, TwinSpec
+    from atlantis_netcfg.twin.spec import DeviceMode, Execute, Management, Mode, Radio, RouterSpec, User
+    from atlantis_netcfg.twin.wire.faults import Fault, FaultKind
+    from atlantis_netcfg.twin.wire.knobs import Knobs
+    from atlantis_netcfg.twin.wire.link import Link
+    from atlantis_netcfg.twin.wire.tally import Counters, Tally
 
 __all__ = [
     "COMMANDS",
@@ -50,3 +58,25 @@ __all__ = [
     "User",
     "spawn",
 ]
+
+_HOMES = {
+    "control": ("COMMANDS", "TwinRefused"),
+    "device": ("NOT_REHEARSED", "Device", "Service"),
+    "lte": ("CellSpec", "ModemSpec", "SimSpec"),
+    "radio": ("Air", "RadioLink", "RadioPair"),
+    "router": ("Router",),
+    "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
+    "site": ("Site", "SiteSpec", "TwinSpec"),
+    "spec": ("DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"),
+    "wire.faults": ("Fault", "FaultKind"),
+    "wire.knobs": ("Knobs",),
+    "wire.link": ("Link",),
+    "wire.tally": ("Counters", "Tally"),
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
