@@ -1,0 +1,193 @@
+"""What a computer is made of, as data that survives a trip through JSON; healthy unless a field says otherwise."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from ipaddress import IPv4Address, IPv4Interface, IPv4Network
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+__all__ = [
+    "AddressSpec",
+    "AssociationSpec",
+    "CertificateSpec",
+    "ComputerSpec",
+    "EchoSpec",
+    "InterfaceSpec",
+    "NeighbourSpec",
+    "OfferSpec",
+    "RouteSpec",
+    "TimeSpec",
+    "UdpSpec",
+]
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class AddressSpec(_Spec):
+    """An address of an interface."""
+
+    address: str
+    """With its prefix length: `10.64.1.10/24`."""
+    lease_s: int | None = None
+    """What is left of its lease: leased addresses are `dynamic`; None: it is permanent."""
+
+    @model_validator(mode="after")
+    def _address(self) -> Self:
+        IPv4Interface(self.address)
+        return self
+
+
+class AssociationSpec(_Spec):
+    """What a wireless interface is associated with."""
+
+    ssid: str
+    bssid: str
+    signal_dbm: int = -52
+    rate_mbps: float = 54.0
+    """Of both directions."""
+    frequency_mhz: int = 5180
+    connected_s: int = 240
+    inactive_ms: int = 12
+    tx_packets: int = 2000
+    tx_retries: int = 20
+    tx_failed: int = 0
+
+
+class InterfaceSpec(_Spec):
+    """A network interface, the loopback left out: every computer has one."""
+
+    name: str
+    mac: str | None = None
+    """None: a tunnel has none."""
+    addresses: tuple[AddressSpec, ...] = ()
+    up: bool = True
+    """False: no cable, no association."""
+    mtu: int = 1500
+    wireless: bool = False
+    association: AssociationSpec | None = None
+    """Of a wireless one; None: it is associated with nobody."""
+    rx_errors: int = 0
+    tx_errors: int = 0
+
+
+class RouteSpec(_Spec):
+    """A route that somebody has configured; those of the addresses are there by themselves."""
+
+    to: str = "default"
+    via: str | None = None
+    dev: str
+    protocol: str = "static"
+    """`static`, `dhcp`, `boot` (of a command `ip route add`)."""
+    metric: int | None = None
+
+
+class NeighbourSpec(_Spec):
+    """A line of the table of neighbours."""
+
+    address: str
+    dev: str
+    mac: str | None
+    """None: nobody has answered."""
+    state: str = "REACHABLE"
+
+
+class EchoSpec(_Spec):
+    """How an address answers to pings."""
+
+    loss_percent: float = Field(default=0, ge=0, le=100)
+    rtt_ms: float = Field(default=1.5, ge=0)
+
+
+class TimeSpec(_Spec):
+    """Its clock, and what sets it."""
+
+    zone: str = "Europe/Lisbon"
+    offset_s: float = 0.0
+    """How far its clock is ahead of the right time."""
+    synchronised: bool = True
+    ntp: bool = True
+    """Whether something is switched on that sets the clock."""
+    chrony: bool = True
+    """Whether chronyd runs."""
+    server: str = "192.0.2.123"
+    stratum: int = 3
+
+
+class UdpSpec(_Spec):
+    """A UDP socket that somebody has bound."""
+
+    port: int = Field(ge=1, le=65535)
+    address: str = "0.0.0.0"  # noqa: S104 - as the table of the kernel has it; nothing is bound
+    uid: int = 1000
+
+
+class OfferSpec(_Spec):
+    """What a DHCP server of a segment offers."""
+
+    server: str
+    mac: str
+    address: str
+    router: str | None = None
+
+
+class CertificateSpec(_Spec):
+    """A certificate in a file; `openssl x509` reads it."""
+
+    subject: str
+    issuer: str = "EXAMPLE VPN authority"
+    not_before: datetime = datetime(2026, 1, 1, tzinfo=UTC)
+    not_after: datetime = datetime(2036, 1, 1, tzinfo=UTC)
+
+
+class ComputerSpec(_Spec):
+    """One emulated computer: a gateway of a site, or a laptop."""
+
+    name: str = "gateway"
+    interfaces: tuple[InterfaceSpec, ...]
+    routes: tuple[RouteSpec, ...] = ()
+    neighbours: tuple[NeighbourSpec, ...] = ()
+    echoes: dict[str, EchoSpec] = Field(default_factory=dict)
+    """Address to how it answers; whoever is not named does not."""
+    time: TimeSpec = TimeSpec()
+    country: str = "PT"
+    """Regulatory domain of its radios; `00` is that of a board where nobody has set one."""
+    files: dict[str, str] = Field(default_factory=dict)
+    """Path to text. `/proc/net/udp` is made from `udp`."""
+    denied: tuple[str, ...] = ()
+    """Paths that are there, and may not be read."""
+    certificates: dict[str, CertificateSpec] = Field(default_factory=dict)
+    """Path to what is in it."""
+    udp: tuple[UdpSpec, ...] = ()
+    dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
+    """Interface to the servers that answer on its segment."""
+    lacks: tuple[str, ...] = ()
+    """Programs that are not installed."""
+
+    def interface(self, name: str) -> InterfaceSpec | None:
+        """Of that name."""
+        return next((one for one in self.interfaces if one.name == name), None)
+
+    def holding(self, address: str) -> InterfaceSpec | None:
+        """Give the interface that has an address."""
+        wanted = IPv4Address(address)
+        return next(
+            (one for one in self.interfaces if wanted in {IPv4Interface(a.address).ip for a in one.addresses}), None
+        )
+
+    def towards(self, address: str) -> tuple[str, str | None] | None:
+        """Interface and next hop of the way to an address; next hop None: it is on the segment; None: no way."""
+        wanted = IPv4Address(address)
+        ways: list[tuple[IPv4Network, str, str | None]] = [
+            (IPv4Interface(a.address).network, one.name, None) for one in self.interfaces for a in one.addresses
+        ]
+        ways += [
+            (IPv4Network("0.0.0.0/0" if way.to == "default" else way.to), way.dev, way.via)
+            for way in sorted(self.routes, key=lambda way: way.metric or 0)
+        ]
+        fitting = [way for way in ways if wanted in way[0]]
+        best = max(fitting, key=lambda way: way[0].prefixlen, default=None)
+        return None if best is None else best[1:]
