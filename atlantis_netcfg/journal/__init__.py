@@ -14,14 +14,14 @@ Everything is readable by its owner only. No record holds a secret: actions arri
 from __future__ import annotations
 
 from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy, StateDamaged
-from atlantis_netcfg.journal._files import sync_directory, write_all, write_atomically
+from atlantis_netcfg.journal._files import make_private, sync_directory, translated, write_all, write_atomically
 from atlantis_netcfg.journal._lock import Holder, SiteLock
 from atlantis_netcfg.journal._log import Entry, Log, read
 from atlantis_netcfg.journal._pins import Pins
 from atlantis_netcfg.journal._runs import Confirmed, Run
 from atlantis_netcfg.journal._store import Store
 from atlantis_netcfg.journal._usage import Counters, MonthBytes, Usage
-from atlantis_netcfg.journal._writer import Journal, NoJournal, Recorder
+from atlantis_netcfg.journal._writer import Journal, NoJournal, Recorder, utc_now
 from atlantis_netcfg.journal.records import (
     SETTLED,
     ActionsAcknowledged,
@@ -97,8 +97,11 @@ __all__ = [
     "Unrolled",
     "Usage",
     "Verified",
+    "make_private",
     "read",
     "sync_directory",
+    "translated",
+    "utc_now",
     "write_all",
     "write_atomically",
 ]

@@ -219,8 +219,10 @@ class Signature(_Data):
     """SHA-256 over the canonical JSON of the document without this field."""
     key: str
     """Fingerprint of the computer's key, `SHA256:…`."""
+    public: str = ""
+    """That key's public half, raw, base64: whoever has the document alone can check it against the fingerprint."""
     signature: str
-    """Ed25519 over the digest, base64."""
+    """Ed25519 over the canonical JSON of this block without this field, base64: name and time are signed as well."""
 
 
 class Document(_Data):
