@@ -31,7 +31,7 @@ from atlantis_netcfg.report.run import RunReport
 from atlantis_netcfg.site import choose, load
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments, Flag
     from atlantis_netcfg.operations.rehearsal import Rehearsal
@@ -272,11 +272,13 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     site: str | None = None,
     only: Sequence[str] | None = None,
     unsealed: bool = False,
+    chosen: Callable[[Declaration], tuple[Host, ...]] | None = None,
 ) -> Iterator[Session]:
     """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
 
     `site` and `only` are those of the words, unless the command finds them in another way. `unsealed`: the command
-    logs in to devices by itself, without a play.
+    logs in to devices by itself, without a play. `chosen` looks at the declaration, before anything is started, and
+    says which hosts take part, in place of `only`: also none.
     """
     named = arguments.optional("inventory")
     # Emulated devices get the passwords of the real ones; real ones are opened by the play, which decrypts for itself.
@@ -288,8 +290,11 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         only = arguments.many("only") if arguments.command.word("only") else ()
     if site is None:
         site = arguments.word("site")
-    hosts = choose(declaration, site, only)
-    _require_handled(hosts, arguments.command.name)
+    if chosen is None:
+        hosts = choose(declaration, site, only)
+        _require_handled(hosts, arguments.command.name)
+    else:
+        hosts = chosen(declaration)
     with ExitStack() as stack:
         twins = None
         if rehearse:
