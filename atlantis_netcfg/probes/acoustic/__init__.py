@@ -1,4 +1,4 @@
-"""To be filled."""
+"""Acoustic modems of the vehicles, read without disturbing them, and never made to sound in air."""
 
 from __future__ import annotations
 

@@ -1,0 +1,205 @@
+"""The language of a Blueprint SeaTrac beacon: frames in ASCII-hex, and the records in them that we read.
+
+Commands begin with `#`, answers with `$`; then a number, its record (little-endian), and a CRC-16 (polynomial 0x8005
+reflected, start 0) over both, low byte first, all as hex digits (devices.md 5.2). Records as public drivers lay them
+out: settings and status in DUNE and Rust and Python clients, the acoustic fix in two C++ ones. What does not fit is
+passed over, and nothing here raises.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+__all__ = [
+    "ALIVE",
+    "INFO",
+    "PING",
+    "PING_ERROR",
+    "PING_RESPONSE",
+    "SETTINGS",
+    "STATUS",
+    "TRANSCEIVER",
+    "Answer",
+    "Fix",
+    "Settings",
+    "Status",
+    "answers",
+    "command",
+    "crc16",
+    "damaged",
+    "fix",
+    "info",
+    "last",
+    "payload_of",
+    "settings",
+    "status",
+]
+
+ALIVE, INFO, STATUS, SETTINGS, TRANSCEIVER = 0x01, 0x02, 0x10, 0x15, 0x3A
+PING, PING_RESPONSE, PING_ERROR = 0x40, 0x42, 0x43
+
+_COMMAND = re.compile(rb"#((?:[0-9A-F]{2}){3,})\n\r")
+_ANSWER = re.compile(rb"\$((?:[0-9A-Fa-f]{2}){3,})[\r\n]")
+_RANGE, _USBL, _POSITION, _SUSPECT = 1, 2, 4, 16
+"""Flags of a fix: RANGE_VALID, USBL_VALID, POSITION_VALID, POSITION_FLT_ERROR."""
+_ENVIRONMENT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One frame whose sum is right."""
+
+    number: int
+    record: bytes
+    end: int
+    """Offset in the stream behind it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What we look at of a beacon's settings."""
+
+    beacon: int
+    sound_speed_mps: float
+    auto_sound_speed: bool
+    """Worked out by the beacon from temperature, pressure and salinity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What a beacon measures about itself; None: its settings leave it out."""
+
+    supply_v: float | None = None
+    depth_m: float | None = None
+    sound_speed_mps: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """What a beacon has made of an answer that it heard."""
+
+    beacon: int
+    range_m: float | None
+    azimuth_deg: float | None
+    elevation_deg: float | None
+    fit_error: float | None
+    rssi_db: float
+    position_m: tuple[float, float, float] | None
+    """East, north, and depth below the surface."""
+    suspect: bool
+    """The beacon's own filter takes the position for wrong."""
+
+
+def crc16(data: bytes) -> int:
+    """The sum of a frame."""
+    value = 0
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = (value >> 1) ^ 0xA001 if value & 1 else value >> 1
+    return value
+
+
+def command(payload: bytes) -> bytes:
+    """A command as it is sent; DUNE ends it with LF and CR in this order."""
+    return b"#" + (payload + crc16(payload).to_bytes(2, "little")).hex().upper().encode() + b"\n\r"
+
+
+def payload_of(data: bytes) -> bytes | None:
+    """Number and record of exactly one command; None: it is none, or its sum is wrong."""
+    found = _COMMAND.fullmatch(data)
+    return _checked(found[1]) if found else None
+
+
+def _checked(digits: bytes) -> bytes | None:
+    raw = bytes.fromhex(digits.decode())
+    payload, sent = raw[:-2], int.from_bytes(raw[-2:], "little")
+    return payload if crc16(payload) == sent else None
+
+
+def answers(data: bytes) -> tuple[Answer, ...]:
+    """Every whole answer in a stream, in its order."""
+    return tuple(_answers(data))
+
+
+def _answers(data: bytes) -> Iterator[Answer]:
+    for found in _ANSWER.finditer(data):
+        if payload := _checked(found[1]):
+            yield Answer(payload[0], payload[1:], found.end())
+
+
+def damaged(data: bytes) -> int:
+    """How many answers came with a wrong sum."""
+    return sum(_checked(found[1]) is None for found in _ANSWER.finditer(data))
+
+
+def last(heard: Sequence[Answer], number: int) -> bytes | None:
+    """The record of the last answer with a number; None: there is none."""
+    return next((one.record for one in reversed(heard) if one.number == number), None)
+
+
+def settings(record: bytes) -> Settings | None:
+    """Read the settings record: 110 bytes, of which later firmware may append more."""
+    if len(record) < 110:  # noqa: PLR2004 - the whole of the known record
+        return None
+    (sound,) = struct.unpack_from("<H", record, 35)
+    return Settings(beacon=record[96], sound_speed_mps=sound / 10, auto_sound_speed=bool(record[28] & 1))
+
+
+def status(record: bytes) -> Status | None:
+    """Read a status record: flags, a clock, and the groups that the flags name; the environment comes first."""
+    if len(record) < 9:  # noqa: PLR2004 - flags and clock
+        return None
+    if not record[0] & _ENVIRONMENT or len(record) < 9 + 14:
+        return Status()
+    supply, _, _, depth, sound = struct.unpack_from("<HhiiH", record, 9)
+    return Status(supply / 1000, depth / 10, sound / 10)
+
+
+def info(record: bytes) -> str | None:
+    """Tell part, serial number and firmware in words: seconds up, section, hardware, boot loader, application."""
+    try:
+        _, _, part, _, serial = struct.unpack_from("<IBHBI", record)
+        _, _, major, minor, build = struct.unpack_from("<?HBBH", record, 4 + 1 + 11 + 11)
+    except struct.error:
+        return None
+    model = {795: "X150", 843: "X110"}.get(part, f"part {part}")
+    return f"SeaTrac {model}, serial number {serial}, firmware {major}.{minor}.{build}"
+
+
+def fix(record: bytes) -> Fix | None:
+    """Read the acoustic fix of a ping's response; None: it is cut or makes no sense."""
+    try:
+        return _fix(record)
+    except struct.error:
+        return None
+
+
+def _fix(record: bytes) -> Fix:
+    _, beacon, flags, _, _, _, _, _, _, rssi = struct.unpack_from("<BBBBhhhHHh", record)
+    at = 16
+    range_m = azimuth = elevation = error = position = None
+    if flags & _RANGE:
+        range_m = struct.unpack_from("<IiH", record, at)[2] / 10
+        at += 10
+    if flags & _USBL:
+        at += 1 + 2 * struct.unpack_from("<B", record, at)[0]
+        azimuth, elevation, error = (
+            value / scale for value, scale in zip(_three(record, at), (10, 10, 100), strict=True)
+        )
+        at += 6
+    if flags & _POSITION:
+        east, north, depth = (value / 10 for value in _three(record, at))
+        position = (east, north, depth)
+    return Fix(beacon, range_m, azimuth, elevation, error, rssi / 10, position, bool(flags & _SUSPECT))
+
+
+def _three(record: bytes, at: int) -> tuple[int, int, int]:
+    first, second, third = struct.unpack_from("<hhh", record, at)
+    return first, second, third
