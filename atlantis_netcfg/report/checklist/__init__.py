@@ -1,12 +1,13 @@
 """The pre-test checklist as a document, and the pages that are made from it.
 
-One document of plain data holds all that was found, by whom and on what evidence; it is what `--json` prints, what is
-stored and what is signed. Every page (HTML, PDF, JUnit XML, lines for a console) is a pure function of that document, so
-no page can say what was not signed.
+One document of plain data holds all that was found, by whom and on what evidence; it is what `--json` prints, what
+is stored and what is signed. Every page (HTML, PDF, JUnit XML, lines for a console) is a pure function of that
+document, so no page can say what was not signed.
 """
 
 from __future__ import annotations
 
+from atlantis_netcfg.report.checklist._console import lines
 from atlantis_netcfg.report.checklist.document import (
     Change,
     Document,
@@ -43,4 +44,5 @@ __all__ = [
     "Row",
     "Signature",
     "SinceGreen",
+    "lines",
 ]
