@@ -1,0 +1,125 @@
+"""Echo requests to a neighbour: what `ping` printed, and what follows for the hop that they went over.
+
+`ping` is iputils' (Debian, Ubuntu). Asked as `ping -n -c 20 -i 0.2 -W 2 ADDRESS`: 20 packets in 4 s, so that one lost
+packet is 5 %. Shorter intervals than 0.2 s are for root only (ping(8)).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes._seen import measured
+from atlantis_netcfg.probes._unasked import PLACES, not_run
+from atlantis_netcfg.probes.answers import Ran
+from atlantis_netcfg.probes.questions import Run
+from atlantis_netcfg.probes.step import Judged
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.questions import Place
+
+__all__ = ["COUNT", "SLOW_MS", "Echoes", "Pinged", "ask", "judge", "read"]
+
+COUNT = 20
+SLOW_MS = 100.0
+"""One hop in a local network takes some milliseconds; from here on something holds packets back. Our own judgement."""
+_SUMS = re.compile(r"(\d+) packets transmitted, (\d+) (?:packets )?received.*?([\d.]+)% packet loss")
+_TIMES = re.compile(r"(?:rtt|round-trip) min/avg/max(?:/mdev)? = ([\d.]+)/([\d.]+)/([\d.]+)")
+_REFUSAL = re.compile(r"^From (\S+) icmp_seq=\d+ (.+)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class Echoes:
+    """How an address answered."""
+
+    sent: int
+    received: int
+    mean_ms: float | None = None
+    worst_ms: float | None = None
+    refusal: str | None = None
+    """Who turned the packets away on the way, and with which words."""
+
+    @property
+    def loss_percent(self) -> float:
+        """Of what was sent."""
+        return 100 * (self.sent - self.received) / self.sent
+
+
+@dataclass(frozen=True, slots=True)
+class Pinged:
+    """The neighbour, and what it is held to."""
+
+    name: str
+    address: str
+    place: Place
+    loss_percent: float
+    """Up to here it is well."""
+    fail_percent: float
+    """From here it does not serve."""
+
+
+def ask(place: Place, address: str) -> Run:
+    """Give the question; its answer's name is `ping`."""
+    return Run("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address))
+
+
+def read(out: str) -> Echoes | None:
+    """Read what `ping` printed; None: it has sent nothing, or speaks otherwise."""
+    sums, times, refusal = _SUMS.search(out), _TIMES.search(out), _REFUSAL.search(out)
+    if sums is None or not int(sums[1]):
+        return None
+    return Echoes(
+        sent=int(sums[1]),
+        received=min(int(sums[2]), int(sums[1])),
+        mean_ms=float(times[2]) if times else None,
+        worst_ms=float(times[3]) if times else None,
+        refusal=f"{refusal[1]} says: {refusal[2]}" if refusal else None,
+    )
+
+
+def judge(wanted: Pinged, answer: Answer | None) -> Judged:
+    """Judge loss and time; what was not carried out proves nothing."""
+    if troubles := tuple(not_run(wanted.place, "ping", answer)):
+        return Judged(troubles)
+    assert isinstance(answer, Ran)  # noqa: S101 - `not_run` speaks of anything else
+    echoes = read(answer.out)
+    if echoes is None:
+        said = (answer.err or answer.out).strip().splitlines()
+        why = f": {said[0][:120]}" if said else ""
+        message = f"no ping was sent to {wanted.name} ({wanted.address}) from {PLACES[wanted.place]}{why}"
+        hint = f"type it by hand there: ping {wanted.address}"
+        return Judged((Finding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+    where = f"{wanted.name} from {PLACES[wanted.place]}"
+    evidence = [measured(f"pings answered by {where}", f"{echoes.received} of {echoes.sent}")]
+    if echoes.mean_ms is not None and echoes.worst_ms is not None:
+        evidence.append(measured(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
+        evidence.append(measured(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
+    return Judged((_loss(wanted, echoes), *_times(wanted, echoes)), tuple(evidence))
+
+
+def _loss(wanted: Pinged, echoes: Echoes) -> Finding:
+    who = f"{wanted.name} ({wanted.address})"
+    if not echoes.received:
+        refused = f"; {echoes.refusal}" if echoes.refusal else ""
+        hint = "is it switched on, with this address, and does it answer pings at all?"
+        return Finding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
+    message = f"{who} answers {echoes.received} of {echoes.sent} pings"
+    loss = echoes.loss_percent
+    if loss <= wanted.loss_percent:
+        after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
+        return Finding(Verdict.PASS, "answers", message + after)
+    verdict = Verdict.FAIL if loss >= wanted.fail_percent else Verdict.WARN
+    hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
+    return Finding(verdict, "loss", f"{message}: {loss:g} % are lost, above {wanted.loss_percent:g} %", hint)
+
+
+def _times(wanted: Pinged, echoes: Echoes) -> tuple[Finding, ...]:
+    if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
+        return ()
+    message = f"{wanted.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
+    hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
+    return (Finding(Verdict.WARN, "slow", message, hint),)
