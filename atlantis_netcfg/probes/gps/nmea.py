@@ -1,0 +1,190 @@
+"""NMEA 0183 sentences of any talker (GP, GN, GL, GA …): GGA, RMC, GSA and ZDA, those of one epoch put together.
+
+GGA alone has a time of day and no date; RMC alone does not tell whether a fix has three dimensions, which GSA does, and
+so does an altitude in GGA. A sentence counts when its checksum is right and not otherwise.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.probes.gps.lines import lines
+from atlantis_netcfg.probes.gps.record import Nature, Reception, Report
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.probes.answers import Transcript
+
+__all__ = ["checksum", "enough", "read", "sentence"]
+
+_FRAME = re.compile(rb"[$!]([\x20-\x23\x25-\x29\x2b-\x7e]{1,200})\*([0-9A-Fa-f]{2})\s*")
+_NUMBER = re.compile(r"-?\d{1,12}(?:\.\d{1,12})?|-?\.\d{1,12}")
+_QUALITY = {6: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}
+_INDICATOR = {"E": Nature.DEAD_RECKONING, "M": Nature.MANUAL, "S": Nature.SIMULATED}
+_CENTURY = 80
+"""Two digits below it are years after 2000."""
+
+
+def checksum(body: bytes) -> int:
+    """All bytes between `$` and `*`, exclusive or."""
+    found = 0
+    for byte in body:
+        found ^= byte
+    return found
+
+
+def sentence(line: bytes) -> list[str] | None:
+    """The fields of a sentence, its address field first; None: it is none, or its checksum is wrong."""
+    framed = _FRAME.fullmatch(line)
+    if framed is None or checksum(framed[1]) != int(framed[2], 16):
+        return None
+    return framed[1].decode("ascii").split(",")
+
+
+def enough(reports: int) -> bytes:
+    """What ends the listening early: so many RMC with a fix in a row whose time goes on, or twice as many."""
+    rmc, others = rb"\$..RMC,%s[^\n]*\n", rb"(?:(?!\$..RMC,)[^\n]*\n)*"
+    first, same, later = rmc % rb"(?P<first>[^,\n]*),A", rmc % rb"[^,\n]*,A", rmc % rb"(?!(?P=first),)[^,\n]*,A"
+    fixes = first + (others + same) * (reports - 2) + others + later
+    many = rb"(?:\$..%s,[^\n]*\n(?:(?!\$..%s,)[^\n]*\n)*){%d}"
+    any_kind = rb"|".join(many % (kind, kind, 2 * reports) for kind in (rb"RMC", rb"GGA"))
+    return rb"(?m)^(?:%s|%s)" % (fixes, any_kind)
+
+
+@dataclass
+class _Epochs:
+    """Sentences of one time go together until another time comes, or the same kind of sentence again."""
+
+    reports: list[Report] = field(default_factory=list)
+    open: Report | None = None
+    kinds: set[str] = field(default_factory=set)
+    void: bool = False
+    """A sentence of this epoch says that there is no fix."""
+    dimensions: int | None = None
+    """Of the last GSA."""
+    satellites: int | None = None
+    hdop: float | None = None
+    date: str = ""
+    """Of the last ZDA, for sources without RMC."""
+
+    def take(self, at_s: float, fields: Sequence[str]) -> None:
+        kind = fields[0][2:] if len(fields[0]) == _ADDRESS else ""
+        padded = [*fields, *[""] * 20]
+        if kind == "GGA":
+            self._gga(self._epoch(at_s, kind, padded[1]), padded)
+        elif kind == "RMC":
+            self._rmc(self._epoch(at_s, kind, padded[1]), padded)
+        elif kind == "GSA":
+            self.dimensions = int(padded[2]) if padded[2] in {"1", "2", "3"} else None
+        elif kind == "ZDA" and all(part.isdecimal() for part in padded[2:5]):
+            self.date = f"{padded[2]:0>2}{padded[3]:0>2}{padded[4][-2:]}"
+
+    def _epoch(self, at_s: float, kind: str, time: str) -> Report:
+        of_day = _of_day(time)
+        if self.open is None or kind in self.kinds or of_day != self.open.of_day:
+            self.close()
+            self.open = Report(at_s, of_day=of_day)
+        self.kinds.add(kind)
+        return replace(self.open, at_s=at_s)
+
+    def _gga(self, report: Report, fields: Sequence[str]) -> None:
+        quality = int(fields[6]) if re.fullmatch(r"\d", fields[6]) else None
+        if not quality:
+            self.void = self.void or quality == 0
+            self.open = report
+            return
+        used = _number(fields[7])
+        self.satellites = int(used) if used is not None else self.satellites
+        self.hdop = _number(fields[8]) or self.hdop
+        three = 3 if _number(fields[9]) is not None else 2
+        self.open = replace(_placed(report, fields[2:6]), mode=three, nature=_QUALITY.get(quality, report.nature))
+
+    def _rmc(self, report: Report, fields: Sequence[str]) -> None:
+        self.void = self.void or fields[2] == "V"
+        dated = replace(report, time=_dated(fields[9], report.of_day))
+        if fields[2] != "A":
+            self.open = dated
+            return
+        nature = _INDICATOR.get(fields[12], report.nature)
+        self.open = replace(_placed(dated, fields[3:7]), mode=max(report.mode or 2, 2), nature=nature)
+
+    def close(self) -> None:
+        """Take the epoch that is open as whole."""
+        if self.open is not None:
+            self.reports.append(self._whole(self.open))
+        self.open, self.kinds, self.void = None, set(), False
+
+    def _whole(self, report: Report) -> Report:
+        if self.void or self.dimensions == 1:
+            return replace(report, mode=1)
+        mode = report.mode if report.mode is None or self.dimensions is None else self.dimensions
+        time = report.time if report.time is not None else _dated(self.date, report.of_day)
+        return replace(report, mode=mode, time=time)
+
+
+_ADDRESS = 5
+"""Two letters of the talker, three of the sentence."""
+
+
+def read(heard: Transcript) -> Reception:
+    """Understand a stream of sentences, from wherever in one it begins. Raises nothing."""
+    epochs, good, bad = _Epochs(), 0, 0
+    for number, (at_s, line) in enumerate(lines(heard)):
+        fields = sentence(line)
+        if fields is not None:
+            good += 1
+            epochs.take(at_s, fields)
+        elif number and line.strip():
+            # The first line is cut where the listening began.
+            bad += 1
+    epochs.close()
+    return Reception(
+        reports=tuple(epochs.reports),
+        understood=good > 0,
+        heard_bytes=len(heard.data),
+        good=good,
+        bad=bad,
+        satellites=epochs.satellites,
+        hdop=epochs.hdop,
+        began=heard.began,
+        ended_s=heard.ended_s,
+    )
+
+
+def _number(text: str) -> float | None:
+    return float(text) if _NUMBER.fullmatch(text) else None
+
+
+def _of_day(text: str) -> float | None:
+    found = re.fullmatch(r"(\d\d)(\d\d)(\d\d(?:\.\d{1,9})?)", text)
+    return int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3]) if found else None
+
+
+def _dated(text: str, of_day: float | None) -> float | None:
+    found = re.fullmatch(r"(\d\d)(\d\d)(\d\d)", text)
+    if found is None or of_day is None:
+        return None
+    day, month, year = (int(part) for part in found.groups())
+    try:
+        midnight = datetime(year + (2000 if year < _CENTURY else 1900), month, day, tzinfo=UTC)
+    except ValueError:
+        return None
+    return (midnight + timedelta(seconds=of_day)).timestamp()
+
+
+def _placed(report: Report, fields: Sequence[str]) -> Report:
+    latitude = _degrees(fields[0], fields[1], 2, "N", "S")
+    longitude = _degrees(fields[2], fields[3], 3, "E", "W")
+    return replace(report, latitude=latitude, longitude=longitude)
+
+
+def _degrees(text: str, hemisphere: str, digits: int, plus: str, minus: str) -> float | None:
+    found = re.fullmatch(rf"(\d{{{digits}}})(\d\d(?:\.\d{{1,12}})?)", text, re.ASCII)
+    if found is None or hemisphere not in {plus, minus}:
+        return None
+    value = int(found[1]) + float(found[2]) / 60
+    return value if hemisphere == plus else -value
