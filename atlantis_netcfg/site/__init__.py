@@ -9,8 +9,9 @@ What needs pydantic or PyYAML is imported when it is asked for: the command line
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.lazy import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site.declaration import ALL, Declaration, Host, choose
@@ -30,15 +31,11 @@ __all__ = [
     "validate",
 ]
 
-_HOMES = {
-    "declaration": ("ALL", "Declaration", "Host", "choose"),
-    "findings": ("Finding", "InventoryInvalid", "Mark", "report"),
-    "loading": ("load", "validate"),
-}
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = homes(
+    __name__,
+    {
+        "declaration": ("ALL", "Declaration", "Host", "choose"),
+        "findings": ("Finding", "InventoryInvalid", "Mark", "report"),
+        "loading": ("load", "validate"),
+    },
+)

@@ -7,8 +7,9 @@ A name is imported when it is asked for: who only describes a twin does not load
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.lazy import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
@@ -59,24 +60,20 @@ __all__ = [
     "spawn",
 ]
 
-_HOMES = {
-    "control": ("COMMANDS", "TwinRefused"),
-    "device": ("NOT_REHEARSED", "Device", "Service"),
-    "lte": ("CellSpec", "ModemSpec", "SimSpec"),
-    "radio": ("Air", "RadioLink", "RadioPair"),
-    "router": ("Router",),
-    "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
-    "site": ("Site", "SiteSpec", "TwinSpec"),
-    "spec": ("DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"),
-    "wire.faults": ("Fault", "FaultKind"),
-    "wire.knobs": ("Knobs",),
-    "wire.link": ("Link",),
-    "wire.tally": ("Counters", "Tally"),
-}
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = homes(
+    __name__,
+    {
+        "control": ("COMMANDS", "TwinRefused"),
+        "device": ("NOT_REHEARSED", "Device", "Service"),
+        "lte": ("CellSpec", "ModemSpec", "SimSpec"),
+        "radio": ("Air", "RadioLink", "RadioPair"),
+        "router": ("Router",),
+        "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
+        "site": ("Site", "SiteSpec", "TwinSpec"),
+        "spec": ("DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"),
+        "wire.faults": ("Fault", "FaultKind"),
+        "wire.knobs": ("Knobs",),
+        "wire.link": ("Link",),
+        "wire.tally": ("Counters", "Tally"),
+    },
+)

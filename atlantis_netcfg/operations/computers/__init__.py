@@ -6,11 +6,16 @@ a `Watch` in Ansible's main process holds the site's lock, writes its journal, a
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.computers._access import is_computer, is_gateway, is_server
-from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers, tree_spec
-from atlantis_netcfg.operations.computers._wanted import perform
-from atlantis_netcfg.operations.computers._watch import Watch
-from atlantis_netcfg.operations.computers.parts import refuse_unfounded
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.lazy import homes
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.operations.computers._access import is_computer, is_gateway, is_server
+    from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers, tree_spec
+    from atlantis_netcfg.operations.computers._wanted import perform
+    from atlantis_netcfg.operations.computers._watch import Watch
+    from atlantis_netcfg.operations.computers.parts import refuse_unfounded
 
 __all__ = [
     "RehearsedComputers",
@@ -23,3 +28,14 @@ __all__ = [
     "rehearsed_computers",
     "tree_spec",
 ]
+
+__getattr__ = homes(
+    __name__,
+    {
+        "_access": ("is_computer", "is_gateway", "is_server"),
+        "_emulation": ("RehearsedComputers", "rehearsed_computers", "tree_spec"),
+        "_wanted": ("perform",),
+        "_watch": ("Watch",),
+        "parts": ("refuse_unfounded",),
+    },
+)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.lte._emulation import EmulatedUnit, emulated_units, not_rehearsed
-from atlantis_netcfg.operations.lte._perform import perform
-from atlantis_netcfg.operations.lte._result import LteResult
-from atlantis_netcfg.operations.lte._unit import Look, Unit, is_unit
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.lazy import homes
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.operations.lte._emulation import EmulatedUnit, emulated_units, not_rehearsed
+    from atlantis_netcfg.operations.lte._kind import is_unit
+    from atlantis_netcfg.operations.lte._perform import perform
+    from atlantis_netcfg.operations.lte._result import LteResult
+    from atlantis_netcfg.operations.lte._unit import Look, Unit
 
 __all__ = [
     "EmulatedUnit",
@@ -17,3 +23,14 @@ __all__ = [
     "not_rehearsed",
     "perform",
 ]
+
+__getattr__ = homes(
+    __name__,
+    {
+        "_emulation": ("EmulatedUnit", "emulated_units", "not_rehearsed"),
+        "_perform": ("perform",),
+        "_result": ("LteResult",),
+        "_unit": ("Look", "Unit"),
+        "_kind": ("is_unit",),
+    },
+)

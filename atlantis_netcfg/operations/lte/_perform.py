@@ -14,8 +14,9 @@ from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.lte._came import Patience
 from atlantis_netcfg.operations.lte._converge import Converge
+from atlantis_netcfg.operations.lte._kind import is_unit
 from atlantis_netcfg.operations.lte._result import FINE, LteResult
-from atlantis_netcfg.operations.lte._unit import Unit, is_unit
+from atlantis_netcfg.operations.lte._unit import Unit
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.site import load

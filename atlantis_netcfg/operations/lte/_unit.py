@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Target
     from atlantis_netcfg.site import Host
 
-__all__ = ["Look", "NotRehearsed", "Unit", "is_unit"]
+__all__ = ["Look", "NotRehearsed", "Unit"]
 
 _HTTPS, _SSH = 443, 22
 _SERIAL = "serial number of "
@@ -47,11 +47,6 @@ class Look:
     sent: int = 0
     received: int = 0
     serial: str | None = None
-
-
-def is_unit(host: Host) -> bool:
-    """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
-    return isinstance(host.device, LteRouter) and host.device.driver is not LteDriver.ROUTEROS
 
 
 @dataclass(frozen=True, slots=True)
