@@ -149,7 +149,7 @@ def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
 
 
 def test_every_command_in_the_product_is_allowed() -> None:
-    """Static: each text that looks like a command to a modem, but in twins and of acoustic modems, which have own lists."""
+    """Static: each text that looks like a command to a 4G modem, twins left out; acoustic modems have a list too."""
     package = Path(atlantis_netcfg.__file__).parent
     found: set[str] = set()
     for path in package.rglob("*.py"):
