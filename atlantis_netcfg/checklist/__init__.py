@@ -2,11 +2,36 @@
 
 The list is worked out from the declaration alone, and no X of Table 3 can drop out of it: what no program sees, a
 person confirms. What is found is kept line by line on disk, so that an interrupted checklist goes on where it stood.
-The closed list is signed by a named person over everything in it, and whoever has it can verify that nothing was changed.
+The closed list is signed by a named person over everything in it, and whoever has it can verify it.
 """
 
 from __future__ import annotations
 
+from atlantis_netcfg.checklist._errors import KeyDamaged, NotSigned, Refused
+from atlantis_netcfg.checklist._opening import Head
+from atlantis_netcfg.checklist.book import Book
+from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green
+from atlantis_netcfg.checklist.people import Confirmation
 from atlantis_netcfg.checklist.plan import Checklist, Entry, Scope, plan
+from atlantis_netcfg.checklist.verifying import Trouble, verify, verify_report
 
-__all__ = ["Checklist", "Entry", "Scope", "plan"]
+__all__ = [
+    "Book",
+    "Checklist",
+    "Confirmation",
+    "Entry",
+    "Head",
+    "Kept",
+    "KeyDamaged",
+    "NotSigned",
+    "Refused",
+    "Scope",
+    "State",
+    "Trouble",
+    "books",
+    "changes",
+    "last_green",
+    "plan",
+    "verify",
+    "verify_report",
+]

@@ -1,0 +1,145 @@
+"""Which book an opened checklist goes on with, and how a new one begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist import _ledger
+from atlantis_netcfg.checklist._signing import MANIFEST
+from atlantis_netcfg.journal import make_private, sync_directory, translated
+from atlantis_netcfg.report.checklist import Document
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist.plan import Checklist
+    from atlantis_netcfg.report.checklist import Drawing
+
+__all__ = ["Found", "Head", "begin", "found", "runs"]
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What a document has besides the list and what was found."""
+
+    rehearsed: bool
+    tool: str
+    """Version of this toolkit."""
+    inventory: str
+    """Revision of the declaration."""
+    drawing: Drawing
+    not_rehearsed: tuple[str, ...] = ()
+    broken: tuple[str, ...] = ()
+    run: str = ""
+    """Name of a new book, if it is free; empty: by the time. One that is gone on with keeps its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The book to go on with, if there is one."""
+
+    folder: Path | None
+    words: str
+    """What a person should know of it, or of the one that is left behind."""
+
+
+def runs(folder: Path) -> list[Path]:
+    """The books of a site, oldest first; a folder that was made and nothing more is none."""
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if (path / _ledger.FILE).is_file())
+
+
+def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Callable[[], datetime]) -> Found:
+    """Look for the open book of the same list; one that no longer fits is closed as unfinished, and that is told."""
+    words = ""
+    for run in reversed(runs(folder)):
+        lines = _ledger.read(run / _ledger.FILE)
+        document = _ledger.replayed(lines)
+        if document is None or document.scope != checklist.scope.as_dict() or _over(run, lines):
+            continue
+        if lines.damage:
+            words = words or f"the checklist {run.name} is damaged ({lines.damage}): a new one is begun"
+            continue
+        if why := "it was to be begun anew" if anew else _other(document, head):
+            with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
+                ledger.write(_ledger.Superseded(why=why))
+            return Found(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
+        _go_on(run, document, checklist, head, now)
+        torn = f"; {lines.torn}, and what it said is asked again" if lines.torn else ""
+        return Found(run, f"the checklist {run.name} is gone on with{torn}")
+    return Found(None, words)
+
+
+def _over(run: Path, lines: _ledger.Lines) -> bool:
+    return (run / MANIFEST).exists() or any(isinstance(one.record, _ledger.Superseded) for one in lines.records)
+
+
+def _other(document: Document, head: Head) -> str:
+    """Why a book is not that of this checklist; empty if it is."""
+    if document.inventory != head.inventory:
+        return "the inventory has changed since"
+    if document.tool != head.tool:
+        return f"it was begun with version {document.tool} of this toolkit, this is {head.tool}"
+    if (document.rehearsed, document.broken) != (head.rehearsed, head.broken):
+        return "other things are broken on purpose now"
+    return ""
+
+
+def _go_on(run: Path, before: Document, checklist: Checklist, head: Head, now: Callable[[], datetime]) -> None:
+    document = _document(run.name, before.started, checklist, head)
+    same = document.model_copy(update={"items": ()}) == before.model_copy(update={"items": ()})
+    same = same and [item.id for item in document.items] == [item.id for item in before.items]
+    with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
+        ledger.write(_ledger.GoneOn() if same else _ledger.Begun(document=document))
+
+
+def begin(folder: Path, checklist: Checklist, head: Head, now: Callable[[], datetime]) -> Path:
+    """Put a new book's list on disk, and give its folder. Raises JournalFailed."""
+    started = now()
+    stamp = head.run or started.strftime("%Y%m%dT%H%M%SZ")
+    with translated("the checklist", folder):
+        make_private(folder)
+        run = _free(folder, stamp)
+        sync_directory(folder)
+    with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
+        ledger.write(_ledger.Begun(document=_document(run.name, started, checklist, head)))
+    with translated("the checklist", run):
+        sync_directory(run)
+    return run
+
+
+def _free(folder: Path, stamp: str) -> Path:
+    number = 1
+    while True:
+        run = folder / (stamp if number == 1 else f"{stamp}-{number:02}")
+        try:
+            run.mkdir(mode=0o700)
+        except FileExistsError:
+            number += 1
+        else:
+            return run
+
+
+def _document(run: str, started: datetime, checklist: Checklist, head: Head) -> Document:
+    return Document(
+        run=run,
+        site=checklist.site,
+        title=checklist.title,
+        rehearsed=head.rehearsed,
+        tool=head.tool,
+        inventory=head.inventory,
+        started=started,
+        ended=None,
+        scope=checklist.scope.as_dict(),
+        columns=checklist.columns,
+        rows=checklist.rows,
+        items=tuple(entry.item for entry in checklist.entries),
+        left_out=checklist.left_out,
+        not_rehearsed=head.not_rehearsed,
+        broken=head.broken,
+        drawing=head.drawing,
+    )

@@ -1,0 +1,156 @@
+"""What was checked before, of a site and of each vehicle, and what is otherwise than when it was last green."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist import _ledger
+from atlantis_netcfg.checklist._canonical import parsed
+from atlantis_netcfg.checklist._opening import runs
+from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.report.checklist import Change, Document, SinceGreen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from atlantis_netcfg.report.checklist import Item
+
+__all__ = ["Kept", "State", "books", "changes", "last_green", "narrowed", "since"]
+
+
+class State(StrEnum):
+    """How far a kept checklist came."""
+
+    OPEN = "open"
+    """It can be gone on with."""
+    UNFINISHED = "unfinished"
+    """Another one was begun in its place."""
+    SIGNED = "signed"
+    DAMAGED = "damaged"
+    """It is not as it was written; `provision report verify` says where."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A checklist of the history."""
+
+    folder: Path
+    state: State
+    document: Document | None
+    """As far as it can be read."""
+    why: str = ""
+    """Unfinished or damaged: why."""
+
+    @property
+    def run(self) -> str:
+        """Its name, sortable by time."""
+        return self.folder.name
+
+
+def books(folder: Path) -> tuple[Kept, ...]:
+    """Every checklist of a site (`folder`: its `checks`), newest last."""
+    return tuple(kept for run in runs(folder) if (kept := _kept(run)) is not None)
+
+
+def _kept(run: Path) -> Kept | None:
+    if (run / MANIFEST).exists():
+        return _signed(run)
+    lines = _ledger.read(run / _ledger.FILE)
+    document = _ledger.replayed(lines)
+    if lines.damage or document is None:
+        return Kept(run, State.DAMAGED, document, lines.damage) if lines.damage else None
+    left = [one.record.why for one in lines.records if isinstance(one.record, _ledger.Superseded)]
+    return Kept(run, State.UNFINISHED if left else State.OPEN, document, left[-1] if left else "")
+
+
+def _signed(run: Path) -> Kept:
+    """A signed one by its report, which has to fit its own digest and signature, whosesoever the key is."""
+    try:
+        data = (run / REPORT).read_bytes()
+        key = str((parsed(data)["signed"] or {}).get("key"))
+        troubles = list(check_report(data, {key}))
+        document = Document.model_validate(parsed(data))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return Kept(run, State.DAMAGED, None, f"its {REPORT} cannot be read")
+    return Kept(run, State.DAMAGED if troubles else State.SIGNED, document, troubles[0].what if troubles else "")
+
+
+def narrowed(document: Document, scope: Mapping[str, tuple[str, ...]]) -> Document:
+    """The document with the items of a scope only."""
+    items = tuple(item for item in document.items if _inside(item, scope))
+    return document.model_copy(update={"items": items})
+
+
+def _inside(item: Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
+    have = {"vehicle": item.vehicle, "endpoint": item.endpoint, "phase": str(item.phase)}
+    return all(have[name] in chosen for name, chosen in scope.items())
+
+
+def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None, *, but: str = "") -> Document | None:
+    """The newest signed checklist in which all of a scope was looked at and was green, with the items of that scope.
+
+    A vehicle's last green may so be a checklist of the whole site in which another vehicle failed. `but`: a run that
+    does not count.
+    """
+    wanted = dict(scope or {})
+    for run in reversed(runs(folder)):
+        if run.name == but or not (run / MANIFEST).exists():
+            continue
+        kept = _signed(run)
+        if kept.state is not State.SIGNED or kept.document is None or not _covers(kept.document.scope, wanted):
+            continue
+        document = narrowed(kept.document, wanted)
+        if document.exit is ExitCode.DONE:
+            return document
+    return None
+
+
+def _covers(wide: Mapping[str, tuple[str, ...]], scope: Mapping[str, tuple[str, ...]]) -> bool:
+    return all(name in scope and set(scope[name]) <= set(chosen) for name, chosen in wide.items())
+
+
+def since(green: Document | None, now: Document) -> SinceGreen | None:
+    """What a document says of the last green one; None: there was none."""
+    if green is None:
+        return None
+    at = green.signed.at if green.signed is not None else green.started
+    return SinceGreen(run=green.run, at=at, changes=changes(green, now))
+
+
+def changes(green: Document, now: Document) -> tuple[Change, ...]:
+    """Every item that is otherwise now: another verdict, overridden or no longer, new, open, or gone."""
+    before = {item.id: item for item in narrowed(green, now.scope).items}
+    after = {item.id: item for item in now.items}
+    return (*_of_now(before, after), *_gone(before, after))
+
+
+def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[Change]:
+    for name, item in after.items():
+        old = before.get(name)
+        if old is not None and _state(old) == _state(item):
+            continue
+        message = item.message if item.override is None else f"{item.message}; overridden by {_override(item)}"
+        yield Change(
+            id=name,
+            before=old.verdict if old is not None else None,
+            after=item.verdict,
+            message=message if old is not None else f"new: {message}",
+        )
+
+
+def _state(item: Item) -> tuple[object, ...]:
+    return item.verdict, item.open, item.override is not None
+
+
+def _override(item: Item) -> str:
+    return f"{item.override.by}: {item.override.reason}" if item.override is not None else ""
+
+
+def _gone(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[Change]:
+    for name, item in before.items():
+        if name not in after:
+            yield Change(id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}")

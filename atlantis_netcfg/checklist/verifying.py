@@ -1,0 +1,122 @@
+"""Whether a signed checklist is still the one that was signed.
+
+Every byte that is kept is covered: the report by its digest and signature, every file by the manifest's SHA-256, the
+manifest by a signature of its own, the records also by their chain. What this cannot do: a person who has the key of
+the computer (whoever can read its state directory) can write another checklist and sign that; and a checklist of which
+nobody else has the fingerprint or a copy can be removed whole. Against the first, send the report, or the digest that
+it prints, to somebody else when it is signed; the second is seen as a gap in the history only by who remembers it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.checklist import _ledger
+from atlantis_netcfg.checklist._canonical import parsed, written
+from atlantis_netcfg.checklist._closing import listed
+from atlantis_netcfg.checklist._key import FILE as KEY
+from atlantis_netcfg.checklist._key import Key
+from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, Trouble, broken_seal, check_report
+from atlantis_netcfg.report.checklist import Document
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from pathlib import Path
+
+__all__ = ["Trouble", "verify", "verify_report"]
+
+_ORIGINAL = "do not rely on it; ask whoever signed for the original"
+
+
+def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()) -> tuple[Trouble, ...]:
+    """Everything that is not as it was signed, in the folder of one checklist; nothing: it is as it was signed.
+
+    `key`: the key of this computer, else the one of the state directory that the folder is in; `known`: fingerprints of
+    other computers' keys that are trusted. Raises KeyDamaged.
+    """
+    path = folder.absolute()
+    own = key or (path.parents[3] / KEY if len(path.parents) > 3 else path / KEY)  # noqa: PLR2004 - see `book`
+    trusted = _trusted(own, known)
+    return tuple(dict.fromkeys((*_manifest(folder, trusted), *_report(folder, trusted), *_records(folder))))
+
+
+def verify_report(data: bytes, *, key: Path, known: Collection[str] = ()) -> tuple[Trouble, ...]:
+    """The same for a `report.json` alone, as it comes by mail: what is not as it was signed. Raises KeyDamaged."""
+    return tuple(check_report(data, _trusted(key, known)))
+
+
+def _trusted(key: Path, known: Collection[str]) -> set[str]:
+    own = Key.known(key)
+    return {*known, own.fingerprint} if own is not None else set(known)
+
+
+def _manifest(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
+    try:
+        data = (folder / MANIFEST).read_bytes()
+    except OSError:
+        hint = "the checklist was never signed, or the file was removed; ask whoever signed for the original"
+        yield Trouble(MANIFEST, "is missing: nobody vouches for what is here", hint)
+        return
+    manifest = _read(data)
+    if manifest is None:
+        yield Trouble(MANIFEST, "is damaged", _ORIGINAL)
+        return
+    for what, hint in broken_seal(manifest, trusted):
+        yield Trouble(MANIFEST, what, hint)
+    yield from _files(folder, manifest["files"])
+
+
+def _read(data: bytes) -> dict[str, Any] | None:
+    """The manifest, if it is one, written as we write it."""
+    try:
+        manifest = parsed(data)
+        files = manifest["files"]
+        shaped = all(isinstance(one["sha256"], str) for one in files.values())
+        return manifest if shaped and written(manifest) == data else None
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return None
+
+
+def _files(folder: Path, files: dict[str, Any]) -> Iterator[Trouble]:
+    there = listed(folder)
+    for name in sorted({*files, *there}):
+        if name not in there:
+            yield Trouble(name, "is missing", _ORIGINAL)
+        elif name not in files:
+            yield Trouble(name, "was added after the checklist was signed", "it is not of the checklist: take it out")
+        elif (folder / name).is_symlink() or _hash(folder / name) != files[name]["sha256"]:
+            yield Trouble(name, "was changed after the checklist was signed", _ORIGINAL)
+
+
+def _hash(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
+def _report(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
+    try:
+        data = (folder / REPORT).read_bytes()
+    except OSError:
+        if not (folder / MANIFEST).exists():
+            return  # it was never signed, and that is told
+        yield Trouble(REPORT, "is missing", _ORIGINAL)
+        return
+    yield from check_report(data, trusted)
+
+
+def _records(folder: Path) -> Iterator[Trouble]:
+    """The records by themselves, and whether the report says what they say."""
+    lines = _ledger.read(folder / _ledger.FILE)
+    if lines.damage or lines.torn:
+        yield Trouble(_ledger.FILE, lines.damage or lines.torn, _ORIGINAL)
+        return
+    document = _ledger.replayed(lines)
+    try:
+        items = Document.model_validate(parsed((folder / REPORT).read_bytes())).items
+    except (OSError, ValueError):
+        return  # that is told
+    if document is None or document.items != items:
+        yield Trouble(REPORT, "tells other results than the records of the checklist", _ORIGINAL)

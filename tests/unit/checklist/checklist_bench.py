@@ -1,0 +1,147 @@
+"""A small checklist of our own, so that these tests hold whatever the columns look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist import Book, Checklist, Confirmation, Entry, Head, Scope
+from atlantis_netcfg.probes import Cell, Consent, Judged, Step
+from atlantis_netcfg.report.checklist import Document, Drawing, Item, Kind, Phase, Row
+from atlantis_netcfg.site import Declaration
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.probes import Answer, Question
+
+NAME = "A. Technician"
+WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (
+    "sparus/wifi",
+    "stork/rc_rf/failsafe",
+    "sparus/usbl/ping",
+    "eca-rov/usbl",
+    "coastal/site/rogue-dhcp",
+    "coastal/site/dds",
+)
+_KINDS = {
+    WIFI: (Kind.AUTOMATIC, Phase.QUAY),
+    FAILSAFE: (Kind.PERSON, Phase.BENCH),
+    PING: (Kind.ACTIVE, Phase.WATER),
+    USBL: (Kind.PERSON, Phase.WATER),
+    DHCP: (Kind.AUTOMATIC, Phase.BENCH),
+    SKIPPED: (Kind.AUTOMATIC, Phase.BENCH),
+}
+HEAD = Head(rehearsed=False, tool="1.0", inventory="ab" * 32, drawing=Drawing(nodes=(), links=()))
+
+
+class Deaf:
+    """Looks at nothing."""
+
+    def asks(self) -> tuple[Question, ...]:
+        return ()
+
+    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+        assert not heard
+        return Judged(())
+
+
+@dataclass
+class Clock:
+    """A minute later each time."""
+
+    at: datetime = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
+
+    def __call__(self) -> datetime:
+        self.at += timedelta(minutes=1)
+        return self.at
+
+
+def entry(name: str) -> Entry:
+    row, endpoint, step = (*name.split("/"), "")[:3]
+    kind, phase = _KINDS.get(name, (Kind.PERSON, Phase.BENCH))
+    unless = "no DDS here" if name == SKIPPED else ""
+    vehicle = None if row == "coastal" else row
+    cell = Cell(Declaration.__new__(Declaration), "coastal", vehicle, endpoint)
+    made = Step(
+        name=step,
+        title=f"{name} is well",
+        kind=kind,
+        phase=phase,
+        probe=None if kind is Kind.PERSON else Deaf(),
+        consent=Consent("it is in the water") if kind is Kind.ACTIVE else None,
+        unless=unless,
+    )
+    item = Item(
+        id=name,
+        title=made.title,
+        vehicle=vehicle,
+        location="coastal",
+        endpoint=endpoint,
+        table3=vehicle is not None,
+        kind=kind,
+        phase=phase,
+        open=not unless,
+        verdict=Verdict.SKIP if unless else Verdict.INCONCLUSIVE,
+        message=unless or "waits",
+    )
+    return Entry(item, made, cell)
+
+
+def checklist(names: Sequence[str] = EVERY, scope: Scope | None = None) -> Checklist:
+    row = Row(key="sparus", name="Sparus", kind="auv", table3=("wifi", "usbl"))
+    entries = tuple(entry(name) for name in names)
+    return Checklist("coastal", "Coastal testbed", ("wifi", "usbl"), (row,), entries, (), scope or Scope())
+
+
+def found(name: str, verdict: Verdict = Verdict.PASS, message: str = "as it should be") -> Item:
+    """What a probe gives back."""
+    return entry(name).item.model_copy(update={"verdict": verdict, "message": message})
+
+
+def pages(document: Document) -> Mapping[str, bytes]:
+    return {"report.html": f"<p>{document.run}</p>".encode(), "junit.xml": b"<testsuites/>"}
+
+
+@dataclass
+class Desk:
+    """Opens books of one site with one clock."""
+
+    state: Path
+    now: Clock = field(default_factory=Clock)
+
+    @property
+    def folder(self) -> Path:
+        return self.state / "real" / "coastal" / "checks"
+
+    @property
+    def key(self) -> Path:
+        return self.state / "checklist.key"
+
+    def open(
+        self, names: Sequence[str] = EVERY, head: Head = HEAD, *, scope: Scope | None = None, anew: bool = False
+    ) -> Book:
+        return Book.open(self.folder, checklist(names, scope), head, now=self.now, anew=anew)
+
+    def signed(
+        self, verdicts: Mapping[str, Verdict] | None = None, names: Sequence[str] = EVERY, *, scope: Scope | None = None
+    ) -> Path:
+        """A signed book's folder; everything passes but what `verdicts` says."""
+        with self.open(names, scope=scope) as book:
+            answer(book, verdicts or {})
+            book.sign(NAME, pages)
+            return book.folder
+
+
+def answer(book: Book, verdicts: Mapping[str, Verdict] | None = None) -> None:
+    """Settle everything that is open."""
+    for one in book.entries_open():
+        verdict = (verdicts or {}).get(one.item.id, Verdict.PASS)
+        if one.item.kind is Kind.PERSON:
+            note = "" if verdict is Verdict.PASS else "seen so"
+            book.confirm(one.item.id, Confirmation(verdict, NAME, note))
+        else:
+            book.settle(found(one.item.id, verdict))

@@ -1,0 +1,384 @@
+"""Everything found and answered is on disk before anything follows; an interrupted checklist goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from checklist_bench import (
+    DHCP,
+    EVERY,
+    FAILSAFE,
+    HEAD,
+    NAME,
+    PING,
+    SKIPPED,
+    USBL,
+    WIFI,
+    Desk,
+    answer,
+    found,
+    pages,
+)
+
+from atlantis_netcfg.checklist import Confirmation, NotSigned, Refused, Scope, State, books, verify
+from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.journal import JournalFailed, SiteBusy
+from atlantis_netcfg.report.checklist import EvidenceType, Phase
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_new_book_has_everything_open_but_what_does_not_apply(desk: Desk) -> None:
+    with desk.open() as book:
+        assert [one.item.id for one in book.entries_open()] == [name for name in EVERY if name != SKIPPED]
+        assert [one.item.id for one in book.entries_open(Phase.WATER)] == [PING, USBL]
+        assert book.words == ""
+        document = book.document()
+    assert document.exit is ExitCode.CHECKS_FAILED
+    assert (document.site, document.started < desk.now.at, document.ended) == ("coastal", True, None)
+
+
+def test_an_interrupted_checklist_goes_on(desk: Desk) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI))
+        book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, "motors stopped"))
+        first, items = book.run, book.items
+    with desk.open() as book:
+        assert (book.run, book.items) == (first, items)
+        assert book.words == f"the checklist {first} is gone on with"
+        assert [one.item.id for one in book.entries_open()] == [PING, USBL, DHCP]
+
+
+def test_a_scope_has_its_own_book(desk: Desk) -> None:
+    with desk.open() as whole:
+        whole.settle(found(WIFI))
+    with desk.open([WIFI], scope=Scope(vehicles=("sparus",))) as narrow:
+        assert narrow.run != whole.run
+        assert [one.item.id for one in narrow.entries_open()] == [WIFI]
+    with desk.open() as again:
+        assert again.run == whole.run
+
+
+@pytest.mark.parametrize(
+    ("head", "why"),
+    [
+        (replace(HEAD, inventory="cd" * 32), "the inventory has changed since"),
+        (replace(HEAD, tool="1.1"), "it was begun with version 1.0 of this toolkit, this is 1.1"),
+        (replace(HEAD, broken=("rogue-dhcp",)), "other things are broken on purpose now"),
+    ],
+    ids=["inventory", "tool", "broken"],
+)
+def test_what_no_longer_fits_stays_unfinished_and_that_is_told(desk: Desk, head: object, why: str) -> None:
+    with desk.open() as old:
+        old.settle(found(WIFI))
+    with desk.open(head=head) as new:  # type: ignore[arg-type]
+        assert new.words == f"the checklist {old.run} stays unfinished, and a new one is begun: {why}"
+        assert len(new.entries_open()) == len(EVERY) - 1
+    kept = books(desk.folder)
+    assert [(one.run, one.state, one.why) for one in kept] == [
+        (old.run, State.UNFINISHED, why),
+        (new.run, State.OPEN, ""),
+    ]
+    assert kept[0].document is not None
+    assert kept[0].document.items[0].verdict is Verdict.PASS
+
+
+def test_anew_begins_a_new_one(desk: Desk) -> None:
+    with desk.open() as old:
+        pass
+    with desk.open(anew=True) as new:
+        assert (new.run != old.run, "begun anew" in new.words) == (True, True)
+
+
+def test_steps_that_are_new_or_gone_when_it_goes_on(desk: Desk) -> None:
+    with desk.open([WIFI, DHCP]) as book:
+        answer(book)
+    with desk.open([WIFI, USBL]) as book:
+        assert [(one.id, one.open) for one in book.items] == [(WIFI, False), (USBL, True)]
+
+
+def test_the_second_process_is_told_who_holds_it(desk: Desk) -> None:
+    with desk.open(), pytest.raises(SiteBusy, match=rf"the checklist of coastal is being worked on by .*{os.getpid()}"):
+        desk.open()
+    desk.open().close()
+
+
+def test_a_probe_may_look_again_and_history_keeps_both(desk: Desk) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI, Verdict.FAIL, "no association"))
+        book.override(WIFI, "the vehicle stays on the bench", NAME)
+        assert book.item(WIFI).counts is Verdict.WARN
+        assert book.settle(found(WIFI)).override is None
+        log = (book.folder / "records.jsonl").read_text()
+    assert book.item(WIFI).verdict is Verdict.PASS
+    assert [json.loads(line)["record"] for line in log.splitlines()] == ["begun", "settled", "overridden", "settled"]
+    assert "no association" in log
+
+
+@pytest.mark.parametrize(
+    ("verdict", "note", "message", "hint"),
+    [
+        (Verdict.PASS, "", "A. Technician has seen that it is well", None),
+        (
+            Verdict.WARN,
+            "slow",
+            "A. Technician has seen that it works, but: slow",
+            "decide whether the test can live with it",
+        ),
+        (
+            Verdict.FAIL,
+            "motors ran on",
+            "A. Technician has seen that it is not well: motors ran on",
+            "mend it and answer again, or override it with a reason",
+        ),
+        (
+            Verdict.INCONCLUSIVE,
+            "too dark",
+            "A. Technician could not tell: too dark",
+            "look again when it can be seen, or override it with a reason",
+        ),
+        (Verdict.SKIP, "no flight today", "A. Technician says that it does not apply: no flight today", None),
+    ],
+)
+def test_what_a_person_says(desk: Desk, verdict: Verdict, note: str, message: str, hint: str | None) -> None:
+    with desk.open() as book:
+        item = book.confirm(FAILSAFE, Confirmation(verdict, NAME, note))
+    assert (item.verdict, item.message, item.hint, item.open) == (verdict, message, hint, False)
+    assert [(one.verdict, one.message, one.hint) for one in item.findings] == [(verdict, message, hint)]
+    assert [(one.type, one.by, one.value) for one in item.evidence] == [
+        (EvidenceType.CONFIRMED, NAME, note or str(verdict))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "message"),
+    [
+        (WIFI, Confirmation(Verdict.PASS, NAME), "`sparus/wifi` is looked at by the tool: nobody can answer it"),
+        ("stork/rc_rf/failsaf", Confirmation(Verdict.PASS, NAME), "there is no item `stork/rc_rf/failsaf` in this"),
+        (FAILSAFE, Confirmation(Verdict.PASS, " "), "a name is missing"),
+        (FAILSAFE, Confirmation(Verdict.PASS, "x" * 101), "a name is too long"),
+        (FAILSAFE, Confirmation(Verdict.FAIL, NAME, " "), "the reason for FAIL is missing"),
+        (FAILSAFE, Confirmation(Verdict.PASS, NAME, "\x1b[2J"), "the reason for PASS is too long, or holds control"),
+        (FAILSAFE, Confirmation(Verdict.ERROR, NAME, "x"), "ERROR is nothing that a person can say"),
+    ],
+)
+def test_what_cannot_be_said_is_refused_and_not_written(
+    desk: Desk, name: str, said: Confirmation, message: str
+) -> None:
+    with desk.open() as book:
+        before = (book.folder / "records.jsonl").read_bytes()
+        with pytest.raises(Refused, match="^" + message.replace("(", r"\(")) as told:
+            book.confirm(name, said)
+        assert told.value.hint
+        assert isinstance(told.value, UsageError)
+        assert (book.folder / "records.jsonl").read_bytes() == before
+
+
+def test_an_active_step_may_be_answered_by_a_person(desk: Desk) -> None:
+    with desk.open() as book:
+        item = book.confirm(PING, Confirmation(Verdict.SKIP, NAME, "a diver is near"))
+    assert (item.verdict, item.open) == (Verdict.SKIP, False)
+
+
+@pytest.mark.parametrize("verdict", [Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR])
+def test_an_override_needs_a_reason_and_a_name(desk: Desk, verdict: Verdict) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI, verdict))
+        for reason, by in (("", NAME), ("known", " ")):
+            with pytest.raises(Refused, match="is missing"):
+                book.override(WIFI, reason, by)
+        item = book.override(WIFI, "known  and\n accepted", NAME)
+    assert item.override is not None
+    assert (item.override.reason, item.override.by) == ("known and accepted", NAME)
+    assert (item.verdict, item.counts) == (verdict, Verdict.WARN)
+
+
+@pytest.mark.parametrize("verdict", [Verdict.PASS, Verdict.WARN, Verdict.SKIP])
+def test_what_is_green_cannot_be_overridden(desk: Desk, verdict: Verdict) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI, verdict))
+        with pytest.raises(Refused, match=f"`sparus/wifi` is {verdict}: there is nothing to override"):
+            book.override(WIFI, "why not", NAME)
+
+
+def test_evidence_is_copied_and_private(desk: Desk, tmp_path: Path) -> None:
+    photo = tmp_path / "fäil safe (1).jpg"
+    photo.write_bytes(b"\xff\xd8 a photo")
+    with desk.open() as book:
+        item = book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, files=(photo, photo)))
+        photo.unlink()
+        files = book.files
+    one = item.evidence[1]
+    assert one.file is not None
+    assert (one.type, one.what, one.value, one.by) == (EvidenceType.FILE, "f_il_safe_1_.jpg", "10 bytes", NAME)
+    assert one.file == f"files/{(one.sha256 or '')[:12]}-f_il_safe_1_.jpg"
+    assert files == {one.file: b"\xff\xd8 a photo"}
+    assert stat.S_IMODE((book.folder / one.file).stat().st_mode) == 0o600
+    assert stat.S_IMODE((book.folder / "files").stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda _: None, "there is no file"),
+        (lambda path: path.mkdir(), "is no file"),
+        (os.mkfifo, "is no file"),
+        (lambda path: path.touch(), "is empty"),
+        (lambda path: path.write_bytes(bytes(25_000_001)), "has 25 MB; 25 MB are the most"),
+    ],
+    ids=["missing", "folder", "pipe", "empty", "large"],
+)
+def test_files_that_are_no_evidence(desk: Desk, tmp_path: Path, make: object, message: str) -> None:
+    make(tmp_path / "photo.jpg")  # type: ignore[operator]
+    good = tmp_path / "good.jpg"
+    good.write_bytes(b"good")
+    with desk.open() as book:
+        with pytest.raises(Refused, match=message) as told:
+            book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, files=(good, tmp_path / "photo.jpg")))
+        assert told.value.hint
+        assert book.item(FAILSAFE).open
+        assert not (book.folder / "files").exists()
+
+
+def test_nothing_open_is_signed_by_oversight(desk: Desk) -> None:
+    with desk.open() as book:
+        answer(book)
+        book.settle(found(WIFI))
+    with desk.open([*EVERY, "mares/gps"]) as book:
+        with pytest.raises(NotSigned, match="1 of 7 items are open: mares/gps") as told:
+            book.sign(NAME, pages)
+        assert told.value.exit is ExitCode.CHECKS_FAILED
+        assert [path.name for path in book.folder.iterdir()] == ["records.jsonl"]
+        book.override("mares/gps", "Mares is not here", NAME)
+        document = book.sign(NAME, pages)
+    assert document.exit is ExitCode.DONE
+
+
+def test_what_is_left_open_on_purpose_is_told_and_not_green(desk: Desk) -> None:
+    with desk.open([WIFI, PING]) as book:
+        book.settle(found(WIFI))
+        with pytest.raises(Refused, match="`sparus/wifi` is not open"):
+            book.sign(NAME, pages, leave={WIFI: "no"})
+        document = book.sign(NAME, pages, leave={PING: "the sea is too rough"})
+    assert [(one.what, one.why) for one in document.left_out] == [
+        ("sparus/usbl/ping: sparus/usbl/ping is well", "the sea is too rough")
+    ]
+    assert document.exit is ExitCode.CHECKS_FAILED
+    assert verify(book.folder) == ()
+
+
+def test_a_failure_can_be_signed_as_a_failure(desk: Desk) -> None:
+    with desk.open() as book:
+        answer(book, {WIFI: Verdict.FAIL})
+        document = book.sign(NAME, pages)
+    assert (document.exit, document.verdict) == (ExitCode.CHECKS_FAILED, Verdict.FAIL)
+
+
+def test_a_signed_book_is_closed(desk: Desk) -> None:
+    with desk.open() as book:
+        answer(book)
+        document = book.sign(NAME, pages)
+        assert document.ended is not None
+        assert book.document().signed == document.signed
+        for change in (
+            lambda: book.settle(found(WIFI)),
+            lambda: book.sign(NAME, pages),
+            lambda: book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME)),
+        ):
+            with pytest.raises(Refused, match="this checklist is signed"):
+                change()
+    assert sorted(path.name for path in book.folder.iterdir()) == [
+        "junit.xml",
+        "manifest.json",
+        "records.jsonl",
+        "report.html",
+        "report.json",
+    ]
+    with desk.open() as new:
+        assert (new.run != book.run, new.words) == (True, "")
+
+
+def test_a_strangers_file_is_neither_signed_nor_removed(desk: Desk) -> None:
+    with desk.open() as book:
+        answer(book)
+        (book.folder / "holiday.jpg").write_bytes(b"sun")
+        with pytest.raises(NotSigned, match=r"`holiday.jpg` in the folder of the checklist is not of the checklist"):
+            book.sign(NAME, pages)
+        (book.folder / "holiday.jpg").unlink()
+        book.sign(NAME, pages)
+
+
+@pytest.mark.parametrize("name", ["report.json", "manifest.json", "../x.html", "records.jsonl", ".x"])
+def test_a_page_cannot_take_anothers_place(desk: Desk, name: str) -> None:
+    with desk.open([WIFI]) as book:
+        answer(book)
+        with pytest.raises(ValueError, match="no names for pages"):
+            book.sign(NAME, lambda _: {name: b""})
+
+
+def test_a_full_disk_is_told_and_nothing_is_half_written(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI))
+        size = (book.folder / "records.jsonl").stat().st_size
+        real = os.write
+
+        def full(descriptor: int, data: bytes) -> int:
+            if len(data) > 50:
+                return real(descriptor, data[:50])
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(os, "write", full)
+        with pytest.raises(JournalFailed, match="the checklist cannot be written: No space left on device"):
+            book.settle(found(DHCP))
+        monkeypatch.undo()
+        assert (book.folder / "records.jsonl").stat().st_size == size
+        assert book.item(DHCP).open
+        with pytest.raises(JournalFailed):
+            book.settle(found(DHCP))
+
+
+def _log(desk: Desk) -> Path:
+    (path,) = desk.folder.glob("*/records.jsonl")
+    return path
+
+
+def test_a_last_line_that_was_cut_anywhere_is_asked_again(desk: Desk) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI))
+        before = (book.folder / "records.jsonl").stat().st_size
+        book.settle(found(DHCP))
+    whole = _log(desk).read_bytes()
+    for cut in {before + 1, before + 40, len(whole) - 2, len(whole) - 1}:
+        _log(desk).write_bytes(whole[:cut])
+        with desk.open() as book:
+            assert (book.item(WIFI).open, book.item(DHCP).open) == (False, True)
+            assert "is torn" in book.words
+            book.settle(found(DHCP))
+        assert books(desk.folder)[0].state is State.OPEN
+
+
+def test_a_last_line_of_zeros_is_cut_off(desk: Desk) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI))
+    whole = _log(desk).read_bytes()
+    _log(desk).write_bytes(whole + b"\0" * 100 + b"\n")
+    with desk.open() as book:
+        assert not book.item(WIFI).open
+        assert book.words.endswith("line 3 cannot be read, and what it said is asked again")
+
+
+def test_a_changed_line_is_damage_and_a_new_one_is_begun(desk: Desk) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI))
+        book.settle(found(DHCP))
+    _log(desk).write_bytes(_log(desk).read_bytes().replace(b'"as it should be"', b'"as it should not"', 1))
+    with desk.open() as new:
+        assert "is damaged (line 3 does not follow the line above): a new one is begun" in new.words
+    assert [one.state for one in books(desk.folder)] == [State.DAMAGED, State.OPEN]
