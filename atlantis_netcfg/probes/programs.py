@@ -15,6 +15,11 @@ PROGRAMS: tuple[str, ...] = (
     r"timedatectl show",
     r"chronyc -n -c (tracking|sources)",
     r"cat /etc/resolv\.conf",
+    r"cat /etc/netplan/10-atlantis\.yaml",
+    r"cat /etc/network/interfaces",
+    r"cat /etc/systemd/network/05-atlantis\.network",
+    r"cat /proc/net/udp",
+    r"openssl storeutl -noout -text -certs /etc/openvpn/client/atlantis\.identity",
 )
 """Full matches of the arguments joined by blanks; an argument with a blank is refused before."""
 _COMPILED = tuple(re.compile(program) for program in PROGRAMS)

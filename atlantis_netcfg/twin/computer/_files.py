@@ -1,4 +1,4 @@
-"""`cat`, the kernel's table of UDP sockets, and what `openssl x509` says of a certificate."""
+"""`cat`, the kernel's table of UDP sockets, and what `openssl storeutl` says of the certificates in a file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.twin.computer._spec import ComputerSpec, UdpSpec
+    from atlantis_netcfg.twin.computer._spec import CertificateSpec, ComputerSpec, UdpSpec
 
 __all__ = ["cat", "openssl"]
 
@@ -34,7 +34,10 @@ def cat(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
 
 def _sockets(sockets: Sequence[UdpSpec]) -> str:
     """As `net/ipv4/udp.c` prints them, on a computer whose lowest byte comes first."""
-    head = "   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode ref pointer drops"
+    head = (
+        "   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt"
+        "   uid  timeout inode ref pointer drops"
+    )
     lines = [
         f"{number:5d}: {_reversed(one.address)}:{one.port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 "
         f"{one.uid:5d}        0 {20000 + number} 2 0000000000000000 0"
@@ -48,19 +51,30 @@ def _reversed(address: str) -> str:
 
 
 def openssl(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
-    """Print subject and validity of the first certificate in a file (`x509 -noout -subject -dates -in PATH`)."""
+    """Print every certificate in a file (`storeutl -noout -text -certs PATH`); words and code of OpenSSL 3.0."""
     path = argv[-1]
-    found = spec.certificates.get(path)
-    if path in spec.denied:
-        return 1, "", f"Can't open {path} for reading, Permission denied\n"
-    if found is None:
-        return 1, "", f"Can't open {path} for reading, No such file or directory\n"
-    lines = {
-        "-subject": f"subject=CN = {found.subject}\n",
-        "-issuer": f"issuer=CN = {found.issuer}\n",
-        "-dates": f"notBefore={_stamp(found.not_before)}\nnotAfter={_stamp(found.not_after)}\n",
-    }
-    return 0, "".join(lines.get(word, "") for word in argv), ""
+    if argv[1] != "storeutl":
+        return 1, "", f"Invalid command '{argv[1]}'; type \"help\" for a list.\n"
+    if path in spec.denied or path not in spec.certificates:
+        reason = "Permission denied" if path in spec.denied else "No such file or directory"
+        return 1, "", f"Couldn't open file or uri {path}\n0:error:80000002:system library:file_open:{reason}\n"
+    found = spec.certificates[path]
+    told = "".join(f"{number}: Certificate\n{_text(one)}" for number, one in enumerate(found))
+    # It knows no key of tls-crypt, says so, and ends with 8 although it has printed the rest.
+    return 8, f"{told}Total found: {len(found)}\n", "0:error:1608010C:STORE routines::unsupported\n"
+
+
+def _text(one: CertificateSpec) -> str:
+    return (
+        "Certificate:\n    Data:\n        Version: 3 (0x2)\n        Serial Number: 4096 (0x1000)\n"
+        "        Signature Algorithm: ecdsa-with-SHA256\n"
+        f"        Issuer: CN={one.issuer}\n"
+        "        Validity\n"
+        f"            Not Before: {_stamp(one.not_before)}\n"
+        f"            Not After : {_stamp(one.not_after)}\n"
+        f"        Subject: CN={one.subject}\n"
+        "        Subject Public Key Info:\n            Public Key Algorithm: id-ecPublicKey\n"
+    )
 
 
 def _stamp(moment: datetime) -> str:

@@ -135,7 +135,7 @@ class OfferSpec(_Spec):
 
 
 class CertificateSpec(_Spec):
-    """A certificate in a file; `openssl x509` reads it."""
+    """A certificate in a file."""
 
     subject: str
     issuer: str = "EXAMPLE VPN authority"
@@ -159,8 +159,8 @@ class ComputerSpec(_Spec):
     """Path to text. `/proc/net/udp` is made from `udp`."""
     denied: tuple[str, ...] = ()
     """Paths that are there, and may not be read."""
-    certificates: dict[str, CertificateSpec] = Field(default_factory=dict)
-    """Path to what is in it."""
+    certificates: dict[str, tuple[CertificateSpec, ...]] = Field(default_factory=dict)
+    """Path to the certificates in that file, beside which it has a key of OpenVPN's own."""
     udp: tuple[UdpSpec, ...] = ()
     dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
     """Interface to the servers that answer on its segment."""

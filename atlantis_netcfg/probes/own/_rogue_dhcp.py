@@ -1,0 +1,90 @@
+"""Nobody but the router hands out addresses on the LAN (a vehicle's own server stole leases: BlueOS 3143, 4328)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes.own._reading import offers, rows, yes
+from atlantis_netcfg.probes.own._site import OwnSite, ask, step
+from atlantis_netcfg.probes.own._words import fail, good, measured, unknown
+from atlantis_netcfg.probes.questions import Place, Probing
+from atlantis_netcfg.probes.step import Judged
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.probes.answers import Answer, Offer
+    from atlantis_netcfg.probes.questions import Question
+    from atlantis_netcfg.probes.step import Step
+
+__all__ = ["of"]
+
+_HINT = "unplug it, or switch its DHCP server off: a robot that takes its lease is lost to the site"
+
+
+def of(site: OwnSite) -> Step:
+    """The router is asked for alerts, and the LAN for offers."""
+    unless = "" if site.gateway else "the site has no gateway computer that could ask its LAN for DHCP servers"
+    return step("rogue-dhcp", "No other DHCP server on the LAN", _RogueDhcp(site), site.hosts, unless)
+
+
+@dataclass(frozen=True, slots=True)
+class _RogueDhcp:
+    """No other DHCP server on the LAN."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        return (
+            Probing("offers", Place.GATEWAY, self.site.gateway.interface),
+            *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
+        )
+
+    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+        assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        found = offers(heard["offers"], self.site.gateway.name)
+        alerts = tuple(self._alerts(heard))
+        if isinstance(found, Finding):
+            return Judged((*alerts, found))
+        evidence = tuple(measured(f"DHCP offer of {one.server}", _told(one)) for one in found)
+        return Judged((*alerts, *self._judged(found)), evidence)
+
+    def _alerts(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
+        """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
+        if self.site.router is None or "alerts" not in heard:
+            return
+        told = rows(heard["alerts"], self.site.router.name, "its DHCP alerts")
+        for row in () if isinstance(told, Finding) else told:
+            server = row.get("unknown-server", "")
+            if server and not yes(row, "disabled"):
+                place = row.get("interface", "its LAN")
+                yield fail("dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _HINT)
+
+    def _judged(self, found: tuple[Offer, ...]) -> Iterator[Finding]:
+        own = str(self.site.declared.lan.gateway)
+        strangers = {(one.server, one.mac): one for one in found if one.server != own}
+        cards = sorted({one.mac for one in found if one.server == own and one.mac is not None})
+        for one in strangers.values():
+            yield fail("rogue-dhcp", f"{self._named(one)} hands out addresses on the LAN, too: {_told(one)}", _HINT)
+        if len(cards) > 1:
+            message = f"two cards hand out addresses as the router {own}: {cards[0]} and {cards[1]}"
+            yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
+        if not found:
+            hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
+            yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {own}", hint)
+        elif not strangers and len(cards) < 2:  # noqa: PLR2004 - two are one too many
+            yield good("only-the-router", f"the router {own} alone hands out addresses on the LAN")
+
+    def _named(self, one: Offer) -> str:
+        cards = {card.mac.lower(): card.name for card in self.site.declared.lan.reservations}
+        whose = cards.get((one.mac or "").lower())
+        card = one.mac or "card unknown"
+        return f"{one.server} ({card}{f', the card of {whose}' if whose else ''})"
+
+
+def _told(one: Offer) -> str:
+    gateway = f" with gateway {one.router}" if one.router else ""
+    return f"it offered {one.address}{gateway}"

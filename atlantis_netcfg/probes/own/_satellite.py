@@ -1,0 +1,129 @@
+"""The router's own allow-list for the satellite stands whole: what wants to leave is asked, and the rest is dropped.
+
+Whether it also works is proved by sending (`satellite/allow-list`), which costs; this only reads the rules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes.own._reading import look as looked
+from atlantis_netcfg.probes.own._reading import rows, yes
+from atlantis_netcfg.probes.own._site import OwnSite, ask, look, step
+from atlantis_netcfg.probes.own._words import declared, fail, good, listed, read
+from atlantis_netcfg.probes.step import Judged
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.questions import Question
+    from atlantis_netcfg.probes.step import Step
+    from atlantis_netcfg.render.view import Uplink
+
+__all__ = ["of"]
+
+_RULE = (
+    *("chain", "action", "disabled", "invalid", "jump-target", "out-interface", "in-interface"),
+    *("dst-address", "dst-port", "src-address", "src-port", "protocol"),
+)
+_RUN = "run the site before anything else: every byte that slips through is paid"
+
+
+def of(site: OwnSite) -> Step:
+    """The rules of the router, and how many packets they have kept off."""
+    satellites = site.view.satellites if site.view is not None else ()
+    unless = "" if satellites else "the site has no satellite"
+    boxes = tuple(
+        one.device for one in site.declared.bearers if one.device and one.name in {up.name for up in satellites}
+    )
+    return step(
+        "satellite-filter",
+        "The satellite's allow-list stands in the router",
+        _Filter(site),
+        (*site.hosts[:1], *boxes),
+        unless,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Filter:
+    """The satellite's allow-list stands in the router."""
+
+    site: OwnSite
+
+    @property
+    def _satellites(self) -> tuple[Uplink, ...]:
+        assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
+        return self.site.view.satellites
+
+    def asks(self) -> tuple[Question, ...]:
+        names = {one.name for one in self._satellites}
+        looks = (question for question in look(self.site) if question.bearer in names)
+        return (*ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
+
+    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        told = rows(heard["rules"], self.site.router.name, "its firewall")
+        if isinstance(told, Finding):
+            return Judged((told,))
+        rules = [row for row in told if not yes(row, "disabled") and not yes(row, "invalid")]
+        wrong = [finding for one in self._satellites for finding in _judged(one, rules)]
+        fine = [self._counted(one, heard) for one in self._satellites]
+        evidence = [
+            declared(f"allowed over {one.name}", listed(f"{target.name} ({_where(target)})" for target in one.targets))
+            for one in self._satellites
+        ]
+        evidence += [
+            read(f"rules of chain {one.chain}", str(sum(row.get("chain") == one.chain for row in rules)))
+            for one in self._satellites
+        ]
+        return Judged(tuple(wrong or fine), tuple(evidence))
+
+    def _counted(self, satellite: Uplink, heard: Mapping[str, Answer]) -> Finding:
+        """Counters that cannot be read take nothing away: the rules were seen."""
+        told = looked(heard[f"look {satellite.name}"], satellite.name)
+        quality = {} if isinstance(told, Finding) else told.get("quality") or {}
+        count = quality.get("kept_off_packets")
+        kept = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
+        allowed = listed(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
+        return good("stands", f"the allow-list of {satellite.name} lets through {allowed} and nothing else{kept}")
+
+
+def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
+    return target.address if target.port is None else f"{target.address}:{target.port}/{target.transport}"
+
+
+def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    for chain in ("forward", "output"):
+        if not any(_jumps(row, chain, satellite) for row in rules):
+            message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
+            yield fail("not-asked", f"{message} {satellite.chain}", _RUN)
+    own = [row for row in rules if row.get("chain") == satellite.chain]
+    if not own or own[-1].get("action") != "drop" or _narrow(own[-1]):
+        yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
+    wanted = {(target.address, str(target.port) if target.port else None) for target in satellite.targets}
+    there = {(row.get("dst-address", "any address"), row.get("dst-port")) for row in own if row.get("action") in _LETS}
+    for address, port in sorted(there - wanted, key=str):
+        message = f"the allow-list of {satellite.name} also lets through {address}{f' port {port}' if port else ''}"
+        yield fail(
+            "too-wide", message, "declare it under `allow:` if it is meant; else run the site, which takes it out"
+        )
+    for address, port in sorted(wanted - there, key=str):
+        message = f"the allow-list of {satellite.name} does not let through {address}{f' port {port}' if port else ''}"
+        yield fail("too-narrow", message, "run the site, which puts the declared rule back")
+
+
+_LETS = frozenset({"accept", "return"})
+
+
+def _jumps(row: Mapping[str, str], chain: str, satellite: Uplink) -> bool:
+    leads = row.get("action") == "jump" and row.get("jump-target") == satellite.chain
+    return leads and row.get("chain") == chain and row.get("out-interface") == satellite.port
+
+
+def _narrow(row: Mapping[str, str]) -> bool:
+    """Whether a rule catches only some of what comes to it."""
+    return any(row.get(name) for name in ("dst-address", "dst-port", "src-address", "src-port", "protocol"))
