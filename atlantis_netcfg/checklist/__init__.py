@@ -7,16 +7,19 @@ The closed list is signed by a named person over everything in it, and whoever h
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist._errors import KeyDamaged, NotSigned, Refused
+from atlantis_netcfg.checklist._errors import CheckDamaged, KeyDamaged, NotSigned, Refused
+from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._opening import Head
 from atlantis_netcfg.checklist.book import Book
-from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green
+from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green, narrowed, since
 from atlantis_netcfg.checklist.people import Confirmation
 from atlantis_netcfg.checklist.plan import Checklist, Entry, Scope, plan
 from atlantis_netcfg.checklist.verifying import Trouble, verify, verify_report
 
 __all__ = [
+    "KEY",
     "Book",
+    "CheckDamaged",
     "Checklist",
     "Confirmation",
     "Entry",
@@ -31,7 +34,9 @@ __all__ = [
     "books",
     "changes",
     "last_green",
+    "narrowed",
     "plan",
+    "since",
     "verify",
     "verify_report",
 ]
