@@ -8,6 +8,7 @@ document, so no page can say what was not signed.
 from __future__ import annotations
 
 from atlantis_netcfg.report.checklist._console import lines
+from atlantis_netcfg.report.checklist._svg import drawing_svg
 from atlantis_netcfg.report.checklist.document import (
     Change,
     Document,
@@ -44,5 +45,6 @@ __all__ = [
     "Row",
     "Signature",
     "SinceGreen",
+    "drawing_svg",
     "lines",
 ]

@@ -186,7 +186,7 @@ class DrawnNode(_Data):
     key: str
     label: str
     kind: str
-    """router, cpe, lte_router, satellite_terminal, gateway, control_centre, vpn_server, vehicle, site."""
+    """router, cpe, lte_router, satellite_terminal, gateway, control_centre, vpn_server, vehicle, partner, site (another)."""
     items: tuple[str, ...] = ()
     """Items that speak of it; the drawing shows the worst."""
     detail: str = ""
