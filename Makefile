@@ -9,6 +9,8 @@ WORKERS ?= $(shell expr "$$(nproc 2>/dev/null || echo 2)" "*" 2)
 
 # Programs of .venv first, for us and for the programs that they start.
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
+# Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help rehearse test lint campaign test-arm64 bench clean
 
