@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import testinfra
-
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
-from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations import checking
 from atlantis_netcfg.operations.request import Request
 
 if TYPE_CHECKING:
@@ -24,17 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["Answers", "NotReached", "ask"]
 
 _PROBE = Path(__file__).with_name("gateway_probe.py")
-_OPTIONS = (
-    "BatchMode=yes",
-    "Compression=yes",
-    # A key that is not pinned is refused, and one that has changed: `provision` pins it at first contact.
-    "StrictHostKeyChecking=yes",
-    # As long as a satellite may be silent, and longer: see ansible.cfg.
-    "ServerAliveInterval=20",
-    "ServerAliveCountMax=6",
-)
-_CONNECT_S = 120
-_KEYS = ("Host key verification failed", "host key is known", "IDENTIFICATION HAS CHANGED")
 
 
 class NotReached(Exception):
@@ -67,33 +52,11 @@ def ask(declaration: Declaration, promised: Promises, ssh_config: str | None) ->
     """
     name = promised.host.name
     try:
-        refuse_examples(declaration, rehearsed=ssh_config is not None)
-    except UsageError as error:
-        raise NotReached(f"{error}; {error.hint}") from None
-    access = PARTS[ACCESS](declaration, promised.host, Request())
-    options = [*_OPTIONS, f"HostKeyAlias={name}"]
-    spec = f"ssh://{name}" if ssh_config else f"ssh://{access['user']}@{access['host']}:{access['port']}"
-    host = testinfra.get_host(
-        spec,
-        ssh_config=ssh_config,
-        ssh_extra_args=" ".join(f"-o {option}" for option in options),
-        timeout=_CONNECT_S,
-        controlpersist=0,
-        sudo=bool(access["become"]),
-    )
-    began = time.time()
-    try:
-        done = host.run("python3 -c %s %s", _PROBE.read_text(encoding="utf-8"), json.dumps(promised.questions()))
-    except RuntimeError as error:
-        raise NotReached(_words(name, error)) from None
+        way = checking.way_in(declaration, promised.host, Request(), ssh_config)
+        began = time.time()
+        done = way.run("python3 -c %s %s", _PROBE.read_text(encoding="utf-8"), json.dumps(promised.questions()))
+    except checking.NotReached as why:
+        raise NotReached(f"{why}; {why.hint}") from None
     if done.rc != 0:
-        raise NotReached(f"{name} could not answer: {done.stderr.strip()[-600:]}")
-    return Answers(json.loads(done.stdout), (began, time.time()))
-
-
-def _words(name: str, error: RuntimeError) -> str:
-    said = str(getattr(error.args[0], "stderr", error)).strip()
-    hint = "look at its power and its cable, then type the same again"
-    if any(word in said for word in _KEYS):
-        hint = f"if it is a new computer or a new card: `ssh-keygen -R {name}`, then let `provision` pin its key"
-    return f"{name} was not reached: {said.splitlines()[-1] if said else 'ssh said nothing'}; {hint}"
+        raise NotReached(f"{name} could not answer: {done.err.decode(errors='replace').strip()[-600:]}")
+    return Answers(json.loads(done.out), (began, time.time()))

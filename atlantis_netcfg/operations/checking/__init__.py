@@ -8,9 +8,28 @@ by the byte, before somebody has agreed to pay; a place that cannot be asked ans
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.checking._ears import Ears, Heard
+from atlantis_netcfg.operations.checking._bill import previews
+from atlantis_netcfg.operations.checking._ears import Asked, Ears, Heard
 from atlantis_netcfg.operations.checking._laptop import ask_here
 from atlantis_netcfg.operations.checking._real import RealEars
 from atlantis_netcfg.operations.checking._run import examine, utc_now
+from atlantis_netcfg.operations.checking._told import telling
+from atlantis_netcfg.operations.checking._unanswered import all_unanswered, unanswered
+from atlantis_netcfg.operations.checking._way_in import NotReached, WayIn, way_in
 
-__all__ = ["Ears", "Heard", "RealEars", "ask_here", "examine", "utc_now"]
+__all__ = [
+    "Asked",
+    "Ears",
+    "Heard",
+    "NotReached",
+    "RealEars",
+    "WayIn",
+    "all_unanswered",
+    "ask_here",
+    "examine",
+    "previews",
+    "telling",
+    "unanswered",
+    "utc_now",
+    "way_in",
+]

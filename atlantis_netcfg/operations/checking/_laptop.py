@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from atlantis_netcfg.operations.checking._listener import Listener
+from atlantis_netcfg.probes.ear import BOOT
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.operations.checking._carrier import Carrier
     from atlantis_netcfg.operations.checking._ears import Asked, Heard
     from atlantis_netcfg.probes import Answer
 
 __all__ = ["ask_here"]
 
+_GRACE_S = 15.0
 
-async def ask_here(questions: Asked, heard: Heard) -> Mapping[str, Answer]:
-    """Ask Listen, Run and Probing on this computer. Raises nothing: what cannot be asked answers NO_PLACE."""
-    raise NotImplementedError
+
+async def ask_here(questions: Asked, heard: Heard, before: Sequence[str] = ()) -> Mapping[str, Answer]:
+    """Ask Listen, Run and Probing on this computer; `before`: words of a program that starts the one that listens.
+
+    What cannot be asked answers NO_PLACE.
+    """
+    return await Listener(questions, heard, _GRACE_S).hear(lambda carrier: _here(carrier, before))
+
+
+def _here(carrier: Carrier, before: Sequence[str]) -> str:
+    try:
+        ended = carrier.run([*before, sys.executable, "-I", "-c", BOOT])
+    except OSError as error:
+        return f"the program that listens does not start on this computer: {error}"
+    return f"the program that listens has ended on this computer: {last_line(ended.err) or f'exit {ended.rc}'}"
+
+
+def last_line(said: bytes) -> str:
+    """What a program said last."""
+    return next((line.strip() for line in reversed(said.decode(errors="replace").splitlines()) if line.strip()), "")

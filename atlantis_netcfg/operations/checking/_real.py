@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.events import Event, Stage, ignore
+from atlantis_netcfg.operations.checking._gateway import ask_gateway, in_words
+from atlantis_netcfg.operations.checking._laptop import ask_here
+from atlantis_netcfg.operations.checking._router import Routers
+from atlantis_netcfg.operations.checking._unanswered import all_unanswered
+from atlantis_netcfg.operations.computers import is_gateway
+from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.probes import Place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -13,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.checking._ears import Asked, Heard
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.probes import Answer, Place
+    from atlantis_netcfg.probes import Answer
     from atlantis_netcfg.site import Declaration
 
 __all__ = ["RealEars"]
@@ -32,4 +40,32 @@ class RealEars:
 
     async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
-        raise NotImplementedError
+        name = self._name(place, host)
+        self.notify(Event(name, Stage.CONNECTING, f"{len(questions)} questions"))
+        try:
+            answers = await self._ask(place, host, questions, heard)
+        except NetcfgError as why:
+            self.notify(Event(name, Stage.FAILED, str(why)))
+            return all_unanswered(questions, in_words(why))
+        self.notify(Event(name, Stage.DONE, "answered"))
+        return answers
+
+    async def _ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+        if place is Place.LAPTOP:
+            return await ask_here(questions, heard)
+        if place is Place.GATEWAY:
+            gateway = next(filter(is_gateway, self.declaration.site_hosts(self.site)), None)
+            if gateway is None:
+                return all_unanswered(questions, f"{self.site} has no gateway computer")
+            return await ask_gateway(self.declaration, gateway, self.request, questions, heard, self.ssh_config)
+        refuse_examples(self.declaration, rehearsed=self.request.rehearsed)
+        routers = Routers(self.declaration, self.site, self.request, self.notify)
+        return await (routers.links(questions, heard) if host is None else routers.ask(host, questions))
+
+    def _name(self, place: Place, host: str | None) -> str:
+        names = {
+            Place.LAPTOP: "this computer",
+            Place.GATEWAY: f"{self.site}: gateway",
+            Place.ROUTER: f"{self.site}: links",
+        }
+        return host or names[place]

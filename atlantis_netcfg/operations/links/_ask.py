@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.errors import NetcfgError, UsageError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["PATIENCE_S", "Round", "boxes"]
+__all__ = ["PATIENCE_S", "Round", "boxes", "door_to"]
 
 PATIENCE_S = 15.0
 """For a connection to a device that is reached over a fast link: one that is there answers at once."""
@@ -109,8 +109,7 @@ class Round:
 
         Raises UsageError for a link that its site does not have.
         """
-        here = host if host.site == self.router.site else self.router
-        return bearer_of(self.declaration, here, self.request.via.get(here.name))
+        return _carrier(self.declaration, self.router, host, self.request)
 
     def unit(self, host: Host, device: LteRouter) -> Unit:
         """A 4G unit as its driver wants it."""
@@ -120,16 +119,9 @@ class Round:
 
     def _door(self, host: Host) -> Door:
         """Raises UsageError for a link that its site does not have."""
-        access = managed(self.declaration, host).access
-        pins = Store(self.request.state, rehearsed=self.request.rehearsed).pins
-        endpoint = Endpoint(str(access.address), access.port, access.user, access.password, pins.get(host.name))
-        if self.request.rehearsed:
-            target = self.request.targets[host.name]
-            endpoint = replace(endpoint, host=target.host, port=target.port, pin=target.pin)
-        if self.carrier(host).rtt_s < _FAST_S:
-            endpoint = replace(endpoint, connect_timeout_s=self.patience_s)
-        self.doors[host.name] = Door(host.name, endpoint, _first_contact(pins.pin, self.notify))
-        return self.doors[host.name]
+        made = door_to(self.declaration, self.router.site, host, self.request, self.notify, self.patience_s)
+        self.doors[host.name] = made
+        return made
 
     def _spent(self, name: str) -> str:
         answer = self.answers[name]
@@ -137,6 +129,38 @@ class Round:
             door = self.doors[name]
             return f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
         return f"read in {answer.requests} requests" if isinstance(answer, UnitLook) else "read"
+
+
+def door_to(  # noqa: PLR0913, PLR0917 - all that a look knows
+    declaration: Declaration,
+    site: str,
+    host: Host,
+    request: Request,
+    notify: Subscriber,
+    patience_s: float = PATIENCE_S,
+) -> Door:
+    """The way to a RouterOS device for one who is at a site, or looks at it from afar; nothing is opened yet.
+
+    `patience_s`: for a connection over a fast link. Raises NothingMatched for a device of another kind, UsageError for
+    a link that its site does not have, and for one that a rehearsal has no twin of.
+    """
+    access = managed(declaration, host).access
+    pins = Store(request.state, rehearsed=request.rehearsed).pins
+    endpoint = Endpoint(str(access.address), access.port, access.user, access.password, pins.get(host.name))
+    if request.rehearsed:
+        if host.name not in request.targets:
+            raise UsageError(f"{host.name} is not emulated in this rehearsal")
+        target = request.targets[host.name]
+        endpoint = replace(endpoint, host=target.host, port=target.port, pin=target.pin)
+    router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), host)
+    if _carrier(declaration, router, host, request).rtt_s < _FAST_S:
+        endpoint = replace(endpoint, connect_timeout_s=patience_s)
+    return Door(host.name, endpoint, _first_contact(pins.pin, notify))
+
+
+def _carrier(declaration: Declaration, router: Host, host: Host, request: Request) -> Bearer:
+    here = host if host.site == router.site else router
+    return bearer_of(declaration, here, request.via.get(here.name))
 
 
 def _first_contact(pin: Callable[[str, str], object], notify: Subscriber) -> Callable[[str, str], None]:

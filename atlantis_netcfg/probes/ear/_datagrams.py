@@ -20,7 +20,7 @@ _LONGEST = 65535
 def udp(question: dict[str, Any], sound: Sound) -> None:
     """Take what arrives at a port. Raises NoAnswer, busy where another program has the port."""
     ends = time.monotonic() + question["listen_s"]
-    enough = re.compile(question["enough"].encode("latin-1"), re.DOTALL) if question["enough"] else None
+    enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         try:
             # Without SO_REUSEADDR: beside a program that has it, either of the two would lose datagrams.

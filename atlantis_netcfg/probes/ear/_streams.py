@@ -67,14 +67,11 @@ def converse(
     read: Callable[[int], bytes],
     write: Callable[[bytes], int],
 ) -> None:
-    """Say everything, then listen; what is heard, and how it ended, is in `sound`.
-
-    Who has not made a sound by the end of the first waiting is asked nothing more.
-    """
+    """Say what there is to be said, then listen; what is heard, and how it ended, is in `sound`."""
     line = _Line(number, read, write)
     answered = _say(question["say"], line, sound)
     ends = time.monotonic() + question["listen_s"]
-    enough = re.compile(question["enough"].encode("latin-1"), re.DOTALL) if question["enough"] else None
+    enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
     _listen(line, sound, ends, lambda: enough is not None and enough.search(sound.data) is not None)
     if sound.closed and not answered and (question["say"] or not sound.data):
         sound.trouble, sound.words = "closed", f"the other end hung up after {sound.seconds:.1f} s"
@@ -83,21 +80,19 @@ def converse(
 
 
 def _say(says: list[list[Any]], line: _Line, sound: Sound) -> bool:
-    """Say one thing after the other; whether any was answered."""
+    """Say one thing after the other until one is not answered; whether any was."""
     answered = False
     for said, until, within_s in says:
-        mark, pattern = len(sound.data), re.compile(until.encode("latin-1"), re.DOTALL)
+        mark, pattern = len(sound.data), re.compile(until.encode("latin-1"))
         ends = time.monotonic() + within_s
         try:
             line.send(said.encode("latin-1"), within_s)
-        except (BrokenPipeError, ConnectionError):
-            sound.closed = True
         except OSError:
+            sound.closed = sound.closed or line.receive(0.0) == b""
             break
-        if _listen(line, sound, ends, lambda at=mark, seek=pattern: seek.search(sound.data, at) is not None):  # type: ignore[misc]
-            answered = True
-        if sound.closed or sound.full or not sound.data:
+        if not _listen(line, sound, ends, lambda at=mark, seek=pattern: seek.search(sound.data[at:]) is not None):  # type: ignore[misc]
             break
+        answered = True
     return answered
 
 

@@ -31,17 +31,29 @@ class Batch:
 
 
 def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
-    """Make the program's questions; those that want the same port wait for each other, short ones first.
+    """Make the program's questions; those that want the same end or the same turn wait for each other, in this order.
 
     ValueError for a question that is none of the program's.
     """
-    queues: dict[object, list[tuple[str, Question]]] = {}
+    within_s = {key: _patience_s(question) for key, question in questions}
+    queues = _queues(questions)
+    longest_s = max((sum(within_s[key] + _BREATH_S for key, _ in queue) for queue in queues), default=0.0)
+    rows = [[_row(key, question) for key, question in queue] for queue in queues]
+    return Batch({"queues": rows, "deadline_s": longest_s}, tuple(within_s), longest_s)
+
+
+def _queues(questions: Sequence[tuple[str, Question]]) -> list[list[tuple[str, Question]]]:
+    """Put together what must not be asked at once; of questions that belong to two queues these become one."""
+    queues: list[tuple[set[object], list[str]]] = []
     for key, question in questions:
-        queues.setdefault(_wants(key, question), []).append((key, question))
-    ordered = [sorted(one, key=lambda row: _patience_s(row[1])) for one in queues.values()]
-    within_s = max((sum(_patience_s(one) + _BREATH_S for _, one in queue) for queue in ordered), default=0.0)
-    rows = [[_row(key, question) for key, question in queue] for queue in ordered]
-    return Batch({"queues": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
+        wants, keys = _wants(key, question), [key]
+        for one in [one for one in queues if one[0] & wants]:
+            queues.remove(one)
+            wants, keys = wants | one[0], one[1] + keys
+        queues.append((wants, keys))
+    place = {key: number for number, (key, _) in enumerate(questions)}
+    by_key = dict(questions)
+    return [[(key, by_key[key]) for key in sorted(keys, key=place.__getitem__)] for _, keys in queues]
 
 
 def heard(told: Mapping[str, Any], question: Question, asked: float, now: float) -> Answer:
@@ -70,13 +82,14 @@ def _bytes(packed: str | list[str]) -> bytes:
     return packed.encode("latin-1") if isinstance(packed, str) else b64decode(packed[0])
 
 
-def _wants(key: str, question: Question) -> object:
+def _wants(key: str, question: Question) -> set[object]:
     """What only one question at a time can have; a port that serves one client would turn the second away."""
     if not isinstance(question, Listen):
-        return key
+        return {key}
+    turn: set[object] = {("turn", question.turn)} if question.turn else set()
     if question.transport == "serial":
-        return question.device
-    return question.transport, question.address if question.transport == "tcp" else "", question.port
+        return {question.device, *turn}
+    return {(question.transport, question.address if question.transport == "tcp" else "", question.port), *turn}
 
 
 def _patience_s(question: Question) -> float:

@@ -1,0 +1,74 @@
+"""Looked at before the wire: what a probe asks must be on a closed list, and go where the declaration leads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.probes import Ask, Listen, Probing, Run
+from atlantis_netcfg.probes.programs import allowed
+from atlantis_netcfg.probes.sayings import refused
+from atlantis_netcfg.report.checklist import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.probes import Cell, Question
+
+__all__ = ["READING", "unfit"]
+
+READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})
+"""Commands of RouterOS' API that change nothing; `monitor` is asked once."""
+_LONGEST_S: Final = 900.0
+
+
+def unfit(entry: Entry, questions: Sequence[Question]) -> str | None:
+    """Why these questions must not be asked; None: they may."""
+    names = [question.name for question in questions]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        return f"two questions are called `{twice}`"
+    return next((reason for one in questions if (reason := _unfit(entry, one)) is not None), None)
+
+
+def _unfit(entry: Entry, question: Question) -> str | None:
+    if isinstance(question, Run) and not allowed(question.argv):
+        return f"`{' '.join(question.argv)}` is not on the list of reading programs"
+    if isinstance(question, Ask) and question.query.command not in READING:
+        return f"`{question.query.path}` is no reading command"
+    if isinstance(question, Listen):
+        return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is Kind.ACTIVE)
+    if isinstance(question, Probing) and question.within_s > _LONGEST_S:
+        return "it would take too long"
+    return None
+
+
+def _elsewhere(cell: Cell, listen: Listen) -> str | None:
+    """Nobody's port is opened that the declaration does not name."""
+    if listen.transport == "tcp" and listen.address not in {str(one) for one in _addresses(cell)}:
+        return f"the address {listen.address or 'that it asks'} is not declared at {cell.site}"
+    if listen.transport == "serial" and listen.device not in {str(one) for one in _of_endpoints(cell, "device")}:
+        return f"the serial port {listen.device} is not declared"
+    if listen.transport == "udp" and listen.port not in set(_of_endpoints(cell, "port")):
+        return f"the UDP port {listen.port} is not declared"
+    return None
+
+
+def _addresses(cell: Cell) -> Iterator[object]:
+    yield from (one.address for one in cell.declared.lan.reservations)
+    yield from _of_endpoints(cell, "address")
+    for vehicle in cell.declaration.vehicles:
+        place = type(cell)(cell.declaration, cell.site, vehicle, cell.endpoint)
+        yield from filter(None, (place.address(None),))
+    for host in cell.declaration.site_hosts(cell.site):
+        yield getattr(host.device, "address", None)
+
+
+def _of_endpoints(cell: Cell, field: str) -> Iterator[object]:
+    """This field of all endpoints of the row's own site, and of its vehicles."""
+    rows = (*(one.endpoints for one in cell.declaration.vehicles.values()), cell.declared.location.endpoints)
+    for row in rows:
+        for column in type(row).model_fields:
+            found = getattr(getattr(row, column), field, None)
+            if found is not None:
+                yield found

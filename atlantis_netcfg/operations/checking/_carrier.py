@@ -1,0 +1,110 @@
+"""A process that is fed once and read line by line, from a thread; it is ended when it is overdue or not wanted."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import tempfile
+import threading
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import IO, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+__all__ = ["Carrier", "Ended", "unheeded"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a process ended."""
+
+    rc: int
+    out: bytes
+    err: bytes
+    overdue: bool
+
+
+def unheeded(_line: bytes) -> None:
+    """What is done with a line that nobody waits for."""
+
+
+@dataclass(slots=True)
+class Carrier:
+    """Feeds one process, and tells each line of its standard output as it comes."""
+
+    feed: bytes = b""
+    line: Callable[[bytes], None] = unheeded
+    limit_s: float | None = None
+    """The process is killed then."""
+    _stopped: bool = False
+    _process: subprocess.Popen[bytes] | None = None
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def run(self, argv: Sequence[str]) -> Ended:
+        """Run it to its end. OSError if there is no such program."""
+        overdue = threading.Event()
+        with tempfile.TemporaryFile() as errors, self._started(argv, errors) as process, self._watched(overdue):
+            out = self._through(process)
+            process.wait()
+            errors.seek(0)
+            return Ended(process.returncode, out, errors.read(), overdue.is_set())
+
+    def _started(self, argv: Sequence[str], errors: IO[bytes]) -> subprocess.Popen[bytes]:
+        pipe = subprocess.PIPE
+        with self._lock:
+            # A list and no shell: the words are of the declaration, quoted for the computer that they go to.
+            self._process = subprocess.Popen(argv, stdin=pipe, stdout=pipe, stderr=errors)  # noqa: S603 - see above
+            if self._stopped:
+                self._process.kill()
+        return self._process
+
+    @contextmanager
+    def _watched(self, overdue: threading.Event) -> Iterator[None]:
+        clock = None if self.limit_s is None else threading.Timer(self.limit_s, self._late, [overdue])
+        if clock is not None:
+            clock.start()
+        try:
+            yield
+        finally:
+            if clock is not None:
+                clock.cancel()
+                clock.join()
+
+    def stop(self) -> None:
+        """End the process, if it runs."""
+        self._stopped = True
+        with self._lock:
+            if self._process is not None:
+                self._process.kill()
+
+    async def beside(self, work: Callable[[], object]) -> None:
+        """Do blocking work that uses this carrier in a thread; who gives up waiting ends the process."""
+        try:
+            await asyncio.to_thread(work)
+        except asyncio.CancelledError:
+            self.stop()
+            raise
+
+    def _late(self, overdue: threading.Event) -> None:
+        overdue.set()
+        self.stop()
+
+    def _through(self, process: subprocess.Popen[bytes]) -> bytes:
+        assert process.stdin is not None  # noqa: S101 - both are pipes
+        assert process.stdout is not None  # noqa: S101
+        feeder = threading.Thread(target=_fed, args=(process.stdin, self.feed), daemon=True)
+        feeder.start()
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            self.line(line)
+        feeder.join()
+        return b"".join(lines)
+
+
+def _fed(pipe: IO[bytes], data: bytes) -> None:
+    """Give all of it, and say that there is no more; a process that has ended does not want it."""
+    with suppress(OSError), pipe:
+        pipe.write(data)

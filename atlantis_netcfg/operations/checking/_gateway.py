@@ -1,0 +1,65 @@
+"""The gateway computer as a place: one SSH command carries the program that listens, and all questions with it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.checking._bill import refuse_unpaid, within_budget
+from atlantis_netcfg.operations.checking._laptop import last_line
+from atlantis_netcfg.operations.checking._listener import Listener
+from atlantis_netcfg.operations.checking._unanswered import all_unanswered
+from atlantis_netcfg.operations.checking._way_in import NotReached, way_in
+from atlantis_netcfg.probes.ear import BOOT
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.errors import NetcfgError
+    from atlantis_netcfg.operations.checking._carrier import Carrier
+    from atlantis_netcfg.operations.checking._ears import Asked, Heard
+    from atlantis_netcfg.operations.checking._way_in import WayIn
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.probes import Answer
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["ask_gateway", "in_words"]
+
+_NO_SUCH = 127
+
+
+async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what the real site adds
+    declaration: Declaration,
+    host: Host,
+    request: Request,
+    questions: Asked,
+    heard: Heard,
+    ssh_config: str | None = None,
+) -> Mapping[str, Answer]:
+    """Ask Listen, Run and Probing on a gateway; what cannot be asked answers NO_PLACE. Raises CostRefused."""
+    try:
+        way = way_in(declaration, host, request, ssh_config)
+    except NotReached as why:
+        return all_unanswered(questions, in_words(why))
+    carrier = bearer_of(declaration, host, request.via.get(host.name))
+    if carrier.metered and not request.rehearsed:
+        questions = within_budget(questions)
+        refuse_unpaid(declaration, host.site, carrier, questions, request)
+    return await Listener(questions, heard, way.connect_s + way.grace_s).hear(lambda one: _there(way, one))
+
+
+def _there(way: WayIn, carrier: Carrier) -> str:
+    try:
+        ended = way.run("python3 -I -c %s", BOOT, carrier=carrier)
+    except NotReached as why:
+        return in_words(why)
+    if ended.overdue:
+        return f"{way.name} did not answer in time"
+    if ended.rc == _NO_SUCH:
+        return f"{way.name} has no python3; on it: `apt-get install python3`"
+    return f"the program that listens has ended on {way.name}: {last_line(ended.err) or f'exit {ended.rc}'}"
+
+
+def in_words(why: NetcfgError) -> str:
+    """What is so, and what to do."""
+    return f"{why}; {why.hint}" if why.hint else str(why)

@@ -1,0 +1,62 @@
+"""The program that listens, at whatever place: packed with its questions, and read line by line."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.checking._carrier import Carrier
+from atlantis_netcfg.operations.checking._unanswered import unanswered
+from atlantis_netcfg.probes.ear import batch, heard, program
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.operations.checking._ears import Asked, Heard
+    from atlantis_netcfg.probes import Answer
+
+__all__ = ["Listener"]
+
+
+@dataclass(slots=True)
+class Listener:
+    """One turn of the program at one place."""
+
+    questions: Asked
+    tell: Heard
+    """Called in the loop in which `hear` runs."""
+    grace_s: float
+    """What the way there may take on top of the questions."""
+    answers: dict[str, Answer] = field(default_factory=dict)
+    _asked: float = 0.0
+
+    async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, Answer]:
+        """Let the program run; `carry` blocks until it has ended, and gives the words for what was not answered."""
+        made, loop = batch(self.questions), asyncio.get_running_loop()
+        by_key, words = dict(self.questions), ["it did not answer"]
+
+        def line(text: bytes) -> None:
+            loop.call_soon_threadsafe(self._line, text, time.time())
+
+        carrier = Carrier(program(made.asked), line, made.within_s + self.grace_s)
+        self._asked = time.time()
+        await carrier.beside(lambda: words.append(carry(carrier)))
+        rest = {key: unanswered(by_key[key], words[-1]) for key in by_key if key not in self.answers}
+        return {**self.answers, **rest}
+
+    def _line(self, text: bytes, now: float) -> None:
+        """Take a line; a broken one says nothing, and its question counts as not answered."""
+        by_key = dict(self.questions)
+        try:
+            told = json.loads(text)
+            question = by_key[told["key"]]
+            answer = heard(told, question, self._asked, now)
+        except RuntimeError as fault:
+            answer = unanswered(question, str(fault))
+        except (ValueError, LookupError, TypeError):
+            return
+        self.answers[told["key"]] = answer
+        self.tell(told["key"], answer)

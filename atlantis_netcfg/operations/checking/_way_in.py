@@ -1,0 +1,128 @@
+"""The way into a gateway computer: testinfra over OpenSSH, one connection, its host key pinned before."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # it ships no types
+from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
+
+from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.checking._carrier import Carrier, Ended
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.examples import refuse_examples
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["NotReached", "WayIn", "way_in"]
+
+_OPTIONS = (
+    "BatchMode=yes",
+    "Compression=yes",
+    # A key that is not pinned is refused, and one that has changed: `provision` pins it at first contact.
+    "StrictHostKeyChecking=yes",
+    # As long as a satellite may be silent, and longer: see ansible.cfg.
+    "ServerAliveInterval=20",
+    "ServerAliveCountMax=6",
+)
+_FAST_S = 0.2
+"""Round trip below which a link has no gaps of minutes, as a satellite has."""
+_CONNECT_S, _CONNECT_SLOWLY_S = 15, 120
+_GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
+"""To connect, to send and to hear the last answer; over a slow way a gap of 70 s may come in each of these."""
+_KEYS = ("Host key verification failed", "host key is known", "IDENTIFICATION HAS CHANGED")
+
+
+class NotReached(NetcfgError):
+    """A gateway was not asked, so that nothing is known of it."""
+
+
+class _Ssh(SshBackend):  # type: ignore[misc] # testinfra ships no types
+    """Builds OpenSSH's command as testinfra does, and lets a carrier run it."""
+
+    def __init__(self, carrier: Carrier, spec: str, **how: Any) -> None:  # noqa: ANN401 - as testinfra has it
+        super().__init__(spec, **how)
+        self.carrier = carrier
+        self.ended: Ended | None = None
+
+    def run_local(self, command: str, *args: str) -> Any:  # noqa: ANN401 - testinfra's result
+        """Run ssh itself, not a shell that runs it."""
+        argv = shlex.split(self.quote(command, *args))
+        self.ended = self.carrier.run(argv)
+        # Text, as testinfra would otherwise ask the computer for its encoding, which is one more connection.
+        out, err = (said.decode(errors="replace") for said in (self.ended.out, self.ended.err))
+        return self.result(self.ended.rc, command.encode(), out, err)
+
+
+@dataclass(frozen=True, slots=True)
+class WayIn:
+    """How a gateway is reached."""
+
+    name: str
+    spec: str
+    ssh_config: str | None
+    options: str
+    connect_s: int
+    grace_s: float
+    """What the way may take on top of what the computer itself needs."""
+    sudo: bool
+
+    def run(self, command: str, *words: str, carrier: Carrier | None = None) -> Ended:
+        """Run a command as root, in one connection; `%s` stands for a word that is quoted. Raises NotReached."""
+        backend = _Ssh(
+            carrier or Carrier(),
+            self.spec,
+            ssh_config=self.ssh_config,
+            ssh_extra_args=self.options,
+            timeout=self.connect_s,
+            controlpersist=0,
+            sudo=self.sudo,
+        )
+        try:
+            Testinfra(backend).run(command, *words)
+        except RuntimeError as error:
+            raise self._not_reached(str(getattr(error.args[0], "stderr", error)).strip(), backend.ended) from None
+        except OSError as error:
+            raise NotReached(f"{self.name} was not reached: {error}", hint="install OpenSSH's client") from None
+        assert backend.ended is not None  # noqa: S101 - it has just run
+        return backend.ended
+
+    def _not_reached(self, said: str, ended: Ended | None) -> NotReached:
+        hint = "look at its power and its cable, then type the same again"
+        if any(word in said for word in _KEYS):
+            hint = (
+                f"if it is a new computer or a new card: `ssh-keygen -R {self.name}`, then let `provision` pin its key"
+            )
+        silent = "it did not answer in time" if ended is not None and ended.overdue else "ssh said nothing"
+        return NotReached(f"{self.name} was not reached: {said.splitlines()[-1] if said else silent}", hint=hint)
+
+
+def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> WayIn:
+    """The way to a gateway. Raises NotReached where there is none: example values, a rehearsal without it.
+
+    `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.
+    """
+    try:
+        refuse_examples(declaration, rehearsed=request.rehearsed or ssh_config is not None)
+        access = PARTS[ACCESS](declaration, host, request)
+        slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= _FAST_S
+    except UsageError as error:
+        raise NotReached(str(error), hint=error.hint) from None
+    if request.rehearsed and host.name not in request.targets:
+        raise NotReached(f"{host.name} is not emulated in this rehearsal")
+    # ssh takes the first value of an option: what the access says comes after ours.
+    options = [*(f"-o {option}" for option in _OPTIONS), access["ssh_args"]]
+    return WayIn(
+        name=host.name,
+        spec=host.name if ssh_config else f"{access['user']}@{access['host']}:{access['port']}",
+        ssh_config=ssh_config,
+        options=" ".join(options),
+        connect_s=_CONNECT_SLOWLY_S if slow else _CONNECT_S,
+        grace_s=_GRACE_SLOWLY_S if slow else _GRACE_S,
+        sudo=bool(access["become"]),
+    )
