@@ -1,0 +1,25 @@
+"""What is expected of a stream, and how it is called in sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Wanted"]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Of one vehicle."""
+
+    name: str
+    """`Stork`."""
+    place: str
+    """Who listens: `coastal-gateway`, `this computer`."""
+    port: int
+    system_id: int = 1
+    rssi_low: int | None = None
+
+    @property
+    def end(self) -> str:
+        """Where the stream arrives."""
+        return f"UDP port {self.port} of {self.place}"
