@@ -1,0 +1,128 @@
+"""One message from modem to modem: only in the water, with a person's consent, and by a modem that is not too loud.
+
+A script cannot decide, but it can stop: the state is asked, then the source level, and the message stands behind the
+answer that allows it. Those answers must come alone (notifications that are plain text aside), so that nothing inside a
+received message is taken for them: what is not sure is not sent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes.acoustic import evologics
+from atlantis_netcfg.probes.acoustic.allowed import ask_at, message
+from atlantis_netcfg.probes.acoustic.bands import level_words
+from atlantis_netcfg.probes.acoustic.modem import WATER
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, trouble
+from atlantis_netcfg.probes.answers import Transcript
+from atlantis_netcfg.probes.step import Consent, Judged
+from atlantis_netcfg.report.checklist import Evidence, EvidenceType
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.probes.acoustic.modem import Modem
+    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.questions import Listen, Question
+
+__all__ = ["EvologicsMessage", "message_consent"]
+
+TEXT = "ATLANTIS"
+_TEXT_ONLY = rb"\A(?:\+\+\+AT:\d+:(?!RECV)[A-Z]+[^\r\n]*\r\n)*"
+_LISTENS = _TEXT_ONLY + rb"\+\+\+AT\?S:\d+:INITIATION LISTEN[^\r\n]*\r\n"
+_LEVELS = (1, 2, 3)
+"""Not the maximum: nobody needs it within a port."""
+_QUIET = _TEXT_ONLY + rb"\+\+\+AT\?L:1:[123]\r\n"
+_DELIVERED_S = 20.0
+"""A modem tries again by itself before it gives up."""
+
+
+def message_consent(name: str, partner: int) -> Consent:
+    """What a person has to agree to."""
+    return Consent(
+        question=f"{name} and the modem with the acoustic address {partner} are in the water, nobody dives near them, "
+        "and they may transmit one message"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class EvologicsMessage:
+    """A message reaches the partner's modem, which acknowledges it."""
+
+    modem: Modem
+    name: str
+    """The row in words."""
+    partner: int
+    """Acoustic address."""
+    consent: Consent | None
+    """What the step asks a person; without it there is no message to be sent."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """State, source level, and behind both the message. Raises NeverSaid where no person is asked."""
+        return (self._question(),)
+
+    def _question(self) -> Listen:
+        ended = (
+            rb"(?:DELIVERED|FAILED)IM,%d\r?\n|\+\+\+AT\*SENDIM[^:\r\n]*:\d+:(?:ERROR|BUSY)|(?:\A|\n)(?:ERROR|BUSY)"
+            % self.partner
+        )
+        say = (
+            ask_at("AT?S", _LISTENS),
+            ask_at("AT?L", _QUIET),
+            message(TEXT, self.partner, self.consent, ended, within_s=_DELIVERED_S),
+        )
+        return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
+
+    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+        """Judge whether it was sent, and what became of it."""
+        transcript = heard[self._question().name]
+        if not isinstance(transcript, Transcript):
+            raise TypeError(transcript)
+        if finding := trouble(self.modem, self.name, transcript):
+            return Judged((finding,))
+        pieces = evologics.pieces(transcript.data)
+        if not any(piece.command for piece in pieces):
+            return Judged((not_understood(self.modem, self.name),))
+        level = evologics.number(evologics.answer(pieces, "AT?L"))
+        evidence = (
+            ()
+            if level is None
+            else (
+                Evidence(type=EvidenceType.READ, what="source level before the message", value=level_words(int(level))),
+            )
+        )
+        accepted = evologics.answer(pieces, "AT*SENDIM") == "OK"
+        refused = evologics.trouble_words(pieces, "AT*SENDIM")
+        if accepted:
+            return Judged((self._sent(evologics.notifications(pieces)),), evidence)
+        return Judged((self._kept(pieces, level, refused),), evidence)
+
+    def _sent(self, told: tuple[str, ...]) -> Finding:
+        to = f"the modem with the address {self.partner}"
+        if f"DELIVEREDIM,{self.partner}" in told:
+            return Finding(Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it")
+        if f"FAILEDIM,{self.partner}" in told:
+            hint = "look whether both modems are in the water, within reach of each other, and agree in their settings"
+            return Finding(Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint)
+        hint = "check again; the modem may still have been trying when the time was up"
+        message = f"the modem of {self.name} has sent a message and does not tell what became of it"
+        return Finding(Verdict.INCONCLUSIVE, "no-report", message, hint)
+
+    def _kept(self, pieces: tuple[evologics.Piece, ...], level: float | None, refused: str | None) -> Finding:
+        state = evologics.state(pieces)
+        if state is not None and state != "INITIATION LISTEN":
+            message = f"no message was sent: the modem of {self.name} does not listen ({state})"
+            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
+        if level is not None and level not in _LEVELS:
+            message = f"no message was sent: the source level of {self.name} is {level_words(int(level))}"
+            hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
+            return Finding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
+        if refused:
+            message = f"the modem of {self.name} has not taken the message: `{refused[:60]}`"
+            return Finding(Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it")
+        message = f"no message was sent: the modem of {self.name} did not tell a source level that allows it"
+        hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
+        return Finding(Verdict.INCONCLUSIVE, "not-sent", message, hint)

@@ -1,0 +1,215 @@
+"""The language of an EvoLogics S2C modem: frames, bare lines, settings, states and fixes (devices.md 5.1).
+
+In data mode answers are `+++AT?S:<length>:<answer>` and notifications `+++AT:<length>:<text>`; the length counts bytes,
+and what they are does not matter: NUL, line ends, another frame. Bare lines and raw data of a connection may stand in
+between. What is not understood is passed over, and nothing here raises.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+__all__ = [
+    "NOTIFICATION",
+    "Fix",
+    "Piece",
+    "Settings",
+    "answer",
+    "answered",
+    "fixes",
+    "listing_answered",
+    "notifications",
+    "number",
+    "pieces",
+    "settings",
+    "state",
+    "trouble_words",
+]
+
+NOTIFICATION = "AT"
+"""The command of a piece that nobody has asked for."""
+
+_HEADER = re.compile(rb"\+\+\+(AT[^:\r\n]{0,90}):(\d{1,6}):")
+_LONGEST = 65_536
+_FAMILIES = rb"RECV|SEND|BITRATE|SRCLEVEL|PHY|USBL|DELIVERED|FAILED|CANCELED|EXPIRED|RADDR"  # role_at.erl of EVINS, BIR
+_BARE = rb"(?:\A|\n)(?!\+\+\+AT|" + _FAMILIES + rb")[^\r\n]+\r?\n"
+"""A line that may be an answer in the bare form."""
+_STATES = re.compile(
+    r"\b(OFFLINE (?:READY|CONNECTION FAILED|TERMINATED|ALARM)|INITIATION (?:LISTEN|ESTABLISH|DISCONNECT)"
+    r"|ONLINE|BACKOFF|NOISE|DEAF)\b"
+)
+_SETTING = re.compile(r"(\[\*\])?([A-Z][A-Za-z ]*): (-?\d{1,9})")
+_NAMES = frozenset(
+    (
+        *("Source Level", "Source Level Control", "Gain", "Carrier Waveform ID", "Local Address", "Highest Address"),
+        *("Cluster Size", "Packet Time", "Retry Count", "Retry Timeout", "Wake Up Active Time", "Wake Up Period"),
+        *("Promiscuous Mode", "Sound Speed", "IM Retry Count", "Pool Size", "Hold Timeout", "Idle Timeout"),
+    )
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A frame, or a bare line."""
+
+    command: str | None
+    """What it answers: `AT?S`; NOTIFICATION: nothing; None: a bare line."""
+    body: bytes
+    end: int
+    """Offset in the stream behind it."""
+
+    @property
+    def text(self) -> str:
+        """The body as text; what is none becomes question marks."""
+        return self.body.decode("ascii", "replace").strip()
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What `AT&V` tells; unknown names are left out."""
+
+    values: Mapping[str, int]
+    """By the names of firmware 1.9: `IM Retry Count`, also where the modem writes `Rerty`."""
+    pending: tuple[str, ...]
+    """Changed, but not in force yet: `[*]` stands in front of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """One USBLLONG, or one USBLANGLES (then without a position)."""
+
+    remote: int
+    age_s: float
+    """Since the measurement, by the modem's own clock, when it was told."""
+    position_m: tuple[float, float, float] | None
+    propagation_us: float | None
+    """One way."""
+    rssi_db: float
+    integrity: float
+    accuracy: float
+    end: int
+    """Offset in the stream behind it."""
+
+
+def pieces(data: bytes) -> tuple[Piece, ...]:
+    """Everything whole in a stream, in its order; what is inside a frame is never read as something else."""
+    return tuple(_pieces(data))
+
+
+def _pieces(data: bytes) -> Iterator[Piece]:
+    begin = look = 0
+    while header := _HEADER.search(data, look):
+        end = header.end() + int(header[2])
+        if int(header[2]) > _LONGEST or (len(data) >= end + 2 and data[end : end + 2] != b"\r\n"):
+            # Its length does not lead to a line's end: no frame, but text that looks like one.
+            look = header.start() + 1
+            continue
+        yield from _lines(data, begin, header.start())
+        if len(data) < end + 2:
+            return
+        yield Piece(header[1].decode("ascii", "replace"), data[header.end() : end], end + 2)
+        begin = look = end + 2
+    yield from _lines(data, begin, len(data))
+
+
+def _lines(data: bytes, begin: int, end: int) -> Iterator[Piece]:
+    """Bare lines that are whole: a cut one may read as something that it is not."""
+    while (stop := data.find(b"\n", begin, end)) >= 0:
+        if line := data[begin:stop].strip(b"\r"):
+            yield Piece(None, line, stop + 1)
+        begin = stop + 1
+
+
+def answer(heard: Sequence[Piece], command: str) -> str | None:
+    """The last framed answer to a command; None: none came, or the modem says ERROR or BUSY."""
+    text = _last(heard, command)
+    return None if text is None or text.startswith(("ERROR", "BUSY")) else text
+
+
+def trouble_words(heard: Sequence[Piece], command: str) -> str | None:
+    """`ERROR …` or `BUSY …` in answer to a command, or a bare one to any."""
+    bare = next((one.text for one in heard if one.command is None and one.text.startswith(("ERROR", "BUSY"))), None)
+    text = _last(heard, command) or bare
+    return text if text and text.startswith(("ERROR", "BUSY")) else None
+
+
+def _last(heard: Sequence[Piece], command: str) -> str | None:
+    # The answer to a command with parameters names it with or without them.
+    return next((p.text for p in reversed(heard) if p.command and p.command.partition(",")[0] == command), None)
+
+
+def number(text: str | None) -> float | None:
+    """The number that an answer begins with, also where a change of it is pending; None: unknown."""
+    found = re.match(r"(?:\[\*\])?(-?\d{1,15}(?:\.\d{1,15})?)(?:$|[\s,])", text or "")
+    return float(found[1]) if found else None
+
+
+def notifications(heard: Sequence[Piece]) -> tuple[str, ...]:
+    """What the modem said by itself, framed or bare."""
+    return tuple(p.text for p in heard if p.command in {NOTIFICATION, None})
+
+
+def state(heard: Sequence[Piece]) -> str | None:
+    """The state's words; None: not told. Words that nobody knows are given back as they are."""
+    text = answer(heard, "AT?S")
+    if text is not None:
+        found = _STATES.search(text)
+        return found[1] if found else text[:60]
+    bare = (_STATES.match(p.text.removeprefix("+++")) for p in reversed(heard) if p.command is None)
+    return next((found[1] for found in bare if found), None)
+
+
+def settings(heard: Sequence[Piece]) -> Settings | None:
+    """Everything known that `AT&V` told, framed or bare; None: nothing."""
+    text = answer(heard, "AT&V") or "\n".join(p.text for p in heard if p.command is None)
+    found = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
+    named = [(one[2].replace("Rerty", "Retry"), one) for one in found if one]
+    known = [(name, one) for name, one in named if name in _NAMES]
+    if not known:
+        return None
+    return Settings({name: int(one[3]) for name, one in known}, tuple(name for name, one in known if one[1]))
+
+
+def fixes(heard: Sequence[Piece]) -> tuple[Fix, ...]:
+    """Every fix that was told, framed or bare, in its order."""
+    told = (p for p in heard if p.command in {NOTIFICATION, None})
+    return tuple(fix for fix in map(_fix, told) if fix)
+
+
+def _fix(piece: Piece) -> Fix | None:
+    keyword, *fields = piece.text.split(",")
+    if (keyword, len(fields)) not in {("USBLLONG", 16), ("USBLANGLES", 13)}:
+        return None
+    try:
+        values = [float(field) for field in fields]
+    except ValueError:
+        return None
+    if not all(map(math.isfinite, values)) or not values[2].is_integer():
+        return None
+    whole = keyword == "USBLLONG"
+    return Fix(
+        remote=int(values[2]),
+        age_s=max(0.0, values[0] - values[1]),
+        position_m=(values[3], values[4], values[5]) if whole else None,
+        propagation_us=values[12] if whole else None,
+        rssi_db=values[-3],
+        integrity=values[-2],
+        accuracy=values[-1],
+        end=piece.end,
+    )
+
+
+def answered(query: str) -> bytes:
+    """Regular expression for the answer to a query of one line, framed or bare, good or not."""
+    return rb"\+\+\+" + re.escape(query.encode()) + rb":\d+:[^\n]*\n|" + _BARE
+
+
+def listing_answered() -> bytes:
+    """The same for `AT&V`, whose answer ends with an empty line."""
+    return rb"(?s)\+\+\+AT&V:\d+:(?:ERROR|BUSY)[^\n]*\n|(?:\A|\n)(?:ERROR|BUSY)[^\n]*\n|: -?\d+\r?\n\r?\n"

@@ -1,0 +1,98 @@
+"""Why a modem tells nothing, in words: one that its vehicle holds is no broken one, and is never taken away from it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes.answers import Trouble
+from atlantis_netcfg.site.model import AcousticDriver
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.probes.acoustic.modem import Modem
+    from atlantis_netcfg.probes.answers import Transcript
+
+__all__ = ["LANGUAGE", "not_understood", "trouble"]
+
+LANGUAGE = {AcousticDriver.EVOLOGICS: "an EvoLogics modem", AcousticDriver.SEATRAC: "a SeaTrac beacon"}
+_IN_USE = (
+    "look at the modem's topic in the vehicle's own software; stop that software only if the vehicle's crew agrees, "
+    "and check again"
+)
+
+
+_WORDS: Mapping[Trouble | None, tuple[Verdict, str, str, str]] = {
+    Trouble.REFUSED: (
+        Verdict.INCONCLUSIVE,
+        "in-use",
+        "the modem of {name} turns us away at {where}: it is in use by the vehicle",
+        _IN_USE,
+    ),
+    Trouble.BUSY: (
+        Verdict.INCONCLUSIVE,
+        "in-use",
+        "the modem of {name} is in use: another program holds {where}",
+        _IN_USE,
+    ),
+    Trouble.SILENT: (
+        Verdict.INCONCLUSIVE,
+        "silent",
+        "nobody answers for the modem of {name} at {where}",
+        "switch the modem on, and look whether its address is that of the declaration; or it is in use by the vehicle: "
+        + _IN_USE,
+    ),
+    Trouble.UNREACHABLE: (
+        Verdict.INCONCLUSIVE,
+        "unreachable",
+        "there is no way to the modem of {name} at {where}",
+        "look at the vehicle's link to the site first: its Wi-Fi or its cable",
+    ),
+    Trouble.MISSING: (
+        Verdict.FAIL,
+        "no-port",
+        "the serial port {where} for the modem of {name} does not exist",
+        "plug the modem's cable in, or correct `device` in the declaration",
+    ),
+    Trouble.DENIED: (
+        Verdict.INCONCLUSIVE,
+        "denied",
+        "we may not open {where} for the modem of {name}",
+        "put the account that checks into the group `dialout` of that computer",
+    ),
+    Trouble.NO_PLACE: (
+        Verdict.INCONCLUSIVE,
+        "no-place",
+        "the modem of {name} was not asked: {words}",
+        "mend the way to the computer that asks first; nothing is known of the modem",
+    ),
+    None: (
+        Verdict.INCONCLUSIVE,
+        "in-use",
+        "the modem of {name} takes the connection at {where} and says nothing: it is in use by the vehicle",
+        _IN_USE,
+    ),
+}
+"""Verdict, code, sentence and hint of a modem that has not said a word."""
+
+
+def trouble(modem: Modem, name: str, heard: Transcript) -> Finding | None:
+    """Say why the modem of a row could not be read; None: it has said something."""
+    if heard.data:
+        return None
+    # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
+    met = Trouble.REFUSED if heard.trouble is Trouble.CLOSED else heard.trouble
+    verdict, code, message, hint = _WORDS[met]
+    words = heard.words or "nobody could ask it"
+    return Finding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+
+
+def not_understood(modem: Modem, name: str) -> Finding:
+    """Say that somebody else's language is spoken, or that noise comes."""
+    message = f"what answers for {name} at {modem.where} does not speak like {LANGUAGE[modem.driver]}"
+    hint = (
+        "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
+    )
+    return Finding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
