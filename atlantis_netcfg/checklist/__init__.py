@@ -7,7 +7,7 @@ The closed list is signed by a named person over everything in it, and whoever h
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist._errors import CheckDamaged, KeyDamaged, NotSigned, Refused
+from atlantis_netcfg.checklist._errors import KeyDamaged, NotSigned, Refused
 from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._opening import Head
 from atlantis_netcfg.checklist.book import Book
@@ -19,7 +19,6 @@ from atlantis_netcfg.checklist.verifying import Trouble, verify, verify_report
 __all__ = [
     "KEY",
     "Book",
-    "CheckDamaged",
     "Checklist",
     "Confirmation",
     "Entry",
