@@ -76,7 +76,7 @@ class AssociatedProbe:
             return Judged((apart,), self._evidence(link, None))
         station = _iw.read_station(_out(heard, "stations"), link.bssid or "")
         reached = self._reached(heard)
-        found = (*self._identity(link), *self._radio_says(link, station, heard), *reached.findings)
+        found = (*self._identity(link, station), *self._radio_says(link, station, heard), *reached.findings)
         return Judged(found, (*self._evidence(link, station), *reached.evidence))
 
     @property
@@ -138,8 +138,9 @@ class AssociatedProbe:
     def _expected(self) -> str:
         return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
 
-    def _identity(self, link: _iw.Link) -> Iterator[Finding]:
-        level = "" if link.signal_dbm is None else f", heard with {link.signal_dbm:g} dBm"
+    def _identity(self, link: _iw.Link, station: _iw.Station | None) -> Iterator[Finding]:
+        dbm = _level(link, station)
+        level = "" if dbm is None else f", heard with {dbm:g} dBm"
         who = f"`{link.ssid}`" if link.ssid else str(link.bssid)
         yield Finding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
         if (self.endpoint.ssid is None or link.ssid is None) and self.endpoint.mac is None:

@@ -1,0 +1,62 @@
+"""The programs themselves, as they are on this computer: what they print is what is read."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.probes import Place, Ran, _path, _ping
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes import Run
+
+
+def run(question: Run) -> Ran:
+    done = subprocess.run(question.argv, capture_output=True, text=True, timeout=20, check=False)
+    return Ran(None, rc=done.returncode, out=done.stdout, err=done.stderr)
+
+
+def short(address: str) -> Run:
+    """The same question with two packets, for time."""
+    asked = _ping.ask(Place.LAPTOP, address)
+    return type(asked)(asked.name, asked.place, tuple("2" if one == str(_ping.COUNT) else one for one in asked.argv))
+
+
+def test_ip_is_read_as_it_prints() -> None:
+    assert _path.read_way(run(_path.ask_way(Place.LAPTOP, "127.0.0.1"))) == _path.Way("lo")
+    assert _path.read_card(run(_path.ask_card(Place.LAPTOP, "lo"))) == _path.Card(up=True, carrier=True)
+    missing = run(_path.ask_card(Place.LAPTOP, "nosuchif0"))
+    assert "does not exist" in missing.err
+    assert _path.read_card(missing) is None
+    assert _path.read_neighbour(run(_path.ask_neighbour(Place.LAPTOP, "127.0.0.1"))) is None
+
+
+def test_ping_is_read_as_it_prints() -> None:
+    wanted = _ping.Pinged("loopback", "127.0.0.1", Place.LAPTOP, 0.0, 10.0)
+    ran = run(short("127.0.0.1"))
+    echoes = _ping.read(ran.out)
+    assert echoes is not None
+    assert (echoes.sent, echoes.received, echoes.loss_percent) == (2, 2, 0)
+    assert echoes.mean_ms is not None
+    assert [one.code for one in _ping.judge(wanted, ran).findings] == ["answers"]
+
+
+def iw(*words: str) -> Ran:
+    done = subprocess.run(("iw", *words), capture_output=True, text=True, timeout=20, check=False)
+    return Ran(None, rc=done.returncode, out=done.stdout, err=done.stderr)
+
+
+def test_iw_has_the_commands() -> None:
+    offered = iw("help").out
+    for command in ("dev <devname> link", "dev <devname> station dump", "dev <devname> info", "reg get"):
+        assert f"\t{command}" in offered
+
+
+@pytest.mark.parametrize("words", [("dev", "nosuchif0", "link"), ("dev", "nosuchif0", "station", "dump")])
+def test_iw_says_what_the_probe_knows_where_there_is_no_radio(words: tuple[str, ...]) -> None:
+    """Without a driver of radios in the kernel, as in most machines that test, it says so."""
+    said = iw(*words)
+    assert said.rc
+    assert "nl80211 not found" in said.err or "No such device" in said.err

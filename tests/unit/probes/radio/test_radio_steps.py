@@ -1,0 +1,126 @@
+"""Which items the radio columns make of a declaration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.probes import Cell, Step
+from atlantis_netcfg.probes.columns import steps_of
+from atlantis_netcfg.report.checklist import Kind
+from atlantis_netcfg.site import Declaration, load
+from atlantis_netcfg.site.model import Bearer, Endpoints
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(ROOT / "inventory")
+
+
+def told(steps: tuple[Step, ...]) -> list[tuple[str, str, tuple[str, ...]]]:
+    return [(step.name, step.kind.value, step.concerns) for step in steps]
+
+
+def with_location(
+    declaration: Declaration, endpoints: Mapping[str, Any] | None = None, bearers: tuple[Bearer, ...] | None = None
+) -> Declaration:
+    """The declaration with another location row, or with other links, of the coastal site."""
+    site = declaration.sites["coastal"]
+    location = site.location.model_copy(update={"endpoints": Endpoints.model_validate(endpoints or {})})
+    links = site.bearers if bearers is None else bearers
+    changed = site.model_copy(update={"location": location, "bearers": links})
+    return replace(declaration, sites={**declaration.sites, "coastal": changed})
+
+
+def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Declaration) -> None:
+    sparus = steps_of(Cell(declaration, "coastal", "sparus", "wifi"))
+    assert told(sparus) == [("", "automatic", ("coastal-gateway",))]
+    assert sparus[0].title == "Access point of Sparus is heard well, and answers without loss"
+    (zarco,) = steps_of(Cell(declaration, "coastal", "zarco", "wifi"))
+    assert zarco.title == "Zarco answers over the Wi-Fi of the site without loss"
+    assert told(steps_of(Cell(declaration, "coastal", "eca-rov", "ethernet"))) == [
+        ("", "automatic", ("coastal-router",))
+    ]
+    assert steps_of(Cell(declaration, "coastal", "eca-rov", "wifi")) == ()
+
+
+def test_a_location_has_its_bearers(declaration: Declaration) -> None:
+    def of(endpoint: str) -> list[tuple[str, str, tuple[str, ...]]]:
+        return told(steps_of(Cell(declaration, "coastal", None, endpoint)))
+
+    assert of("wifi") == [("", "automatic", ("coastal-cpe", "scc-cpe"))]
+    assert of("4g") == [("", "automatic", ("coastal-4g",))]
+    assert of("satellite") == [
+        ("", "automatic", ("coastal-sat",)),
+        ("allow-list", "active", ("coastal-sat",)),
+        ("firewall", "person", ("coastal-sat",)),
+        ("terminal", "person", ("coastal-sat",)),
+    ]
+
+
+def test_a_second_link_of_a_kind_has_a_name(declaration: Declaration) -> None:
+    bearers = declaration.sites["coastal"].bearers
+    twice = tuple(two for one in bearers for two in (one, one.model_copy(update={"name": f"{one.name}-b"})))
+    changed = with_location(declaration, bearers=twice)
+
+    def of(endpoint: str) -> list[str]:
+        return [step.name for step in steps_of(Cell(changed, "coastal", None, endpoint))]
+
+    assert of("wifi") == ["", "wifi-ptp-b"]
+    assert of("4g") == ["", "4g-b"]
+    assert of("satellite")[3:] == [
+        "terminal",
+        "satellite-b",
+        "satellite-b-allow-list",
+        "satellite-b-firewall",
+        "satellite-b-terminal",
+    ]
+
+
+def test_a_location_has_its_own_endpoints_beside(declaration: Declaration) -> None:
+    ends = {"wifi": {"role": "station", "seen_by": "coastal-cpe"}, "ethernet": {"router_port": "ether4"}}
+    changed = with_location(declaration, ends)
+    wifi = steps_of(Cell(changed, "coastal", None, "wifi"))
+    assert [step.name for step in wifi] == ["", "own"]
+    assert wifi[1].title == "Coastal testbed is registered at coastal-cpe, is heard well, and answers without loss"
+    (cable,) = steps_of(Cell(changed, "coastal", None, "ethernet"))
+    assert cable.probe is not None
+    assert [question.name for question in cable.probe.asks()] == ["monitor", "interfaces"]
+
+
+@pytest.mark.parametrize("endpoint", ["wifi", "satellite", "4g", "ethernet"])
+def test_without_a_link_a_person_looks(declaration: Declaration, endpoint: str) -> None:
+    changed = with_location(declaration, bearers=())
+    (step,) = steps_of(Cell(changed, "coastal", None, endpoint))
+    assert step.kind is Kind.PERSON
+    assert step.do
+    assert step.look_for
+
+
+@pytest.mark.parametrize("endpoint", ["satellite", "4g"])
+def test_a_vehicle_with_a_long_haul_link_is_for_a_person(declaration: Declaration, endpoint: str) -> None:
+    (step,) = steps_of(Cell(declaration, "coastal", "stork", endpoint))
+    assert step.kind is Kind.PERSON
+    assert "Stork" in step.title
+
+
+def test_the_proof_is_consented_to_with_its_cost(declaration: Declaration) -> None:
+    proof = steps_of(Cell(declaration, "coastal", None, "satellite"))[1]
+    assert proof.consent is not None
+    assert proof.consent.cost
+    assert "90 s" in proof.consent.prompt
+
+
+def test_what_the_terminal_may_let_through_is_listed(declaration: Declaration) -> None:
+    firewall = steps_of(Cell(declaration, "coastal", None, "satellite"))[2]
+    vpn = declaration.pilot.vpn
+    assert f"VPN server ({vpn.endpoint} udp {vpn.port})" in firewall.look_for
+    assert "screenshot" in firewall.do
