@@ -1,7 +1,8 @@
 """Checks of a real site, read from the inventory: `pytest checks/ --site coastal`.
 
-Each check becomes one test a device, so that JUnit, `-k` and reports come from pytest. A site without anything to check
-fails: nothing checked is not green.
+Each check becomes one test a device, and each item of the pre-test checklist one test, so that JUnit, `-k` and reports
+come from pytest. A site without anything to check fails: nothing checked is not green. Narrowed to vehicles or
+endpoints, or rehearsed, it is the checklist alone.
 """
 
 from __future__ import annotations
@@ -11,16 +12,22 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.checklist import Scope
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.operations.computers import is_gateway
+from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.site import choose, load
+from atlantis_netcfg.verdicts import Verdict
+from checks.checklist_asked import Asking, How, told, waits
 from checks.gateway_promises import Promises, promises
 from checks.gateway_reached import Answers, NotReached, ask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.report.checklist import Item
     from atlantis_netcfg.site import Declaration, Host
 
 INVENTORY = Path(__file__).resolve().parent.parent / "inventory"
@@ -35,15 +42,27 @@ ITEMS: Mapping[str, Callable[[Promises], Iterable[str]]] = {
 }
 """What a check of a gateway is repeated for."""
 DECLARATION: pytest.StashKey[Declaration] = pytest.StashKey()
+ASKING: pytest.StashKey[Asking] = pytest.StashKey()
 PROMISES: pytest.StashKey[list[Promises]] = pytest.StashKey()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--site", required=True, help="the site to check, or `all`")
     parser.addoption("--inventory", type=Path, default=INVENTORY, help="folder of the declaration")
+    group = parser.getgroup("checklist", "pre-test checklist")
+    group.addoption("--vehicle", action="append", default=[], help="only these vehicles, as `sparus,zarco`")
+    group.addoption("--endpoint", action="append", default=[], help="only these columns of Table 3, as `wifi,gps`")
+    group.addoption("--rehearse", action="store_true", help="ask emulated vehicles and devices of the site")
+    group.addoption("--via", help="the bearer over which you work, where it is not the declared one")
+    group.addoption("--accept-cost", action="store_true", help="pay for what goes over a link paid by the byte")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "entry" in metafunc.fixturenames:
+        asking = _asking(metafunc.config)
+        entries = {asking.name(entry): entry for entry in asking.entries()}
+        metafunc.parametrize("entry", list(entries.values()), ids=list(entries))
+        return
     hosts = _hosts(metafunc.config)
     if not any(handled(host) or is_gateway(host) for host in hosts):
         raise pytest.UsageError("this site has neither a router nor a gateway: nothing would be checked")
@@ -52,6 +71,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         _repeat(metafunc, "router", {host.name: host for host in routers}, "router")
     if "promised" in metafunc.fixturenames:
         _parametrize(metafunc, _promises(metafunc.config, hosts))
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the suites of gateways and routers where the checklist alone is asked for: they know no vehicles."""
+    alone = bool(config.getoption("vehicle") or config.getoption("endpoint") or config.getoption("rehearse"))
+    return True if alone and collection_path.name in {"test_gateways.py", "test_routers.py"} else None
 
 
 def _parametrize(metafunc: pytest.Metafunc, promised: list[Promises]) -> None:
@@ -78,6 +103,30 @@ def _declaration(config: pytest.Config) -> Declaration:
     return config.stash[DECLARATION]
 
 
+def _asking(config: pytest.Config) -> Asking:
+    """The checklist, worked out once."""
+    if ASKING not in config.stash:
+        how = How(
+            config.getoption("--inventory"),
+            config.getoption("rehearse"),
+            config.getoption("accept_cost"),
+            config.getoption("via"),
+            config.getoption("ssh_config"),
+        )
+        scope = Scope(_words(config, "vehicle"), _words(config, "endpoint"))
+        try:
+            config.stash[ASKING] = Asking.of(_declaration(config), how, config.getoption("--site"), scope)
+            if how.ssh_config is None:
+                refuse_examples(_declaration(config), rehearsed=how.rehearse)
+        except NetcfgError as error:
+            raise pytest.UsageError(f"{error}\n{error.hint or ''}") from error
+    return config.stash[ASKING]
+
+
+def _words(config: pytest.Config, name: str) -> tuple[str, ...]:
+    return tuple(word for typed in config.getoption(name) for word in typed.split(",") if word)
+
+
 def _hosts(config: pytest.Config) -> tuple[Host, ...]:
     try:
         return choose(_declaration(config), config.getoption("--site"))
@@ -91,6 +140,46 @@ def _promises(config: pytest.Config, hosts: tuple[Host, ...]) -> list[Promises]:
         declaration = _declaration(config)
         config.stash[PROMISES] = [promises(declaration, host) for host in hosts if is_gateway(host)]
     return config.stash[PROMISES]
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """What is selected is what is asked."""
+    if ASKING in session.config.stash:
+        asking = session.config.stash[ASKING]
+        entries = [item.callspec.params.get("entry") for item in session.items if hasattr(item, "callspec")]
+        asking.wanted |= {asking.name(entry) for entry in entries if entry is not None}
+
+
+@pytest.fixture
+def found(entry: Entry, request: pytest.FixtureRequest, record_property: Callable[[str, object], None]) -> Item:
+    """What is known of an item. What could not be asked is an error, what nobody has answered is skipped."""
+    try:
+        item = _asking(request.config).item(entry)
+    except NetcfgError as error:
+        pytest.fail(f"{error}\n{error.hint or ''}", pytrace=False)
+    for name, value in told(item):
+        record_property(name, value)
+    if item.verdict is Verdict.ERROR and item.override is None:
+        pytest.fail(item.message, pytrace=False)
+    if item.open or item.counts is Verdict.SKIP:
+        pytest.skip(waits(item))
+    return item
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Warnings of the checklist, which passes with them."""
+    reports = terminalreporter.getreports("passed")
+    warned = [told for told in (dict(report.user_properties) for report in reports) if "warning" in told]
+    if warned:
+        terminalreporter.section("warnings of the checklist")
+        terminalreporter.write("".join(f"{told['item']}: {told['warning']}\n" for told in warned))
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """A run in which nothing was proved is not green."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if exitstatus == pytest.ExitCode.OK and reporter is not None and not reporter.getreports("passed"):
+        session.exitstatus = pytest.ExitCode.NO_TESTS_COLLECTED
 
 
 @pytest.fixture

@@ -1,0 +1,105 @@
+"""How a sitting ends: a signature or none, the pages, and what is told."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.checklist import NotSigned
+from atlantis_netcfg.cli._outcome import tell
+from atlantis_netcfg.journal import translated, write_atomically
+from atlantis_netcfg.report.checklist import lines, pages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist import Answers, Book
+    from atlantis_netcfg.cli._checking.desk import Desk
+    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.report.checklist import Document
+
+__all__ = ["again", "as_json", "close", "greet", "note", "pages_in", "signer"]
+
+
+def again() -> str:
+    """What a person types to go on with the same checklist."""
+    return shlex.join(["provision", *(word for word in sys.argv[1:] if word != "--anew")])
+
+
+def greet(desk: Desk, book: Book) -> None:
+    """Say what is settled already, and what is open; and how it is left for another time."""
+    items = book.items
+    waiting = sum(item.open and item.override is None for item in items)
+    if book.words:
+        desk.say(book.words)
+    desk.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
+    desk.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
+
+
+def note(words: str) -> None:
+    """Tell something beside the result."""
+    print(f"note: {words}", file=sys.stderr)
+
+
+def signer(book: Book, answers: Answers | None, typed: str | None, desk: Desk | None) -> str | None:
+    """Who signs; None: nobody, or something is open."""
+    if typed is not None:
+        return typed
+    if answers is not None:
+        return answers.sign_by
+    if desk is None or any(item.open and item.override is None for item in book.items):
+        return None
+    desk.say(f"\n{lines(book.document())}")
+    return desk.name if desk.choose("Nothing is open. Sign it as it stands?", {"yes": True, "no": False}) else None
+
+
+def as_json(document: Document) -> dict[str, Any]:
+    """The document, and how the command ends."""
+    return {**document.model_dump(mode="json"), "exit": int(document.exit)}
+
+
+def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: bool) -> ExitCode:
+    """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left."""
+    document, errors = _signed(book, by, leave)
+    if document.signed is None:
+        _draft(book, document)
+    if as_program:
+        told = [{"message": str(error), "hint": error.hint} for error in errors]
+        print(json.dumps({**as_json(document), "errors": told}, ensure_ascii=False))
+    else:
+        print("\n".join([lines(document), *_where(book, document)]))
+        tell(errors)
+    return document.exit
+
+
+def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Document, list[NetcfgError]]:
+    if by is None:
+        return book.document(), []
+    try:
+        return book.sign(by, lambda document: pages(document, book.files), leave=leave), []
+    except NotSigned as error:
+        return book.document(), [error]
+
+
+def _draft(book: Book, document: Document) -> None:
+    """The pages as they would be, for who wants to look before anybody signs."""
+    with translated("the report", book.folder):
+        for name, data in pages(document, book.files).items():
+            write_atomically(book.folder / name, data)
+
+
+def _where(book: Book, document: Document) -> Iterator[str]:
+    yield from pages_in(book.folder)
+    if document.signed is None and document.items:
+        waiting = sum(item.open and item.override is None for item in document.items)
+        what = f"{waiting} items are open; " if waiting else ""
+        yield f"{what}on a terminal, `{again()}` goes on with it and lets a person sign"
+
+
+def pages_in(folder: Path) -> Iterator[str]:
+    """Where the pages of a checklist are, for people."""
+    if (folder / "report.html").exists():
+        yield f"report: {folder / 'report.html'} (report.pdf and junit.xml are beside it)"

@@ -1,0 +1,130 @@
+"""The way through a checklist: phase by phase with a person, all at once without one."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.cli._checking import people
+from atlantis_netcfg.cli._checking.people import GREEN
+from atlantis_netcfg.operations.checking import examine
+from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Kind, Phase
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from atlantis_netcfg.checklist import Answers, Book, Entry
+    from atlantis_netcfg.cli._checking.desk import Desk
+    from atlantis_netcfg.cli._checking.listening import Listening
+    from atlantis_netcfg.cli._checking.price import Price
+    from atlantis_netcfg.report.checklist import Item
+
+__all__ = ["Round"]
+
+
+@dataclass(slots=True)
+class Round:
+    """One sitting over a book."""
+
+    book: Book
+    entries: Sequence[Entry]
+    ears: Listening
+    told: Callable[[Item], None]
+    """Called with each result as soon as it is in the book."""
+    price: Callable[[Entry], Price | None]
+    """What an active step costs on a metered link. Raises CostRefused."""
+
+    def alone(self, answers: Answers | None) -> tuple[str, ...]:
+        """Look at all that needs no person, and at what the answers consent to; then write the answers down.
+
+        What was green at an earlier sitting is looked at again: without a person nobody can say that it still is.
+        Gives what of the answers was not needed, in words.
+        """
+        agreed = self._consented(answers) if answers is not None else {}
+        self._examine([one for one in self.entries if self._by_itself(one) or one.item.id in agreed], agreed)
+        return answers.write_down(self.book, self.told) if answers is not None else ()
+
+    def with_a_person(self, desk: Desk) -> None:
+        """Go through what is not green, phase by phase. Raises Later."""
+        for phase in Phase:
+            entries = [one for one in self.entries if one.item.phase is phase and not self._green(one)]
+            if entries:
+                desk.say(f"\n{str(phase).upper()}")
+                self._phase(desk, entries)
+
+    def _phase(self, desk: Desk, entries: Sequence[Entry]) -> None:
+        self._examine([one for one in entries if one.item.kind is Kind.AUTOMATIC and self._open(one)], {})
+        for entry in entries:
+            if entry.item.kind is Kind.PERSON and self._open(entry):
+                people.confirm(self.book, desk, entry)
+            elif entry.item.kind is Kind.ACTIVE and self._open(entry):
+                self._act(desk, entry)
+            if not self._open(entry):
+                people.mend(self.book, desk, entry, lambda one: self._again(desk, one))
+
+    def _again(self, desk: Desk, entry: Entry) -> None:
+        if entry.item.kind is Kind.ACTIVE:
+            self._act(desk, entry)
+        else:
+            self._examine([entry], {})
+
+    def _act(self, desk: Desk, entry: Entry) -> None:
+        """Ask for the word, say what the person does meanwhile, and look."""
+        try:
+            by = people.consent(desk, entry, self.price(entry))
+        except CostRefused as refused:
+            desk.say(f"\n{entry.item.id}: {entry.item.title}\n  {refused}\n  {refused.hint or ''}".rstrip())
+            by = None
+        if by is None:
+            people.otherwise(self.book, desk, entry)
+            return
+        if entry.step.consent is not None and entry.step.consent.prompt:
+            desk.say(f"  Now: {entry.step.consent.prompt}.")
+        self._examine([entry], {entry.item.id: by}, paid=True)
+
+    def _examine(self, entries: Sequence[Entry], agreed: Mapping[str, str], *, paid: bool = False) -> None:
+        """`agreed`: who has consented to which active item; `paid`: to its cost as well."""
+
+        def settled(item: Item) -> None:
+            by = agreed.get(item.id)
+            self.told(self.book.settle(_with_consent(item, steps[item.id], by) if by is not None else item))
+
+        steps = {entry.item.id: entry for entry in entries}
+        if entries:
+            asyncio.run(examine(entries, self.ears.paid if paid else self.ears.free, settled))
+
+    def _consented(self, answers: Answers) -> dict[str, str]:
+        """The active items that the answers consent to, and that are paid for or cost nothing."""
+        wanted = [one for one in self.entries if one.item.kind is Kind.ACTIVE and not self._green(one)]
+        said = {one.item.id: answers.consents(one.item.id) for one in wanted if not self._due(one)}
+        return {item_id: by for item_id, by in said.items() if by is not None}
+
+    def _due(self, entry: Entry) -> bool:
+        """Whether it costs what nobody has agreed to pay: a file of answers pays for nothing."""
+        try:
+            price = self.price(entry)
+        except CostRefused:
+            return True
+        return price is not None and price.due
+
+    def _by_itself(self, entry: Entry) -> bool:
+        item = self.book.item(entry.item.id)
+        return item.kind is Kind.AUTOMATIC and item.override is None and not entry.step.unless
+
+    def _green(self, entry: Entry) -> bool:
+        return not self._open(entry) and self.book.item(entry.item.id).counts in GREEN
+
+    def _open(self, entry: Entry) -> bool:
+        item = self.book.item(entry.item.id)
+        return item.open and item.override is None
+
+
+def _with_consent(item: Item, entry: Entry, by: str) -> Item:
+    """Put the person's word among the evidence of an active item; `by`: who, and behind a colon in which words."""
+    assert entry.step.consent is not None, "only active steps are consented to"  # noqa: S101 - Step holds it
+    name, _, words = by.partition(": ")
+    said = f"{entry.step.consent.question}{f' ({words})' if words else ''}"
+    word = Evidence(type=EvidenceType.CONFIRMED, what="consent", value=said, at=item.at, by=name)
+    return item.model_copy(update={"evidence": (*item.evidence, word)})

@@ -1,0 +1,59 @@
+"""The checklists that are kept on this computer, for the commands that tell of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import paths
+from atlantis_netcfg.checklist import books
+from atlantis_netcfg.cli._checking.opening import folder_of
+from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.near import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.checklist import Kept
+
+__all__ = ["kept_of", "run_of", "sites_with", "store"]
+
+
+def store(*, rehearsed: bool) -> Store:
+    """Where they are kept."""
+    return Store(paths.state_dir(), rehearsed=rehearsed)
+
+
+def sites_with(where: Store) -> tuple[str, ...]:
+    """The sites that have a checklist there."""
+    if not where.root.is_dir():
+        return ()
+    return tuple(sorted(path.name for path in where.root.iterdir() if books(folder_of(where, path.name))))
+
+
+def kept_of(where: Store, site: str, *, rehearsed: bool) -> tuple[Kept, ...]:
+    """The checklists of a site, newest last. Raises NothingMatched where there are none."""
+    known = sites_with(where)
+    if site in known:
+        return books(folder_of(where, site))
+    other = "" if rehearsed or site not in sites_with(store(rehearsed=True)) else "; add --rehearsed for rehearsed ones"
+    raise NothingMatched(
+        f"there is no {'rehearsed ' if rehearsed else ''}checklist of `{site}`",
+        hint=_meant(site, known, "there are checklists of") + (other or f"; `provision check site={site}` begins one"),
+    )
+
+
+def run_of(kept: Sequence[Kept], run: str | None) -> Kept:
+    """One by its name, else the newest. Raises NothingMatched."""
+    if run is None:
+        return kept[-1]
+    for one in kept:
+        if one.run == run:
+            return one
+    raise NothingMatched(f"there is no checklist {run}", hint=_meant(run, [one.run for one in kept[-5:]], "the latest"))
+
+
+def _meant(word: str, known: Iterable[str], what: str) -> str:
+    every = list(known)
+    near = nearest(word, every)
+    return f"did you mean `{near}`?" if near else f"{what}: {', '.join(every) or 'none'}"

@@ -1,0 +1,81 @@
+"""Who is listened with: the real site's ears, or those of a rehearsal, in which things may be broken on purpose."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.near import nearest
+from atlantis_netcfg.operations import Mode
+from atlantis_netcfg.operations.checking import RealEars
+from atlantis_netcfg.probes import Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.operations.checking import Ears
+
+__all__ = ["Listening", "listening", "refuse_faults"]
+
+
+@dataclass(frozen=True, slots=True)
+class Listening:
+    """The ears of a site."""
+
+    free: Ears
+    paid: Ears
+    """The same when somebody has agreed to pay for what is asked."""
+
+
+def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
+    """Raise UsageError for what cannot be broken: nothing is, unless it is emulated."""
+    if not faults:
+        return
+    if not rehearsed:
+        raise UsageError("`break=` is for rehearsals: nothing real is broken on purpose", hint="add --rehearse")
+    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+
+    for fault in faults:
+        if fault not in FAULTS:
+            near = nearest(fault, FAULTS)
+            known = f"it takes: {', '.join(FAULTS)}"
+            raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
+
+
+@contextmanager
+def listening(
+    opened: Session, entries: Sequence[Entry], faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
+) -> Iterator[Listening]:
+    """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
+
+    `ssh_config`: file of OpenSSH that says how the gateway is reached, in place of the declared address.
+    """
+    if opened.rehearsal is None:
+        request = opened.paid(opened.request(Mode.DRIFT))
+        paid = request.model_copy(update={"accept_cost": True})
+        both = [RealEars(opened.declaration, opened.site, each, notify, ssh_config) for each in (request, paid)]
+        yield Listening(*both)
+        return
+    from atlantis_netcfg.operations.checking.rehearsed import rehearsed_ears
+
+    if _asks_a_router(entries):
+        _configure(opened)
+    with rehearsed_ears(opened.declaration, opened.site, opened.rehearsal, faults) as ears:
+        yield Listening(ears, ears)
+
+
+def _asks_a_router(entries: Sequence[Entry]) -> bool:
+    probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
+    return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
+
+
+def _configure(opened: Session) -> None:
+    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links."""
+    report = opened.perform(Mode.APPLY)
+    if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
+        raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")

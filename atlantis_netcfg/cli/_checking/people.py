@@ -1,0 +1,116 @@
+"""What a person at a desk is shown and asked, item by item."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist import Confirmation, Refused
+from atlantis_netcfg.report.checklist import Kind
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from atlantis_netcfg.checklist import Book, Entry
+    from atlantis_netcfg.cli._checking.desk import Desk
+    from atlantis_netcfg.cli._checking.price import Price
+    from atlantis_netcfg.report.checklist import Item
+
+__all__ = ["GREEN", "confirm", "consent", "mend", "otherwise", "shown"]
+
+GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
+_PAY = "pay"
+_WORDS: Mapping[str, Verdict] = {
+    "yes": Verdict.PASS,
+    "but": Verdict.WARN,
+    "no": Verdict.FAIL,
+    "unclear": Verdict.INCONCLUSIVE,
+    "skip": Verdict.SKIP,
+}
+_NOTES: Mapping[Verdict, str] = {
+    Verdict.WARN: "It holds, but:",
+    Verdict.FAIL: "What was seen instead:",
+    Verdict.INCONCLUSIVE: "Why nobody can tell:",
+    Verdict.SKIP: "Why it does not apply here:",
+}
+"""What is asked after a verdict that needs words."""
+
+
+def shown(item: Item) -> str:
+    """Tell a result, and what to do about it."""
+    hint = f"\n  {'':<12} {item.hint}" if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else ""
+    return f"  {item.verdict:<12} {item.id}: {item.message}{hint}"
+
+
+def confirm(book: Book, desk: Desk, entry: Entry) -> None:
+    """Show what to do and what to look for, and write down the answer. Raises Later."""
+    desk.say(f"\n{entry.item.id}: {entry.item.title}")
+    desk.say(f"  do        {entry.step.do}\n  look for  {entry.step.look_for}")
+    _confirm(book, desk, entry)
+
+
+def _confirm(book: Book, desk: Desk, entry: Entry) -> None:
+    while True:
+        try:
+            desk.say(shown(book.confirm(entry.item.id, _answer(desk))))
+        except Refused as refused:
+            desk.say(f"  {refused}: {refused.hint}")
+        else:
+            return
+
+
+def _answer(desk: Desk) -> Confirmation:
+    verdict = desk.choose("Does it hold?", _WORDS)
+    note = desk.needs(_NOTES[verdict]) if verdict in _NOTES else desk.ask("Note (may be empty):")
+    return Confirmation(verdict=verdict, by=desk.name, note=note, files=desk.files())
+
+
+def consent(desk: Desk, entry: Entry, price: Price | None) -> str | None:
+    """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
+    needed = entry.step.consent
+    assert needed is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
+    desk.say(f"\n{entry.item.id}: {entry.item.title}\n  It is done only on your word: {needed.question}.")
+    if not desk.agrees("Is that so, and shall it be done now?"):
+        return None
+    if price is not None:
+        desk.say(f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}")
+        if price.due and desk.ask(f"Pay for it? Type {_PAY} to go on:").lower() != _PAY:
+            return None
+    return desk.name
+
+
+def otherwise(book: Book, desk: Desk, entry: Entry) -> None:
+    """What becomes of an active step that is not done. Raises Later."""
+    if not book.item(entry.item.id).open:
+        return
+    match desk.choose("Leave it `open`, answer it as `seen` otherwise, or `override` it on your word?", _ELSE):
+        case "seen":
+            _confirm(book, desk, entry)
+        case "override":
+            _override(book, desk, book.item(entry.item.id))
+
+
+def mend(book: Book, desk: Desk, entry: Entry, probe: Callable[[Entry], None]) -> None:
+    """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later."""
+    while (item := book.item(entry.item.id)).counts not in GREEN:
+        desk.say(shown(item))
+        match desk.choose("Look `again`, `override` it on your word, or go `on`?", _AFTER):
+            case "on":
+                return
+            case "override":
+                _override(book, desk, item)
+            case _ if entry.item.kind is Kind.PERSON:
+                confirm(book, desk, entry)
+            case _:
+                probe(entry)
+
+
+def _override(book: Book, desk: Desk, item: Item) -> None:
+    try:
+        book.override(item.id, desk.needs("The reason, which stands in the report:"), desk.name)
+    except Refused as refused:
+        desk.say(f"  {refused}: {refused.hint}")
+
+
+_AFTER = {word: word for word in ("again", "override", "on")}
+_ELSE = {word: word for word in ("open", "seen", "override")}

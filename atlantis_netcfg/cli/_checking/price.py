@@ -1,0 +1,50 @@
+"""What an active step costs where it goes over a link that is paid by the byte."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.cli._arguments import ACCEPT_COST
+from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.proving import satellite_of
+from atlantis_netcfg.probes import Prove
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers.cost import Preview
+    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.cli._session import Session
+
+__all__ = ["Price", "price_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """An estimate in words."""
+
+    words: str
+    due: bool
+    """Whether somebody has to agree to pay; in a rehearsal nobody has, nor where `--accept-cost` was typed."""
+
+
+def price_of(opened: Session, entry: Entry) -> Price | None:
+    """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
+    if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
+        return None
+    estimates = [_estimate(opened, one.bearer) for one in entry.step.probe.asks() if isinstance(one, Prove)]
+    metered = [one for one in estimates if one.link.metered]
+    for one in metered:
+        if one.over_cap and not opened.rehearsed:
+            raise one.refusal()
+    if not metered:
+        return None
+    due = not opened.rehearsed and not opened.arguments.flag(ACCEPT_COST.name)
+    return Price("; ".join(one.words for one in metered), due)
+
+
+def _estimate(opened: Session, bearer: str) -> Preview:
+    found = satellite_of(opened.declaration, opened.site, bearer)
+    proving = found.proving(opened.declaration, open_filter=False, try_all=False, rehearsed=opened.rehearsed)
+    link = link_of(opened.declaration, opened.site, bearer)
+    return preview(proving.expected_bytes, proving.seconds, link)

@@ -1,0 +1,150 @@
+"""One run of `provision check`: from the words to a book, through people and probes, to the report."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist import Answers, Scope, plan
+from atlantis_netcfg.cli._checking import closing
+from atlantis_netcfg.cli._checking.desk import Desk, Later
+from atlantis_netcfg.cli._checking.flow import Round
+from atlantis_netcfg.cli._checking.listening import listening, refuse_faults
+from atlantis_netcfg.cli._checking.opening import opened_book
+from atlantis_netcfg.cli._checking.people import shown
+from atlantis_netcfg.cli._checking.price import price_of
+from atlantis_netcfg.cli._progress import progress
+from atlantis_netcfg.cli._session import session
+from atlantis_netcfg.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.events import Event, Stage, ignore
+from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.report.checklist import Phase
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.checklist import Book, Checklist
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.report.checklist import Item
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["Prepared", "Stopped", "sit", "taking_part"]
+
+
+class Stopped(DeviceFailed):
+    """Somebody pressed Ctrl+C: the book has all that was found and answered until then."""
+
+
+@dataclass(slots=True)
+class Prepared:
+    """What follows from the words and the declaration alone, before anything is started or contacted."""
+
+    arguments: Arguments
+    _checklist: Checklist | None = None
+    answers: Answers | None = None
+
+    @property
+    def checklist(self) -> Checklist:
+        """The list, once the declaration was looked at."""
+        assert self._checklist is not None, "the session calls `hosts` first"  # noqa: S101 - ours to hold
+        return self._checklist
+
+    def hosts(self, declaration: Declaration) -> tuple[Host, ...]:
+        """Refuse what cannot be, work out the list, and say which hosts take part."""
+        rehearse = self.arguments.flag("rehearse")
+        self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
+        hosts = taking_part(declaration, self._checklist.site, rehearse=rehearse)
+        file = self.arguments.value("answers")
+        self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
+        return hosts
+
+
+def taking_part(declaration: Declaration, site: str, *, rehearse: bool) -> tuple[Host, ...]:
+    """The hosts of a site that a checklist asks. Raises UsageError where example values would be contacted.
+
+    The gateway of a rehearsal is emulated as far as the checklist asks it: no machine is started for it.
+    """
+    refuse_examples(declaration, rehearsed=rehearse)
+    return tuple(host for host in declaration.site_hosts(site) if not (rehearse and is_computer(host)))
+
+
+def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
+    """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
+    refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
+    prepared = Prepared(arguments)
+    if desk is None and _somebody_is_here(arguments):
+        desk = Desk()
+    try:
+        with session(
+            arguments,
+            rehearse=arguments.flag("rehearse"),
+            via=arguments.optional("via"),
+            unsealed=True,
+            chosen=prepared.hosts,
+        ) as opened:
+            return _sit(opened, prepared, desk)
+    except KeyboardInterrupt:
+        hint = f"go on with `{closing.again()}`"
+        raise Stopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
+
+
+def _somebody_is_here(arguments: Arguments) -> bool:
+    return sys.stdin.isatty() and not arguments.flag("json") and arguments.value("answers") is None
+
+
+def _scope(arguments: Arguments) -> Scope:
+    phases = tuple(Phase(one.replace("-", " ")) for one in arguments.many("phase"))
+    return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases)
+
+
+def _sit(opened: Session, prepared: Prepared, desk: Desk | None) -> ExitCode:
+    faults = opened.arguments.many("break")
+    with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, desk)) as book:
+        _look(opened, prepared, book, desk)
+        by = closing.signer(book, prepared.answers, opened.arguments.value("sign-as"), desk)
+        leave = prepared.answers.leave if prepared.answers is not None else {}
+        return closing.close(book, by, leave, as_program=opened.as_json)
+
+
+def _look(opened: Session, prepared: Prepared, book: Book, desk: Desk | None) -> None:
+    entries, faults = prepared.checklist.entries, opened.arguments.many("break")
+    with (
+        # A person reads and types where progress would be drawn.
+        progress(quiet=opened.as_json) if desk is None else nullcontext(ignore) as notify,
+        listening(opened, entries, faults, notify) as ears,
+    ):
+        turn = Round(book, entries, ears, _told(notify, desk), lambda entry: price_of(opened, entry))
+        if desk is None:
+            for words in turn.alone(prepared.answers):
+                closing.note(words)
+        else:
+            _with(desk, turn, book)
+
+
+def _told(notify: Subscriber, desk: Desk | None) -> Callable[[Item], None]:
+    def told(item: Item) -> None:
+        if desk is not None:
+            desk.say(shown(item))
+        else:
+            notify(Event(item.id, Stage.DONE, f"{item.verdict}: {item.message}"))
+
+    return told
+
+
+def _anew(opened: Session, desk: Desk | None) -> bool:
+    """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
+    return opened.arguments.flag("anew") or (opened.rehearsed and desk is None)
+
+
+def _with(desk: Desk, turn: Round, book: Book) -> None:
+    closing.greet(desk, book)
+    try:
+        turn.with_a_person(desk)
+    except Later:
+        desk.say("left for later")

@@ -1,0 +1,46 @@
+"""`provision report show`: a kept checklist again, and where its pages are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.errors import ExitCode
+
+__all__ = ["COMMAND", "run"]
+
+COMMAND = Command(
+    "report show",
+    "show a checklist that is kept, and where its pages are",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("run", "which one; the newest if left out", example="20260504T093000Z"),
+    ),
+    flags=(Flag("rehearsed", "one of a rehearsal instead of a real one"), JSON),
+    details="Exit code as that of the checklist: 0 all green, 6 not, 7 nothing was checked.",
+)
+
+
+def run(arguments: Arguments) -> ExitCode:
+    """Print what its end has printed."""
+    import json
+
+    from atlantis_netcfg.cli._checking import closing, kept
+    from atlantis_netcfg.errors import DeviceFailed
+    from atlantis_netcfg.report.checklist import lines
+
+    site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
+    every = kept.kept_of(kept.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    one = kept.run_of(every, arguments.optional("run"))
+    if one.document is None:
+        raise DeviceFailed(
+            f"the checklist {one.run} cannot be read: {one.why}", hint="look at it with `provision report verify`"
+        )
+    if arguments.flag("json"):
+        print(json.dumps({**closing.as_json(one.document), "errors": []}, ensure_ascii=False))
+    else:
+        print("\n".join([lines(one.document), *closing.pages_in(one.folder)]))
+    return one.document.exit

@@ -1,0 +1,166 @@
+"""A checklist of a few items, answered at a desk whose person is a script."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist import Book, Checklist, Entry, Head, Scope
+from atlantis_netcfg.cli._checking.desk import Desk
+from atlantis_netcfg.cli._checking.flow import Round
+from atlantis_netcfg.cli._checking.listening import Listening
+from atlantis_netcfg.cli._checking.people import shown
+from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
+from atlantis_netcfg.report.checklist import Drawing, Item, Kind, Phase, Row
+from atlantis_netcfg.site import load
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._checking.price import Price
+    from atlantis_netcfg.operations.checking import Heard
+    from atlantis_netcfg.probes import Answer, Question
+    from atlantis_netcfg.site import Declaration
+
+NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
+
+
+@cache
+def pilot() -> Declaration:
+    """The shipped one, read once."""
+    return load(checkout() / "inventory")
+
+
+@dataclass(frozen=True)
+class Heartbeat(Probe):
+    """What is heard is the verdict."""
+
+    def asks(self) -> tuple[Question, ...]:
+        return (Listen("words", Place.LAPTOP, "tcp", "10.64.1.22", 9),)
+
+    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+        answer = heard["words"]
+        assert isinstance(answer, Transcript)
+        verdict, _, message = answer.data.decode().partition(" ")
+        return Judged((Finding(Verdict(verdict), "heard", message, f"hint of {message}"),))
+
+
+@dataclass
+class ScriptedEars:
+    """Gives each item the next of its words; `asked` is what was asked, turn by turn."""
+
+    words: Mapping[str, list[str]]
+    asked: list[list[str]] = field(default_factory=list)
+    then: Callable[[], None] = lambda: None
+
+    async def ask(
+        self,
+        place: Place,  # noqa: ARG002 - of the protocol
+        host: str | None,  # noqa: ARG002 - of the protocol
+        questions: Sequence[tuple[str, Question]],
+        heard: Heard,
+    ) -> Mapping[str, Answer]:
+        self.asked.append([key.partition("#")[0] for key, _ in questions])
+        answers: dict[str, Answer] = {}
+        for key, _ in questions:
+            words = self.words[key.partition("#")[0]].pop(0)
+            answers[key] = Transcript(None, chunks=((0.0, words.encode()),), began=NOON.timestamp())
+            heard(key, answers[key])
+        self.then()
+        return answers
+
+
+def entry(name: str, kind: Kind, phase: Phase, *, consent: Consent | None = None) -> Entry:
+    row, endpoint, *_ = name.split("/")
+    step = Step(
+        name="",
+        title=f"title of {name}",
+        kind=kind,
+        phase=phase,
+        probe=None if kind is Kind.PERSON else Heartbeat(),
+        do="look at the lamp" if kind is Kind.PERSON else "",
+        look_for="it is green" if kind is Kind.PERSON else "",
+        consent=consent,
+    )
+    item = Item(
+        id=name,
+        title=step.title,
+        vehicle=row,
+        location="coastal",
+        endpoint=endpoint,
+        table3=True,
+        kind=kind,
+        phase=phase,
+        open=True,
+        verdict=Verdict.INCONCLUSIVE,
+        message="open",
+    )
+    return Entry(item, step, Cell(pilot(), "coastal", row, endpoint))
+
+
+def checklist(*entries: Entry) -> Checklist:
+    row = Row(key="sparus", name="Sparus", kind="auv", table3=("wifi", "usbl", "gps"))
+    return Checklist("coastal", "Coastal testbed", ("wifi", "usbl", "gps"), (row,), entries, (), Scope())
+
+
+LAMP = entry("sparus/gps", Kind.PERSON, Phase.QUAY)
+RADIO = entry("sparus/wifi", Kind.AUTOMATIC, Phase.BENCH)
+PING = entry(
+    "sparus/usbl/ping",
+    Kind.ACTIVE,
+    Phase.WATER,
+    consent=Consent("Sparus is in the water, and nobody dives near it", prompt="hold the boat still"),
+)
+
+
+class Hung(Exception):
+    """A question that the script has no answer to: a test fails with the question."""
+
+
+@dataclass
+class Sitting:
+    """A book, a desk and what is said there."""
+
+    folder: Path
+    typed: Sequence[str]
+    entries: tuple[Entry, ...] = (RADIO, LAMP, PING)
+    words: Mapping[str, list[str]] = field(default_factory=dict)
+    price: Callable[[Entry], Price | None] = lambda _entry: None
+    said: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.ears = ScriptedEars(self.words)
+        self._typing = list(self.typed)
+        self.desk = Desk(self._ask, self.said.append)
+
+    def _ask(self, question: str) -> str:
+        if not self._typing:
+            raise Hung(question)
+        answer = self._typing.pop(0)
+        self.said.append(f"{question}{answer}")
+        return answer
+
+    def book(self) -> Book:
+        head = Head(rehearsed=True, tool="0", inventory="0" * 64, drawing=Drawing(nodes=(), links=()))
+        return Book.open(self.folder / "checks", checklist(*self.entries), head, now=lambda: NOON)
+
+    def turn(self, book: Book) -> Round:
+        ears = Listening(self.ears, self.ears)
+        return Round(book, self.entries, ears, lambda item: self.desk.say(shown(item)), self.price)
+
+    def sit(self) -> tuple[Item, ...]:
+        """Go through it; give the items as they are then."""
+        with self.book() as book:
+            self.turn(book).with_a_person(self.desk)
+            assert self._typing == [], "the script goes on"
+            return book.items
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.said)

@@ -1,0 +1,192 @@
+"""What a person at the desk of a checklist is asked, word by word, and what becomes of the answers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from check_desk import LAMP, PING, RADIO, Sitting
+
+from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.cli._checking.desk import Desk, Later
+from atlantis_netcfg.cli._checking.price import Price
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist import Entry
+
+WELL = "PASS hears the boat"
+
+
+def verdicts(sitting: Sitting) -> dict[str, str]:
+    return {item.id: "open" if item.open else str(item.counts) for item in sitting.sit()}
+
+
+def test_the_whole_way(tmp_path: Path) -> None:
+    photo = tmp_path / "lamp.jpg"
+    photo.write_bytes(b"a lamp")
+    sitting = Sitting(
+        tmp_path,
+        ["yes", "green for a minute", "A. Technician", str(photo), "", "yes"],
+        words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]},
+    )
+    assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
+    assert sitting.text == WHOLE.replace("PHOTO", str(photo)).replace("EMPTY", " ")
+    with sitting.book() as book:
+        (_, lamp, ping) = book.items
+        assert [(one.type, one.by) for one in lamp.evidence] == [
+            ("confirmed", "A. Technician"),
+            ("file", "A. Technician"),
+        ]
+        assert [(one.what, one.value, one.by) for one in ping.evidence] == [
+            ("consent", "Sparus is in the water, and nobody dives near it", "A. Technician")
+        ]
+
+
+WHOLE = """
+
+BENCH
+  PASS         sparus/wifi: hears the boat
+
+QUAY
+
+sparus/gps: title of sparus/gps
+  do        look at the lamp
+  look for  it is green
+Does it hold? [yes, but, no, unclear, skip, later] yes
+Note (may be empty): green for a minute
+Your name, as it shall stand in the report: A. Technician
+Photo or file that shows it (a path; empty: none or no more): PHOTO
+Photo or file that shows it (a path; empty: none or no more):EMPTY
+  PASS         sparus/gps: A. Technician has seen that it is well: green for a minute
+
+IN WATER
+
+sparus/usbl/ping: title of sparus/usbl/ping
+  It is done only on your word: Sparus is in the water, and nobody dives near it.
+Is that so, and shall it be done now? Type yes, or anything else for no: yes
+  Now: hold the boat still.
+  PASS         sparus/usbl/ping: answers"""[1:]
+
+
+@pytest.mark.parametrize(
+    ("word", "verdict", "question"),
+    [
+        ("but", "WARN", "It holds, but:"),
+        ("no", "FAIL", "What was seen instead:"),
+        ("unclear", "INCONCLUSIVE", "Why nobody can tell:"),
+        ("skip", "SKIP", "Why it does not apply here:"),
+    ],
+)
+def test_everything_but_yes_needs_words(word: str, verdict: str, question: str, tmp_path: Path) -> None:
+    more = ["on"] if verdict in {"FAIL", "INCONCLUSIVE"} else []
+    sitting = Sitting(tmp_path, [word, "", "it is dark", "N", "", *more], entries=(LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": verdict}
+    assert f"{question} \n  something has to stand here; `later` leaves it open\n{question} it is dark" in sitting.text
+
+
+@pytest.mark.parametrize("kept", range(5))
+def test_later_at_any_question_leaves_the_rest_open(kept: int, tmp_path: Path) -> None:
+    typed = ["yes", "", "N", "", "yes"]
+    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
+    sitting = Sitting(tmp_path, [*typed[:kept], "later"], words=words)
+    with pytest.raises(Later):
+        sitting.sit()
+    with sitting.book() as book:
+        assert [item.open for item in book.items] == [False, kept < 4, True]
+    again = Sitting(tmp_path, typed if kept < 4 else ["yes", "N"], words=words)
+    assert verdicts(again) == {"sparus/wifi": "PASS", "sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
+    assert again.ears.asked == [["sparus/usbl/ping"]], "what was found before is not asked again"
+
+
+def test_what_fails_is_looked_at_again(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["again", "ag"], (RADIO,), {"sparus/wifi": ["FAIL silent", "ERROR odd", WELL]})
+    assert verdicts(sitting) == {"sparus/wifi": "PASS"}
+    assert sitting.text.count("hint of silent") == 2
+
+
+def test_what_fails_is_overridden_with_a_reason(tmp_path: Path) -> None:
+    typed = ["override", "", "it is spare", "N"]
+    sitting = Sitting(tmp_path, typed, (RADIO,), {"sparus/wifi": ["FAIL silent"]})
+    (item,) = sitting.sit()
+    assert item.verdict is Verdict.FAIL
+    assert item.override is not None
+    assert (item.override.reason, item.override.by) == ("it is spare", "N")
+
+
+def test_what_failed_at_the_last_sitting_is_offered_again(tmp_path: Path) -> None:
+    Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]}).sit()
+    sitting = Sitting(tmp_path, ["again"], (RADIO,), {"sparus/wifi": [WELL]})
+    assert verdicts(sitting) == {"sparus/wifi": "PASS"}
+
+
+@pytest.mark.parametrize(
+    ("typed", "verdict"),
+    [
+        (["no", "open"], "open"),
+        (["y", "open"], "open"),
+        (["", "override", "it was pinged yesterday", "N"], "WARN"),
+        (["no", "seen", "yes", "by the diver", "N", ""], "PASS"),
+    ],
+)
+def test_without_the_whole_word_nothing_is_sent(typed: list[str], verdict: str, tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, typed, (PING,))
+    (item,) = sitting.sit()
+    assert ("open" if item.open and item.override is None else str(item.counts)) == verdict
+    assert sitting.ears.asked == []
+
+
+def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
+    price = Price("over satellite: 20 kB, about 0.16 EUR", due=True)
+    sitting = Sitting(tmp_path, ["yes", "yes", "open"], (PING,), price=lambda _entry: price)
+    assert [item.open for item in sitting.sit()] == [True]
+    assert "  This goes over satellite: 20 kB, about 0.16 EUR\nPay for it? Type pay to go on: yes" in sitting.text
+    words = {"sparus/usbl/ping": ["PASS answers"]}
+    paid = Sitting(tmp_path, ["yes", "pay", "N"], (PING,), words, price=lambda _entry: price)
+    assert verdicts(paid) == {"sparus/usbl/ping": "PASS"}
+
+
+def test_more_than_is_admitted_is_not_even_asked(tmp_path: Path) -> None:
+    def refuse(_entry: Entry) -> Price:
+        raise CostRefused("more than the cap", hint="raise it")
+
+    sitting = Sitting(tmp_path, ["open"], (PING,), price=refuse)
+    assert [item.open for item in sitting.sit()] == [True]
+    assert "  more than the cap\n  raise it" in sitting.text
+
+
+def test_a_file_that_is_not_there_is_asked_for_again(tmp_path: Path) -> None:
+    (tmp_path / "empty.jpg").touch()
+    typed = ["yes", "", "N", "nowhere.jpg", str(tmp_path / "empty.jpg"), "", "yes", "", ""]
+    sitting = Sitting(tmp_path, typed, (LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert "  there is no file nowhere.jpg" in sitting.text
+    assert "empty.jpg` is empty: give a file with something in it" in sitting.text
+
+
+def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
+    typed = iter(["x", "overide", "unlcear", "u"])
+    said: list[str] = []
+    desk = Desk(lambda _question: next(typed), said.append)
+    assert desk.choose("?", {"yes": 1, "unclear": 2, "override": 3}) == 2
+    assert said == [
+        "  type one of: yes, unclear, override, later",
+        "  type one of: yes, unclear, override, later (`override`?)",
+        "  type one of: yes, unclear, override, later (`unclear`?)",
+    ]
+
+
+def test_the_end_of_the_input_is_later() -> None:
+    def ended(_question: str) -> str:
+        raise EOFError
+
+    with pytest.raises(Later):
+        Desk(ended).ask("Anybody?")
+
+
+def test_what_is_said_cannot_move_the_cursor() -> None:
+    said: list[str] = []
+    Desk(say=said.append).say("one\x1b[2Jtwo\nthree")
+    assert said == ["one\\x1b[2Jtwo\nthree"]
