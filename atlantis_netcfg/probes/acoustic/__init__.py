@@ -61,7 +61,7 @@ def _fleet(cell: Cell, modem: Modem) -> Iterator[Step]:
     evologics = modem.driver is AcousticDriver.EVOLOGICS
     yield Step(
         name="fleet",
-        title=f"The {'EvoLogics modems' if evologics else 'SeaTrac beacons'} of {cell.site} agree with each other",
+        title=f"The {'EvoLogics modems' if evologics else 'SeaTrac beacons'} of {cell.declared.title} agree with each other",
         kind=Kind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=(EvologicsFleet if evologics else SeatracFleet)(tuple(members.values())),

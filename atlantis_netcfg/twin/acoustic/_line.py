@@ -1,0 +1,206 @@
+"""The end of a line on which an emulated modem sits: a TCP port that serves one client, or a serial port."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import socket
+import threading
+import time
+import tty
+from typing import TYPE_CHECKING, Protocol, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+__all__ = ["Line", "LineSpec", "Talker"]
+
+
+class LineSpec(BaseModel):
+    """How the end behaves, whatever language is spoken on it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    serial: bool = False
+    """A pseudo-terminal (`path`) in place of a TCP port."""
+    refuses: bool = False
+    """Nothing listens on the port."""
+    held: bool = False
+    """The vehicle has the only seat: whoever connects is hung up on at once."""
+    seats: int | None = Field(default=1, ge=1)
+    """Clients that are served at a time (`listen-single`); None: any number (`listen-respawn`)."""
+    silent: bool = False
+    """Takes the connection and everything that comes, and says nothing."""
+    mute_after: int | None = Field(default=None, ge=0)
+    """Says nothing any more after so many answers."""
+    noise: bytes | None = None
+    """Sends this in place of every answer: another device, or a wrong rate."""
+    piecewise: bool = False
+    """Every byte by itself."""
+    byte_s: float = Field(default=0.0, ge=0)
+    """Time that each byte takes, where they come one by one."""
+
+
+class Talker(Protocol):
+    """One language, for one client."""
+
+    def hear(self, waiting: bytes) -> tuple[list[bytes], bytes]:
+        """Take what has come: give answers, and what is not a whole command yet."""
+        ...
+
+    def tell(self, now_s: float) -> tuple[bytes, float | None]:
+        """Give what is said unasked by then, and when the next thing will be (None: never); seconds of service."""
+        ...
+
+
+class _Client:
+    def __init__(self, talker: Talker, sock: socket.socket | None) -> None:
+        self.talker, self.sock, self.waiting, self.said = talker, sock, b"", 0
+        self.since: float | None = None if sock is None else time.monotonic()
+        """When it came; nobody can tell who sits at a serial port before it has said something."""
+
+
+class Line:
+    """A twin's end in a thread, while the context lasts; `host` and `port`, or `path`, say where."""
+
+    def __init__(self, spec: LineSpec) -> None:
+        self._line = spec
+        self.host = "127.0.0.1"
+        self.port = 0
+        self.path = ""
+        self.met = 0
+        """Clients that came, those that were hung up on as well."""
+        self._clients: dict[int, _Client] = {}
+        self._thread = threading.Thread(target=self._run, name=f"twin: {type(self).__name__}", daemon=True)
+
+    def talker(self) -> Talker:
+        """Give whoever talks to a new client."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        self._selector = selectors.DefaultSelector()
+        self._stop, self._stopper = os.pipe()
+        self._selector.register(self._stop, selectors.EVENT_READ)
+        if self._line.serial:
+            self._open_serial()
+        else:
+            self._open_tcp()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._stopper)
+        self._thread.join()
+        for handle in list(self._clients):
+            self._hang_up(handle)
+        self._selector.close()
+        os.close(self._stop)
+        if not self._line.serial:
+            self._listener.close()
+
+    def _open_serial(self) -> None:
+        ours, theirs = os.openpty()
+        tty.setraw(theirs)
+        self.path = os.ttyname(theirs)
+        # Our own hold on the far end would look like somebody who has the port; the near end survives without it.
+        os.close(theirs)
+        os.set_blocking(ours, False)
+        self._clients[ours] = _Client(self.talker(), None)
+        self._selector.register(ours, selectors.EVENT_READ)
+
+    def _open_tcp(self) -> None:
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.bind((self.host, 0))
+        self.port = self._listener.getsockname()[1]
+        if not self._line.refuses:
+            # A port that is bound and does not listen refuses, and nobody else gets it meanwhile.
+            self._listener.listen()
+            self._selector.register(self._listener, selectors.EVENT_READ)
+
+    def _run(self) -> None:
+        pause: float | None = None
+        while True:
+            ready = {key.fd for key, _ in self._selector.select(pause)}
+            if self._stop in ready:
+                return
+            for handle in ready:
+                if handle in self._clients:
+                    self._read(handle)
+                else:
+                    self._accept()
+            pause = self._tell()
+
+    def _accept(self) -> None:
+        sock, _ = self._listener.accept()
+        self.met += 1
+        if self._line.held or (self._line.seats is not None and len(self._clients) >= self._line.seats):
+            sock.close()
+            return
+        # Who does not read is hung up on: a twin waits for nobody.
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._clients[sock.fileno()] = _Client(self.talker(), sock)
+        self._selector.register(sock.fileno(), selectors.EVENT_READ)
+
+    def _read(self, handle: int) -> None:
+        client = self._clients[handle]
+        try:
+            data = os.read(handle, 4096)
+        except OSError:
+            data = b""
+        if not data:
+            self._gone(handle)
+            return
+        client.since = client.since or time.monotonic()
+        answers, client.waiting = client.talker.hear(client.waiting + data)
+        for answer in answers:
+            client.said += 1
+            mute = self._line.mute_after is not None and client.said > self._line.mute_after
+            if not self._line.silent and not mute:
+                self._write(handle, answer if self._line.noise is None else self._line.noise)
+
+    def _gone(self, handle: int) -> None:
+        if self._clients[handle].sock is not None:
+            self._hang_up(handle)
+            return
+        # The far end of a serial port is closed: that is reported at once and for ever, so look again in a moment.
+        self._clients[handle].waiting, self._clients[handle].since = b"", None
+        time.sleep(0.01)
+
+    def _tell(self) -> float | None:
+        """Say what is due to everybody; give the time to the next such thing."""
+        pauses = []
+        for handle, client in list(self._clients.items()):
+            if client.since is None:
+                continue
+            now_s = time.monotonic() - client.since
+            told, then_s = client.talker.tell(now_s)
+            if told and not self._line.silent:
+                self._write(handle, told)
+            if then_s is not None:
+                pauses.append(max(0.0, then_s - now_s))
+        return min(pauses, default=None)
+
+    def _write(self, handle: int, data: bytes) -> None:
+        pieces = [data[at : at + 1] for at in range(len(data))] if self._line.piecewise else [data]
+        try:
+            for piece in pieces:
+                os.write(handle, piece)
+                if self._line.piecewise and self._line.byte_s:
+                    time.sleep(self._line.byte_s)
+        except OSError:
+            self._gone(handle)
+
+    def _hang_up(self, handle: int) -> None:
+        client = self._clients.pop(handle, None)
+        if client is None:
+            return
+        self._selector.unregister(handle)
+        if client.sock is not None:
+            client.sock.close()
+        else:
+            os.close(handle)
