@@ -10,6 +10,7 @@ from __future__ import annotations
 from atlantis_netcfg.checklist._errors import KeyDamaged, NotSigned, Refused
 from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._opening import Head
+from atlantis_netcfg.checklist.answers import Answers, AnswersInvalid, Overriding
 from atlantis_netcfg.checklist.book import Book
 from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green, narrowed, since
 from atlantis_netcfg.checklist.people import Confirmation
@@ -18,6 +19,8 @@ from atlantis_netcfg.checklist.verifying import Trouble, verify, verify_report
 
 __all__ = [
     "KEY",
+    "Answers",
+    "AnswersInvalid",
     "Book",
     "Checklist",
     "Confirmation",
@@ -26,6 +29,7 @@ __all__ = [
     "Kept",
     "KeyDamaged",
     "NotSigned",
+    "Overriding",
     "Refused",
     "Scope",
     "State",

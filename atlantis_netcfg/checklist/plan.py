@@ -65,6 +65,8 @@ class Checklist:
     entries: tuple[Entry, ...]
     left_out: tuple[LeftOut, ...]
     scope: Scope
+    beyond: tuple[str, ...] = ()
+    """Items that the scope takes away, by id."""
 
 
 def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Checklist:
@@ -84,6 +86,7 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
         entries=chosen,
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
+        beyond=tuple(entry.item.id for entry in entries if not _inside(entry, scope)),
     )
 
 

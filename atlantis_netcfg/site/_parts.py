@@ -1,36 +1,29 @@
-"""From blocks of values to models, each part of the declaration by itself: one bad part does not hide the others.
-
-A misspelt key is told once, with the key that was meant, and the part is then read as if it had been spelt right.
-"""
+"""From blocks of values to models, each part of the declaration by itself: one bad part does not hide the others."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from atlantis_netcfg.near import nearest
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import _schema
+from atlantis_netcfg.site._build import build
 from atlantis_netcfg.site._draft import Draft, Part
 from atlantis_netcfg.site._names import why_no_name
-from atlantis_netcfg.site._near import choices, meant, shown_key
+from atlantis_netcfg.site._near import choices, meant
 from atlantis_netcfg.site._node import Node
-from atlantis_netcfg.site._words import explain, label_of
 from atlantis_netcfg.site.findings import Finding
 from atlantis_netcfg.site.model import Partner, Pilot, Site, Vehicle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from atlantis_netcfg.site._hosts import Layout
     from atlantis_netcfg.site._variables import Variables
 
 __all__ = ["draft"]
 
 _M = TypeVar("_M", bound=BaseModel)
-_Path = tuple[str | int, ...]
 
 
 def draft(layout: Layout, variables: Variables) -> tuple[Draft, list[Finding]]:
@@ -116,58 +109,6 @@ class _Builder:
         return replace(node, value=keys), grouped
 
     def _build(self, part: Part, node: Node, model: type[_M], name: str) -> _M | None:
-        while True:
-            self.draft.nodes[part] = node
-            try:
-                return model.model_validate(node.data())
-            except ValidationError as error:
-                errors = error.errors(include_url=False, include_input=False)
-            unknown = [one["loc"] for one in errors if one["type"] == "extra_forbidden"]
-            if not unknown:
-                break
-            node = self._fix_keys(unknown, node, model, name)  # each round leaves fewer unknown keys, or deeper ones
-        self.findings.extend(explain(one, node, model, name) for one in errors if not node.at(*one["loc"]).told)
-        return None
-
-    def _fix_keys(self, unknown: Iterable[_Path], node: Node, model: type[BaseModel], name: str) -> Node:
-        """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
-        for path in unknown:
-            parent, key = path[:-1], str(path[-1])
-            inner = _schema.model_of(_schema.at(model, parent))
-            known = list(inner.model_fields) if inner is not None else []
-            block = node.at(*parent).keys
-            meant, message, hint = _unknown(key, block, known, label_of(parent, name))
-            self.findings.append(Finding.at(block[key].place, message, hint))
-            secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
-            unsure = any(field not in block and field != meant for field in secret)
-            node = _renamed(node, parent, key, meant, told=unsure)
-        return node
-
-
-def _unknown(key: str, block: Mapping[str, Node], known: list[str], where: str) -> tuple[str | None, str, str]:
-    """The key that was meant, if that can be known, and what to say."""
-    free = [field for field in known if field not in block]
-    word = key.partition(" ")[0]
-    if word != key and word in free and block[key].value is None:
-        return word, f"a `:` is missing after `{word}`", f"write `{word}: …`"
-    near = nearest(key, free)
-    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(known)}"
-    message = f"{where} has no key `{shown_key(key)}`"
-    return near, message, f"did you mean `{near}`?" if near is not None else instead
-
-
-def _renamed(node: Node, path: _Path, old: str, new: str | None, *, told: bool) -> Node:
-    """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
-    if not path:
-        keys = dict(node.keys)
-        value = keys.pop(old)
-        told = told or value.told or (" " in old and value.value is None)
-        return replace(node, value=keys if new is None else {**keys, new: replace(value, told=told)})
-    step, rest = path[0], path[1:]
-    if isinstance(node.value, list) and isinstance(step, int):
-        items = list(node.value)
-        items[step] = _renamed(items[step], rest, old, new, told=told)
-        return replace(node, value=items)
-    keys = dict(node.keys)
-    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, told=told)
-    return replace(node, value=keys)
+        built, self.draft.nodes[part], findings = build(node, model, name)
+        self.findings += findings
+        return built

@@ -63,6 +63,9 @@ def at(model: type[BaseModel], path: Sequence[str | int]) -> Any:  # noqa: ANN40
         if isinstance(step, int):
             annotation = item_of(annotation)
             continue
+        if get_origin(unwrap(annotation)) is dict:
+            annotation = get_args(unwrap(annotation))[1]
+            continue
         inner = model_of(annotation)
         field = inner.model_fields.get(step) if inner is not None else None
         if field is None:
@@ -78,6 +81,8 @@ def wanted(annotation: Any) -> str:  # noqa: ANN401 - as above
         return "one of " + ", ".join(map(str, words))
     if (model := model_of(plain)) is not None:
         return "a block with " + ", ".join(name for name, field in model.model_fields.items() if field.is_required())
+    if get_origin(plain) is dict:
+        return "a block of keys"
     if (item := item_of(plain)) is not None:
         inner = model_of(item)
         return "a list: [" + ("{…}, {…}" if inner is not None else "…, …") + "]"

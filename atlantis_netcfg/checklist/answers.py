@@ -1,0 +1,266 @@
+"""The file of answers: what people say to a checklist, written before it runs; read whole, or not at all.
+
+    name: A. Technician                 # signs, and answers where `by` is not given
+    consents:                           # to what only a person may allow; `all:` is to all that is not answered below
+      sparus/usbl/ping: in the water, nobody dives near it
+    answers:
+      stork/rc_rf/failsafe: {verdict: PASS, note: motors stopped after 2 s, files: [failsafe.jpg]}
+    overrides:                          # taken where the item has not passed; one that has passed needs none
+      zarco/wifi: {reason: tested with the cable today}
+    leave:                              # open on purpose at the signature; the document is not green then
+      mares/usbl: Mares comes tomorrow
+    sign: true
+
+Files are looked for from the folder of the file of answers. What is said of items that a narrower list leaves out is
+passed over, so that the file for a whole site serves for one of its vehicles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, StrictBool
+
+from atlantis_netcfg.checklist._evidence import wrong_with
+from atlantis_netcfg.checklist.people import OVERRIDABLE, SAYABLE, Confirmation
+from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.report.checklist import Kind
+from atlantis_netcfg.site import Finding, report
+from atlantis_netcfg.site.blocks import Block, meant, read
+from atlantis_netcfg.site.model import Model, Text
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+    from typing import Self
+
+    from atlantis_netcfg.checklist.book import Book
+    from atlantis_netcfg.checklist.plan import Checklist
+    from atlantis_netcfg.report.checklist import Item
+
+__all__ = ["Answers", "AnswersInvalid", "Overriding"]
+
+ALL = "all"
+Words = Annotated[Text, Field(max_length=2000)]
+Person = Annotated[Text, Field(max_length=100)]
+
+
+class _Said(StrEnum):
+    """What a person can say."""
+
+    PASS = "PASS"  # noqa: S105 - a verdict
+    WARN = "WARN"
+    FAIL = "FAIL"
+    INCONCLUSIVE = "INCONCLUSIVE"
+    SKIP = "SKIP"
+
+
+class _Answer(Model):
+    verdict: _Said
+    by: Person | None = None
+    note: Words | None = None
+    files: tuple[Text, ...] = ()
+
+
+class _Override(Model):
+    reason: Words
+    by: Person | None = None
+
+
+class _File(Model):
+    name: Person | None = None
+    consents: dict[str, Words] = Field(default_factory=dict)
+    answers: dict[str, _Answer] = Field(default_factory=dict)
+    overrides: dict[str, _Override] = Field(default_factory=dict)
+    leave: dict[str, Words] = Field(default_factory=dict)
+    sign: StrictBool = False
+
+
+class AnswersInvalid(UsageError):
+    """The file of answers has errors; nothing was written, nobody was asked."""
+
+    def __init__(self, findings: tuple[Finding, ...]) -> None:
+        self.findings = tuple(sorted(set(findings)))
+        super().__init__(report(self.findings, "in the answers; nothing was changed"))
+
+
+@dataclass(frozen=True, slots=True)
+class Overriding:
+    """What a person takes the responsibility for, if it does not pass."""
+
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What people say to one checklist."""
+
+    said: Mapping[str, Confirmation]
+    agreed: Mapping[str, str]
+    """Active item -> who consents, and to what."""
+    overrides: Mapping[str, Overriding]
+    leave: Mapping[str, str]
+    """Item that stays open on purpose -> why."""
+    sign_by: str | None
+    """Who signs; None: nobody."""
+
+    @classmethod
+    def read(cls, path: Path, checklist: Checklist) -> Self:
+        """Read a file for a list. Raises UsageError, and AnswersInvalid with every error of the file."""
+        block = read(path, _File, "the file of answers")
+        findings = (*block.findings, *_Check(block, checklist, path.parent).findings())
+        if findings or block.value is None:
+            raise AnswersInvalid(findings)
+        return cls(*_taken(block.value, checklist, path.parent))
+
+    def confirmation(self, item: str) -> Confirmation | None:
+        """The answer to a step; None: there is none."""
+        return self.said.get(item)
+
+    def consents(self, item: str) -> str | None:
+        """Who consents to an active step, and in which words; None: nobody."""
+        return self.agreed.get(item)
+
+    def write_down(self, book: Book, settled: Callable[[Item], None] = lambda _: None) -> tuple[str, ...]:
+        """Write answers, then overrides into a book; `settled` hears of each item. Gives what was not needed, in words.
+
+        The probes have to be through: an override is taken only of what has not passed.
+        """
+        for name, said in self.said.items():
+            settled(book.confirm(name, said))
+        needed = {name for name in self.overrides if book.item(name).verdict in OVERRIDABLE}
+        for name, one in self.overrides.items():
+            if name in needed:
+                settled(book.override(name, one.reason, one.by))
+        spare = [name for name in self.overrides if name not in needed]
+        return tuple(f"`{name}` is {book.item(name).verdict}: its override is not needed" for name in spare)
+
+
+def _taken(
+    file: _File, checklist: Checklist, folder: Path
+) -> tuple[dict[str, Confirmation], dict[str, str], dict[str, Overriding], dict[str, str], str | None]:
+    name = file.name or ""
+    items = {entry.item.id: entry.item for entry in checklist.entries}
+    said = {
+        item: Confirmation(
+            Verdict(str(one.verdict)), one.by or name, one.note or "", tuple(folder / each for each in one.files)
+        )
+        for item, one in file.answers.items()
+        if item in items
+    }
+    agreed = {item: f"{name}: {words}" for item, words in _consented(file, items).items()}
+    overrides = {item: Overriding(one.reason, one.by or name) for item, one in file.overrides.items() if item in items}
+    leave = {item: why for item, why in file.leave.items() if item in items}
+    return said, agreed, overrides, leave, name if file.sign else None
+
+
+def _consented(file: _File, items: Mapping[str, Item]) -> dict[str, str]:
+    """Consents by item; `all` is to every active item that is neither answered nor left open."""
+    active = [name for name, item in items.items() if item.kind is Kind.ACTIVE and item.open]
+    everything = file.consents.get(ALL)
+    words = {} if everything is None else dict.fromkeys(active, everything)
+    words = {name: one for name, one in words.items() if name not in file.answers and name not in file.leave}
+    return words | {name: one for name, one in file.consents.items() if name in items}
+
+
+class _Check:
+    """What holds between the file and the list; looks at the parts that are there, whatever else is wrong."""
+
+    def __init__(self, block: Block[_File], checklist: Checklist, folder: Path) -> None:
+        self._block = block
+        self._keys = block.root.keys
+        self._items = {entry.item.id: entry.item for entry in checklist.entries}
+        self._beyond = checklist.beyond
+        self._folder = folder
+
+    def findings(self) -> Iterator[Finding]:
+        for part, fits in _FITS.items():
+            for name in self._names(part):
+                yield from self._item(part, name, fits)
+        for name in self._names("answers"):
+            yield from self._answer(name)
+        for name in self._names("overrides"):
+            yield from self._by(("overrides", name))
+        yield from self._twice("leave", ("answers", "consents", "overrides"))
+        yield from self._twice("answers", ("consents",))
+        yield from self._name()
+
+    def _names(self, part: str) -> list[str]:
+        node = self._keys.get(part)
+        return list(node.keys) if node is not None else []
+
+    def _item(self, part: str, name: str, fits: Callable[[Item], tuple[str, str] | None]) -> Iterator[Finding]:
+        if (part == "consents" and name == ALL) or name in self._beyond:
+            return
+        item = self._items.get(name)
+        if item is None:
+            hint = meant(name, self._items, none="the checklist is empty")
+            yield self._block.wrong_key((part, name), f"there is no item `{name}` in this checklist", hint)
+        elif not item.open:
+            yield self._block.wrong_key((part, name), f"`{name}` does not apply: {item.message}", "remove it")
+        elif (wrong := fits(item)) is not None:
+            yield self._block.wrong_key((part, name), *wrong)
+
+    def _answer(self, name: str) -> Iterator[Finding]:
+        path = ("answers", name)
+        keys = self._block.root.at(*path).keys
+        yield from self._by(path)
+        verdict = keys["verdict"].value if "verdict" in keys else None
+        if "note" not in keys and verdict in SAYABLE and verdict != Verdict.PASS:
+            yield self._block.wrong((*path, "verdict"), f"{verdict} needs words", "add `note:` with what was seen")
+        files = keys["files"].value if "files" in keys else None
+        for number, node in enumerate(files if isinstance(files, list) else ()):
+            wrong = wrong_with(self._folder / str(node.value)) if isinstance(node.value, str) else None
+            if wrong is not None:
+                yield self._block.wrong((*path, "files", number), *wrong)
+
+    def _by(self, path: tuple[str, str]) -> Iterator[Finding]:
+        node = self._block.root.at(*path)
+        if isinstance(node.value, dict) and "by" not in node.keys and "name" not in self._keys:
+            yield self._block.wrong_key(
+                path, f"nobody stands for `{path[1]}`", "add `by:` here, or `name:` to the file"
+            )
+
+    def _twice(self, part: str, others: tuple[str, ...]) -> Iterator[Finding]:
+        for name in self._names(part):
+            for other in others:
+                if name in self._names(other):
+                    message = f"`{name}` stands below `{other}` as well"
+                    yield self._block.wrong_key((part, name), message, "remove it here or there")
+
+    def _name(self) -> Iterator[Finding]:
+        if "name" in self._keys:
+            return
+        sign = self._keys.get("sign")
+        if sign is not None and sign.value is True:
+            yield self._block.wrong(("sign",), "nobody signs", "add `name:` to the file")
+        if self._names("consents"):
+            yield self._block.wrong_key(("consents",), "nobody consents", "add `name:` to the file")
+
+
+def _answerable(item: Item) -> tuple[str, str] | None:
+    if item.kind is Kind.AUTOMATIC:
+        return f"`{item.id}` is looked at by the tool: nobody can answer it", "remove it, or write it below `overrides`"
+    return None
+
+
+def _consentable(item: Item) -> tuple[str, str] | None:
+    if item.kind is not Kind.ACTIVE:
+        return f"`{item.id}` needs no consent", "write it below `answers`" if item.kind is Kind.PERSON else "remove it"
+    return None
+
+
+def _anything(_item: Item) -> None:
+    return None
+
+
+_FITS: Mapping[str, Callable[[Item], tuple[str, str] | None]] = {
+    "consents": _consentable,
+    "answers": _answerable,
+    "overrides": _anything,
+    "leave": _anything,
+}

@@ -1,0 +1,100 @@
+"""A file of answers is read whole or not at all, and every error of it is told with its line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from answers_cases import cases, told
+from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found
+
+from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding
+from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.report.checklist import Item
+
+WHOLE = """
+name: A. Technician
+consents:
+  sparus/usbl/ping: in the water, nobody dives near it
+answers:
+  stork/rc_rf/failsafe: {verdict: PASS, note: motors stopped after 2 s, files: [failsafe.jpg]}
+  eca-rov/usbl: {verdict: WARN, by: B. Pilot, note: fixes jump by 2 m}
+overrides:
+  sparus/wifi: {reason: tested with the cable today}
+  coastal/site/rogue-dhcp: {reason: a guest, by: B. Pilot}
+sign: true
+"""
+
+
+@pytest.mark.parametrize("case", cases(), ids=lambda path: path.stem)
+def test_what_a_person_is_told(case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert told(case, tmp_path) == case.with_suffix(".txt").read_text(encoding="utf-8")
+
+
+def _read(folder: Path, text: str, names: tuple[str, ...] = EVERY, beyond: tuple[str, ...] = ()) -> Answers:
+    (folder / "failsafe.jpg").write_bytes(b"a photo")
+    (folder / "answers.yml").write_text(text)
+    listed = checklist(names)
+    object.__setattr__(listed, "beyond", beyond)
+    return Answers.read(folder / "answers.yml", listed)
+
+
+def test_a_whole_file(tmp_path: Path) -> None:
+    answers = _read(tmp_path, WHOLE)
+    photo = (tmp_path / "failsafe.jpg",)
+    assert answers.confirmation(FAILSAFE) == Confirmation(Verdict.PASS, NAME, "motors stopped after 2 s", photo)
+    assert answers.confirmation(USBL) == Confirmation(Verdict.WARN, "B. Pilot", "fixes jump by 2 m")
+    assert answers.confirmation(WIFI) is None
+    assert answers.consents(PING) == "A. Technician: in the water, nobody dives near it"
+    assert answers.consents(USBL) is None
+    assert answers.overrides == {
+        WIFI: Overriding("tested with the cable today", NAME),
+        DHCP: Overriding("a guest", "B. Pilot"),
+    }
+    assert (answers.leave, answers.sign_by) == ({}, NAME)
+
+
+def test_it_is_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
+    answers = _read(tmp_path, WHOLE)
+    heard: list[Item] = []
+    with desk.open() as book:
+        book.settle(found(WIFI))
+        book.settle(found(DHCP, Verdict.FAIL))
+        spare = answers.write_down(book, heard.append)
+        assert book.item(DHCP).counts is Verdict.WARN
+        assert [one.item.id for one in book.entries_open()] == [PING]
+        assert len(book.files) == 1
+    assert spare == ("`sparus/wifi` is PASS: its override is not needed",)
+    assert [item.id for item in heard] == [FAILSAFE, USBL, DHCP]
+
+
+def test_consent_to_all_is_to_what_is_not_answered(tmp_path: Path) -> None:
+    assert _read(tmp_path, "name: A\nconsents: {all: in the water}").agreed == {PING: "A: in the water"}
+    skipped = "name: A\nconsents: {all: in the water}\nanswers: {sparus/usbl/ping: {verdict: SKIP, note: a diver}}"
+    assert _read(tmp_path, skipped).agreed == {}
+    assert _read(tmp_path, "name: A\nconsents: {all: wet}\nleave: {sparus/usbl/ping: a diver}").agreed == {}
+
+
+def test_the_file_of_a_whole_site_serves_for_one_vehicle(tmp_path: Path) -> None:
+    answers = _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, USBL, DHCP))
+    assert (set(answers.said), set(answers.overrides), set(answers.agreed)) == (set(), {WIFI}, {PING})
+    with pytest.raises(AnswersInvalid, match="there is no item `eca-rov/usbl` in this checklist"):
+        _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, DHCP))
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"the file of answers cannot be read: .*: No such file or directory") as error:
+        Answers.read(tmp_path / "answers.yml", checklist())
+    assert (error.value.exit, bool(error.value.hint)) == (ExitCode.USAGE, True)
+
+
+def test_a_file_that_is_no_file_of_ours(tmp_path: Path) -> None:
+    (tmp_path / "answers.yml").write_bytes(b"#" * 1_000_001)
+    with pytest.raises(UsageError, match="is larger than 1 MB"):
+        Answers.read(tmp_path / "answers.yml", checklist())
