@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.lazy import homes
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.twin.around import Around, Called, Load, Validity
     from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
     from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
     from atlantis_netcfg.twin.lte import CellSpec, ModemSpec, SimSpec
@@ -29,6 +30,8 @@ __all__ = [
     "COMMANDS",
     "NOT_REHEARSED",
     "Air",
+    "Around",
+    "Called",
     "CellSpec",
     "Counters",
     "Device",
@@ -38,6 +41,7 @@ __all__ = [
     "FaultKind",
     "Knobs",
     "Link",
+    "Load",
     "Management",
     "Mode",
     "ModemSpec",
@@ -57,12 +61,14 @@ __all__ = [
     "TwinSpec",
     "TwinsFailed",
     "User",
+    "Validity",
     "spawn",
 ]
 
 __getattr__ = homes(
     __name__,
     {
+        "around": ("Around", "Called", "Load", "Validity"),
         "control": ("COMMANDS", "TwinRefused"),
         "device": ("NOT_REHEARSED", "Device", "Service"),
         "lte": ("CellSpec", "ModemSpec", "SimSpec"),

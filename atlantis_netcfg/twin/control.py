@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.twin.around._shown import move
 from atlantis_netcfg.twin.lte._modem import refit
 from atlantis_netcfg.twin.site import describe
 from atlantis_netcfg.twin.wire.faults import Fault
@@ -79,6 +80,12 @@ async def _modem(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN
     return told
 
 
+async def _around(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by Around)
+    told = move(router.device.core, changes)
+    router.spec = router.device.spec = router.device.core.spec
+    return told
+
+
 async def _drop(router: Router) -> None:
     router.drop()
 
@@ -131,6 +138,7 @@ async def _wrapped(router: Router, interface: str) -> bool:
 
 
 COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
+    "around": _around,
     "info": _info,
     "export": _export,
     "counters": _counters,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.around._shown import connected
 from atlantis_netcfg.twin.history import History
 from atlantis_netcfg.twin.lte._state import SimState
 from atlantis_netcfg.twin.schema import Schema, features_of
@@ -167,7 +168,7 @@ class Core:
     def topology(self) -> Topology:
         """The network that the configuration amounts to now."""
         if self._topology is None or self._topology.revision != self.store.revision:
-            self._topology = Topology(self.store, self.linked, self.dead)
+            self._topology = Topology(self.store, self.linked | connected(self), self.dead)
         return self._topology
 
     def number(self) -> int:

@@ -79,8 +79,8 @@ def _bridge(topology: Topology, item: Item) -> Properties:
     return {**shown, "dynamic": "false", "running": _truth(topology.interfaces[item.id].running)}
 
 
-def _tunnel(_topology: Topology, _item: Item) -> Properties:
-    return {"running": "false", "hw-crypto": "false"}
+def _tunnel(topology: Topology, item: Item) -> Properties:
+    return {"running": _truth(topology.interfaces[item.id].running), "hw-crypto": "false"}
 
 
 def _port(topology: Topology, item: Item) -> Properties:

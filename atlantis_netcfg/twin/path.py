@@ -162,7 +162,7 @@ def answers(core: Core, target: IPv4Address, source: str | None) -> bool:
     """Tell whether an echo request of the router's reaches somebody who answers, and the answer is let in."""
     if core.topology.is_local(target):
         return True
-    return str(target) in core.spec.neighbours and heard(core, target, source)
+    return str(target) in core.spec.answering and heard(core, target, source)
 
 
 def heard(core: Core, target: IPv4Address, source: str | None) -> bool:

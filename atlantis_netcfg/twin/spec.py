@@ -13,6 +13,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from atlantis_netcfg.twin.around._spec import Around
 from atlantis_netcfg.twin.lte._spec import ModemSpec
 
 __all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"]
@@ -129,6 +130,8 @@ class RouterSpec(_Spec):
     certificates: tuple[str, ...] = ("atlantis-api",)
     neighbours: tuple[str, ...] = ()
     """Addresses that answer `/ping` when a route leads to them."""
+    around: Around = Around()
+    """What else stands around it: cards, loads on PoE, the far end of a VPN, other DHCP servers."""
     execute: Execute = Execute.OUTPUT
     disk_bytes: int = Field(default=1041235968, ge=0)
     """What its files may take together."""
@@ -141,6 +144,11 @@ class RouterSpec(_Spec):
     """
     first_contact: Management | None = None
     """A second way in, beside `management`: a laptop on a port of the factory's network."""
+
+    @property
+    def answering(self) -> tuple[str, ...]:
+        """Every address that answers pings and ARP."""
+        return tuple(dict.fromkeys((*self.neighbours, *self.around.cards)))
 
     @property
     def paths(self) -> tuple[Management, ...]:

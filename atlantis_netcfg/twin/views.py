@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.around._shown import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.twin.certificates import expires_after, known
 from atlantis_netcfg.twin.counting import ECHO_BYTES
 from atlantis_netcfg.twin.derived import dynamic_rows, properties
@@ -108,6 +110,9 @@ def _certificate(core: Core, item: Item) -> dict[str, str]:
     if pem is None:
         return {}
     found, now = known(pem), core.time()
+    name = core.store.text(core.store.table("/certificate"), item, "name") or ""
+    if (told := core.spec.around.validity.get(name)) is not None:
+        found = replace(found, not_before=told.since, not_after=told.until)
     return {
         "serial-number": found.serial,
         "fingerprint": found.fingerprint,
@@ -145,9 +150,12 @@ def _filter(core: Core, item: Item) -> dict[str, str]:
 _OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
     "/certificate": _certificate,
     "/ip/firewall/address-list": _expiring,
+    "/ip/dhcp-server/alert": alert,
+    "/ip/dhcp-server/lease": lease,
     "/ip/firewall/filter": _filter,
     "/ip/service": _service,
     "/system/clock": _clock,
+    "/system/ntp/client": ntp,
     "/system/scheduler": _schedule,
     "/tool/netwatch": _netwatch,
 }
@@ -160,7 +168,7 @@ def made_rows(core: Core, path: str) -> list[dict[str, str]]:
     lacking = _lacking(core, path)
     return [
         {name: value for name, value in row.items() if name not in lacking}
-        for row in (*dynamic_rows(core.topology, path), *made(core, path))
+        for row in (*dynamic_rows(core.topology, path), *made(core, path), *tunnel_addresses(core, path))
     ]
 
 

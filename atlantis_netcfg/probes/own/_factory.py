@@ -87,7 +87,7 @@ class _Factory:
             *(measured(f"{one}, asked by ARP", "answers") for one in answered),
             *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
         )
-        told_of = f"nobody in the LAN answers at {listed(self._addresses)}, or is called {_NAME}"
+        told_of = f"nobody in the LAN answers at {listed(self._addresses)}"
         return Judged((*wrong, *silence) or (good("nobody-on-factory-settings", told_of),), evidence)
 
     def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[Finding]:

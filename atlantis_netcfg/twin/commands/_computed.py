@@ -5,6 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.around._shown import heard_names, mac_of
 from atlantis_netcfg.twin.commands.radio import registrations
 from atlantis_netcfg.twin.derived import type_of
 from atlantis_netcfg.twin.devicemode import FEATURES, allowed
@@ -222,7 +223,7 @@ def _arp(core: Core, _call: Call) -> Rows:
     for local in core.topology.locals:
         if not local.works or local.actual is None:
             continue
-        for text in core.spec.neighbours:
+        for text in core.spec.answering:
             address = IPv4Address(text)
             if address in local.network and address != local.address.ip and core.topology.up(local.actual):
                 found.append((core.topology.name(local.actual), address))
@@ -230,7 +231,7 @@ def _arp(core: Core, _call: Call) -> Rows:
         {
             ".id": id_text(number),
             "address": str(address),
-            "mac-address": f"02:00:5E:10:{int(address) >> 8 & 255:02X}:{int(address) & 255:02X}",
+            "mac-address": mac_of(core, address),
             "interface": interface,
             "published": "false",
             "status": "reachable",
@@ -251,6 +252,7 @@ COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
     "/interface/wifi/registration-table": registrations,
     "/interface/wireless/registration-table": registrations,
     "/ip/arp": _arp,
+    "/ip/neighbor": lambda core, _call: heard_names(core),
     "/log": _log,
     "/safe-mode": _safe_mode,
     "/system/device-mode": _device_mode,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
-from atlantis_netcfg.twin.commands import certificate, files, lte, ovpn, radio, read, safe, system, write
+from atlantis_netcfg.twin.commands import certificate, files, lte, ovpn, power, radio, read, safe, system, write
 from atlantis_netcfg.twin.commands._call import unknown
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
@@ -29,6 +29,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/comment": (system.interface, "write"),
     "/interface/disable": (system.interface, "write"),
     "/interface/enable": (system.interface, "write"),
+    "/interface/ethernet/poe/monitor": (power.monitor, "read"),
     "/interface/ethernet/poe/set": (system.poe, "write"),
     "/interface/lte/monitor": (lte.monitor, "read"),
     "/interface/lte/show-capabilities": (lte.capabilities, "read"),

@@ -45,7 +45,7 @@ def ping(core: Core, call: Call) -> Result:
     source = call.arguments.get("src-address")
     if call.arguments.get("arp-ping") == "yes":
         # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
-        return Result(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.neighbours))
+        return Result(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.answering))
     reachable = answers(core, target, source)
     count_echoes(core, target, source, int(count), answered=reachable)
     return Result(rows=_echoes(str(target), int(count), reachable=reachable))
