@@ -28,7 +28,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Print what its end has printed."""
     import json
 
-    from atlantis_netcfg.cli._checking import closing, kept
+    from atlantis_netcfg.cli._checking import kept
     from atlantis_netcfg.errors import DeviceFailed
     from atlantis_netcfg.report.checklist import lines
 
@@ -40,7 +40,7 @@ def run(arguments: Arguments) -> ExitCode:
             f"the checklist {one.run} cannot be read: {one.why}", hint="look at it with `provision report verify`"
         )
     if arguments.flag("json"):
-        print(json.dumps({**closing.as_json(one.document), "errors": []}, ensure_ascii=False))
+        print(json.dumps({**kept.as_json(one.document), "errors": []}, ensure_ascii=False))
     else:
-        print("\n".join([lines(one.document), *closing.pages_in(one.folder)]))
+        print("\n".join([lines(one.document), *kept.pages_in(one.folder)]))
     return one.document.exit

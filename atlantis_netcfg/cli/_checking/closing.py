@@ -5,23 +5,23 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import NotSigned
+from atlantis_netcfg.cli._checking.kept import as_json, pages_in
 from atlantis_netcfg.cli._outcome import tell
 from atlantis_netcfg.journal import translated, write_atomically
-from atlantis_netcfg.report.checklist import lines, pages
+from atlantis_netcfg.report.checklist import lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
     from atlantis_netcfg.checklist import Answers, Book
     from atlantis_netcfg.cli._checking.desk import Desk
     from atlantis_netcfg.errors import ExitCode, NetcfgError
     from atlantis_netcfg.report.checklist import Document
 
-__all__ = ["again", "as_json", "close", "greet", "note", "pages_in", "signer"]
+__all__ = ["again", "close", "greet", "note", "signer"]
 
 
 def again() -> str:
@@ -56,11 +56,6 @@ def signer(book: Book, answers: Answers | None, typed: str | None, desk: Desk | 
     return desk.name if desk.choose("Nothing is open. Sign it as it stands?", {"yes": True, "no": False}) else None
 
 
-def as_json(document: Document) -> dict[str, Any]:
-    """The document, and how the command ends."""
-    return {**document.model_dump(mode="json"), "exit": int(document.exit)}
-
-
 def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: bool) -> ExitCode:
     """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left."""
     document, errors = _signed(book, by, leave)
@@ -79,7 +74,7 @@ def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Docum
     if by is None:
         return book.document(), []
     try:
-        return book.sign(by, lambda document: pages(document, book.files), leave=leave), []
+        return book.sign(by, lambda document: _pages(document, book), leave=leave), []
     except NotSigned as error:
         return book.document(), [error]
 
@@ -87,7 +82,7 @@ def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Docum
 def _draft(book: Book, document: Document) -> None:
     """The pages as they would be, for who wants to look before anybody signs."""
     with translated("the report", book.folder):
-        for name, data in pages(document, book.files).items():
+        for name, data in _pages(document, book).items():
             write_atomically(book.folder / name, data)
 
 
@@ -99,7 +94,7 @@ def _where(book: Book, document: Document) -> Iterator[str]:
         yield f"{what}on a terminal, `{again()}` goes on with it and lets a person sign"
 
 
-def pages_in(folder: Path) -> Iterator[str]:
-    """Where the pages of a checklist are, for people."""
-    if (folder / "report.html").exists():
-        yield f"report: {folder / 'report.html'} (report.pdf and junit.xml are beside it)"
+def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
+    from atlantis_netcfg.report.checklist import pages
+
+    return pages(document, book.files)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import paths
 from atlantis_netcfg.checklist import books
@@ -12,11 +12,13 @@ from atlantis_netcfg.journal import Store
 from atlantis_netcfg.near import nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
 
     from atlantis_netcfg.checklist import Kept
+    from atlantis_netcfg.report.checklist import Document
 
-__all__ = ["kept_of", "run_of", "sites_with", "store"]
+__all__ = ["as_json", "kept_of", "pages_in", "run_of", "sites_with", "store"]
 
 
 def store(*, rehearsed: bool) -> Store:
@@ -57,3 +59,14 @@ def _meant(word: str, known: Iterable[str], what: str) -> str:
     every = list(known)
     near = nearest(word, every)
     return f"did you mean `{near}`?" if near else f"{what}: {', '.join(every) or 'none'}"
+
+
+def as_json(document: Document) -> dict[str, Any]:
+    """The document, and how the command ends."""
+    return {**document.model_dump(mode="json"), "exit": int(document.exit)}
+
+
+def pages_in(folder: Path) -> Iterator[str]:
+    """Where the pages of a checklist are, for people."""
+    if (folder / "report.html").exists():
+        yield f"report: {folder / 'report.html'} (report.pdf and junit.xml are beside it)"

@@ -147,7 +147,12 @@ class Sitting:
         return answer
 
     def book(self) -> Book:
-        head = Head(rehearsed=True, tool="0", inventory="0" * 64, drawing=Drawing(nodes=(), links=()))
+        head = Head(
+            rehearsed=self.folder.parent.name != "real",
+            tool="0",
+            inventory="0" * 64,
+            drawing=Drawing(nodes=(), links=()),
+        )
         return Book.open(self.folder / "checks", checklist(*self.entries), head, now=lambda: NOON)
 
     def turn(self, book: Book) -> Round:
