@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes.gps.record import DAY_S
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -76,6 +77,8 @@ def _clock(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
         hint = (
             "the receiver's week number has rolled over: it needs newer firmware, its positions are right all the same"
         )
+    elif abs(ahead_s) > DAY_S:
+        hint = f"see whether a recorded log is replayed to its port; else compare {wanted.place} with a third clock"
     elif _zone(ahead_s):
         hint = "one of them runs in a time zone: receivers and computers keep UTC here"
     yield Finding(Verdict.WARN, "clock-differs", message, hint)

@@ -14,8 +14,10 @@ __all__ = ["lines"]
 
 def lines(heard: Transcript) -> Iterator[tuple[float, bytes]]:
     r"""Give whole lines without their end (`\n`, `\r\n`); what the end of the listening has cut off is left out."""
-    rest = b""
+    pieces: list[bytes] = []
     for at_s, data in heard.chunks:
-        *whole, rest = (rest + data).split(b"\n")
-        for line in whole:
-            yield at_s, line.rstrip(b"\r")
+        first, *others = data.split(b"\n")
+        pieces.append(first)
+        for other in others:
+            yield at_s, b"".join(pieces).rstrip(b"\r")
+            pieces = [other]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
@@ -61,6 +61,9 @@ class StreamGps:
         answer = heard["positions"]
         assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
         reception = (gpsd if self.wanted.driver is GpsDriver.GPSD else nmea).read(answer)
+        if answer.words and answer.trouble is None:
+            # The other end hung up in between.
+            reception = replace(reception, complaints=(*reception.complaints, answer.words))
         if answer.trouble is not None and not reception.reports:
             return Judged((troubled(answer.trouble, answer.words, self.wanted),), evidence(reception, self.wanted))
         return _judged(reception, self.wanted)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-__all__ = ["Nature", "Reception", "Report", "at_day", "median"]
+__all__ = ["DAY_S", "Nature", "Reception", "Report", "at_day", "median"]
 
 DAY_S = 86_400.0
 

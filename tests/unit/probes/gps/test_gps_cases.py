@@ -1,0 +1,167 @@
+"""Every case lists all that is said; streams are judged whole, and one byte at a time."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from gps_cases import CASES, Case
+from gps_said import WANTED, bytewise, epoch, fixes, gpsd, heard, nmea, tpv
+
+from atlantis_netcfg.probes import Listen, Place
+from atlantis_netcfg.probes.gps import StreamGps, gpsd as gpsd_reader, nmea as nmea_reader
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.probes import Judged, Transcript
+
+NAMES = [case.name for case in CASES]
+
+
+def judged(case: Case, transcript: Transcript) -> Judged:
+    return probe(case).judge({"positions": transcript})
+
+
+def probe(case: Case) -> StreamGps:
+    return StreamGps(replace(WANTED[case.driver], **case.wanted), Place.GATEWAY)
+
+
+def told(findings: tuple[Finding, ...]) -> tuple[str, ...]:
+    return tuple(f"{one.verdict} {one.code}: {one.message}" for one in findings)
+
+
+@pytest.mark.parametrize("case", CASES, ids=NAMES)
+def test_a_case_says_what_it_lists_and_nothing_else(case: Case) -> None:
+    found = judged(case, case.transcript).findings
+    assert told(found) == case.findings
+    assert all(one.hint for one in found if one.verdict is not Verdict.PASS)
+
+
+@pytest.mark.parametrize("case", CASES, ids=NAMES)
+def test_byte_by_byte_is_the_same(case: Case) -> None:
+    assert judged(case, bytewise(case.transcript)) == judged(case, case.transcript)
+
+
+@pytest.mark.parametrize("case", CASES, ids=NAMES)
+def test_in_one_piece_the_same_is_read(case: Case) -> None:
+    reader = gpsd_reader if case.driver.value == "gpsd" else nmea_reader
+    one = (case.transcript.chunks[-1][0] if case.transcript.chunks else 0.0, case.transcript.data)
+    at_once = reader.read(heard([one]))
+    apart = reader.read(case.transcript)
+    assert [replace(report, at_s=0.0) for report in at_once.reports].__repr__() == [
+        replace(report, at_s=0.0) for report in apart.reports
+    ].__repr__()
+    assert (at_once.good, at_once.bad, at_once.devices) == (apart.good, apart.bad, apart.devices)
+
+
+def test_every_code_of_a_stream_has_its_case() -> None:
+    codes = {line.split(" ")[1].rstrip(":") for case in CASES for line in case.findings}
+    assert codes == {
+        "clock-differs",
+        "damaged",
+        "device-missing",
+        "driver-not-started",
+        "few-reports",
+        "fix",
+        "fix-2d",
+        "fix-lost",
+        "fix-stale",
+        "fix-unsteady",
+        "in-use",
+        "no-answer",
+        "no-data",
+        "no-date",
+        "no-fix",
+        "no-geofence",
+        "no-route",
+        "no-time",
+        "not-allowed",
+        "not-gpsd",
+        "not-nmea",
+        "outside-geofence",
+        "place-not-reached",
+        "position-dead-reckoning",
+        "position-impossible",
+        "position-jumps",
+        "position-manual",
+        "position-null",
+        "position-simulated",
+        "position-swapped",
+        "position-uncertain",
+        "refused",
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("gpsd, not started", "option -G"),
+        ("gpsd, no receiver", "/etc/default/gpsd"),
+        ("gpsd, sign of the longitude lost", "west is negative"),
+        ("gpsd, sign of the latitude lost", "south is negative"),
+        ("gpsd, week rolled over", "week number has rolled over"),
+        ("gpsd, clock ahead by a time zone", "time zone"),
+        ("gpsd, a replayed log", "recorded log is replayed"),
+        ("gpsd, clock behind", "third clock"),
+        ("NMEA, wrong baud rate", "`baud:`"),
+    ],
+)
+def test_the_hint_names_the_cause(name: str, words: str) -> None:
+    case = next(case for case in CASES if case.name == name)
+    assert words in (judged(case, case.transcript).findings[0].hint or "")
+
+
+def test_what_was_seen_stands_beside_the_verdict() -> None:
+    case = next(case for case in CASES if case.name == "gpsd, healthy")
+    assert {one.what: one.value for one in judged(case, case.transcript).evidence} == {
+        "source": "gpsd 3.22 at 10.64.1.22:2947, /dev/ttyACM0",
+        "position": "41.68642, -8.83883",
+        "fix": "3D, 9 satellites, HDOP 0.9",
+        "age of the last position": "0.1 s",
+        "time of the receiver": "0.2 s behind the clock of coastal-gateway",
+        "reports": "5 fixes in a row at the end of 5 reports in 4 s",
+        "geofence": "41.68640, -8.83880, 1000 m around; the position is 3 m from its middle",
+    }
+
+
+def asked(case: Case) -> Listen:
+    (question,) = probe(case).asks()
+    assert isinstance(question, Listen)
+    return question
+
+
+@pytest.mark.parametrize(
+    ("chunks", "ends"),
+    [
+        (gpsd(*fixes(4)), False),
+        (gpsd(*fixes(5)), True),
+        (gpsd(*fixes(5), sky=None), True),
+        (gpsd(*[tpv(0)] * 9), False),
+        (gpsd(*[tpv(0)] * 10), True),
+        (gpsd(*fixes(5, time=None)), False),
+        (gpsd(*fixes(5, mode=1)), False),
+        (gpsd(*fixes(4), tpv(4, mode=1), tpv(5)), False),
+        (gpsd(*fixes(4), tpv(4, mode=1), *[tpv(5 + second) for second in range(5)]), True),
+        (nmea(*[epoch(second) for second in range(4)]), False),
+        (nmea(*[epoch(second) for second in range(5)]), True),
+        (nmea(*[epoch(0)] * 9), False),
+        (nmea(*[epoch(0)] * 10), True),
+    ],
+)
+def test_listening_ends_when_enough_was_heard_and_not_before(
+    chunks: tuple[tuple[float, bytes], ...], ends: bool
+) -> None:  # noqa: FBT001
+    kind = "gpsd" if b"TPV" in heard(chunks).data else "nmea_tcp"
+    question = asked(next(case for case in CASES if case.driver.value == kind))
+    assert bool(re.search(question.enough, heard(chunks).data)) is ends
+
+
+def test_a_long_stream_that_is_never_enough_is_searched_in_no_time() -> None:
+    wanted = replace(WANTED[CASES[0].driver], reports=100)
+    (question,) = StreamGps(wanted, Place.GATEWAY).asks()
+    assert isinstance(question, Listen)
+    many = gpsd(*[tpv(second % 50 * 1.0, mode=3 if second % 50 else 1) for second in range(190)])
+    assert not re.search(question.enough, heard(many).data)
