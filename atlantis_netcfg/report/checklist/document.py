@@ -186,7 +186,7 @@ class DrawnNode(_Data):
     key: str
     label: str
     kind: str
-    """router, cpe, lte_router, satellite_terminal, gateway, control_centre, vpn_server, vehicle, partner, site (another)."""
+    """router, cpe, lte_router, satellite_terminal, gateway, control_centre, vpn_server, vehicle, partner, site."""
     items: tuple[str, ...] = ()
     """Items that speak of it; the drawing shows the worst."""
     detail: str = ""
