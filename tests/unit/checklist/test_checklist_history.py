@@ -1,0 +1,112 @@
+"""What was checked before, and what is otherwise since all was green."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
+
+from atlantis_netcfg.checklist import Scope, State, books, changes, last_green
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.report.checklist import Change
+
+SPARUS = Scope(vehicles=("sparus",))
+
+
+def _told(some: tuple[Change, ...]) -> list[tuple[str, str | None, str | None, str]]:
+    return [(one.id, one.before, one.after, one.message) for one in some]
+
+
+def test_nothing_was_ever_green(desk: Desk) -> None:
+    assert (books(desk.folder), last_green(desk.folder)) == ((), None)
+    desk.signed({WIFI: Verdict.FAIL})
+    assert last_green(desk.folder) is None
+    with desk.open() as book:
+        assert book.document().since_green is None
+
+
+def test_books_newest_last(desk: Desk) -> None:
+    first = desk.signed()
+    second = desk.signed({WIFI: Verdict.FAIL})
+    with desk.open() as book:
+        assert [(one.run, one.state) for one in books(desk.folder)] == [
+            (first.name, State.SIGNED),
+            (second.name, State.SIGNED),
+            (book.run, State.OPEN),
+        ]
+    (desk.folder / "20300101T000000Z").mkdir()
+    assert len(books(desk.folder)) == 3
+
+
+def test_what_has_changed_since_the_last_green(desk: Desk) -> None:
+    green = desk.signed()
+    desk.signed({WIFI: Verdict.FAIL})
+    names = [name for name in EVERY if name != USBL]
+    with desk.open([*names, "mares/gps"]) as book:
+        book.settle(found(WIFI, Verdict.FAIL, "no association"))
+        book.override(WIFI, "on the bench", NAME)
+        answer(book, {FAILSAFE: Verdict.WARN})
+        book.settle(found(DHCP, Verdict.FAIL, "192.168.1.7 offers addresses"))
+        document = book.sign(NAME, pages)
+    since = document.since_green
+    assert since is not None
+    assert since.run == green.name
+    assert _told(since.changes) == [
+        (WIFI, "PASS", "FAIL", "no association; overridden by A. Technician: on the bench"),
+        (FAILSAFE, "PASS", "WARN", "A. Technician has seen that it works, but: seen so"),
+        (DHCP, "PASS", "FAIL", "192.168.1.7 offers addresses"),
+        ("mares/gps", None, "PASS", "new: A. Technician has seen that it is well"),
+        (USBL, "PASS", None, "is no longer checked: eca-rov/usbl is well"),
+    ]
+
+
+def test_an_override_alone_is_a_change(desk: Desk) -> None:
+    with desk.open([WIFI]) as book:
+        book.settle(found(WIFI, Verdict.FAIL))
+        book.override(WIFI, "on the bench", NAME)
+        green = book.sign(NAME, pages)
+    with desk.open([WIFI]) as book:
+        book.settle(found(WIFI, Verdict.FAIL, "no association"))
+        assert _told(changes(green, book.document())) == [(WIFI, "FAIL", "FAIL", "no association")]
+    assert changes(green, green) == ()
+
+
+def test_a_vehicle_was_green_where_another_failed(desk: Desk) -> None:
+    folder = desk.signed({USBL: Verdict.FAIL})
+    assert last_green(desk.folder) is None
+    green = last_green(desk.folder, {"vehicle": ("sparus",)})
+    assert green is not None
+    assert (green.run, [item.id for item in green.items]) == (folder.name, [WIFI, PING])
+    assert last_green(desk.folder, {"vehicle": ("eca-rov",)}) is None
+    with desk.open([WIFI, PING], scope=SPARUS) as book:
+        since = book.document().since_green
+        assert since is not None
+        assert _told(since.changes) == [
+            (WIFI, "PASS", "INCONCLUSIVE", "waits"),
+            (PING, "PASS", "INCONCLUSIVE", "waits"),
+        ]
+
+
+def test_a_narrow_green_says_nothing_of_the_whole(desk: Desk) -> None:
+    desk.signed(names=[WIFI, PING], scope=SPARUS)
+    assert last_green(desk.folder) is None
+    assert last_green(desk.folder, {"vehicle": ("sparus", "mares")}) is None
+    assert last_green(desk.folder, {"vehicle": ("sparus",), "endpoint": ("wifi",)}) is not None
+
+
+def test_a_green_one_that_was_changed_does_not_count(desk: Desk) -> None:
+    older = desk.signed()
+    newer = desk.signed()
+    report = newer / "report.json"
+    report.write_bytes(report.read_bytes().replace(b'"PASS"', b'"WARN"', 1))
+    green = last_green(desk.folder)
+    assert green is not None
+    assert green.run == older.name
+    assert [(one.state, one.why) for one in books(desk.folder)] == [
+        (State.SIGNED, ""),
+        (State.DAMAGED, "was changed after it was signed"),
+    ]
+    report.write_bytes(b"{}")
+    assert books(desk.folder)[1].state is State.DAMAGED

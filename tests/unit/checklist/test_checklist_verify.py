@@ -1,0 +1,249 @@
+"""Whatever of a signed checklist is changed afterwards, it is found, and the file is named."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
+
+from atlantis_netcfg.checklist import Confirmation, KeyDamaged, verify, verify_report
+from atlantis_netcfg.checklist._canonical import canonical, parsed, written
+from atlantis_netcfg.checklist._key import Key
+from atlantis_netcfg.checklist._signing import digest, sealed
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+@pytest.fixture
+def signed(desk: Desk, tmp_path: Path) -> Path:
+    """A small signed checklist with everything in it: evidence, a result that was replaced, an override."""
+    photo = tmp_path / "photo.jpg"
+    photo.write_bytes(bytes(range(64)))
+    with desk.open([WIFI, FAILSAFE]) as book:
+        book.settle(found(WIFI, Verdict.FAIL))
+        book.confirm(FAILSAFE, Confirmation(Verdict.PASS, "Ä. Technician", files=(photo,)))
+        book.settle(found(WIFI, Verdict.INCONCLUSIVE))
+        book.override(WIFI, "known", NAME)
+        book.sign(NAME, pages)
+        return book.folder
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def test_it_is_as_it_was_signed(signed: Path) -> None:
+    assert verify(signed) == ()
+    assert len(_files(signed)) == 6
+
+
+def _flips(signed: Path, step: int) -> None:
+    for number, path in enumerate(_files(signed)):
+        name = path.relative_to(signed).as_posix()
+        whole = path.read_bytes()
+        for place in range(number % step, len(whole), step):
+            for bit in (0x01, 0x20):
+                path.write_bytes(whole[:place] + bytes([whole[place] ^ bit]) + whole[place + 1 :])
+                troubles = verify(signed)
+                assert name in {one.file for one in troubles}, f"{name}: byte {place}"
+                assert all(one.what and one.hint for one in troubles)
+        path.write_bytes(whole)
+    assert verify(signed) == ()
+
+
+def test_every_flipped_byte_is_found(signed: Path) -> None:
+    _flips(signed, 53)  # the campaign flips every one
+
+
+@pytest.mark.campaign
+def test_every_single_flipped_byte_is_found(signed: Path) -> None:
+    _flips(signed, 1)
+
+
+@pytest.mark.parametrize("change", [b"", b"\n", b" "], ids=["cut", "line", "blank"])
+def test_a_file_that_is_longer_or_shorter(signed: Path, change: bytes) -> None:
+    for path in _files(signed):
+        whole = path.read_bytes()
+        path.write_bytes(whole + change if change else whole[:-1])
+        assert path.relative_to(signed).as_posix() in {one.file for one in verify(signed)}
+        path.write_bytes(whole)
+
+
+def test_a_file_that_is_missing(signed: Path) -> None:
+    for path in _files(signed):
+        whole = path.read_bytes()
+        path.unlink()
+        assert any(one.file == path.relative_to(signed).as_posix() for one in verify(signed)), path
+        path.write_bytes(whole)
+
+
+@pytest.mark.parametrize("name", ["files/photo.jpg", "more.html", ".hidden", "other/x", "empty/"])
+def test_what_was_added(signed: Path, name: str) -> None:
+    path = signed / name.rstrip("/")
+    if name.endswith("/"):
+        path.mkdir()
+    else:
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    (trouble,) = verify(signed)
+    assert (trouble.file, trouble.what) == (name.rstrip("/"), "was added after the checklist was signed")
+
+
+def test_a_link_in_a_files_place(signed: Path, tmp_path: Path) -> None:
+    shutil.copy(signed / "report.html", tmp_path / "report.html")
+    (signed / "report.html").unlink()
+    (signed / "report.html").symlink_to(tmp_path / "report.html")
+    assert [one.file for one in verify(signed)] == ["report.html"]
+
+
+def _edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    data = parsed(path.read_bytes())
+    change(data)
+    path.write_bytes(written(data))
+
+
+def _whats(signed: Path, name: str) -> list[str]:
+    return [one.what for one in verify(signed) if one.file == name]
+
+
+def test_a_verdict_that_was_polished(signed: Path) -> None:
+    def polish(report: dict[str, Any]) -> None:
+        report["items"][0]["verdict"] = "PASS"
+
+    _edit(signed / "report.json", polish)
+    assert _whats(signed, "report.json") == [
+        "was changed after the checklist was signed",
+        "was changed after it was signed",
+        "tells other results than the records of the checklist",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("by", "Somebody Else"), ("at", "2026-11-23T10:00:00Z"), ("key", "SHA256:x")]
+)
+def test_a_signature_with_another_name_time_or_key(signed: Path, field: str, value: str) -> None:
+    def change(report: dict[str, Any]) -> None:
+        report["signed"][field] = value
+
+    _edit(signed / "report.json", change)
+    assert "the signature does not fit what stands there" in _whats(signed, "report.json")
+
+
+def test_a_signature_that_was_taken_away(signed: Path) -> None:
+    _edit(signed / "report.json", lambda report: report.update(signed=None))
+    assert "is not signed" in _whats(signed, "report.json")
+
+
+def _forge(signed: Path, key: Key) -> None:
+    """Polish everything, and sign it anew with another key, as one would who has the tool but not the key."""
+    report = parsed((signed / "report.json").read_bytes())
+    report["items"][0]["verdict"] = "PASS"
+    block = report["signed"] | {"digest": digest(report), "key": key.fingerprint, "public": key.public}
+    report["signed"] = sealed(block, key)
+    (signed / "report.json").write_bytes(written(report))
+    manifest = parsed((signed / "manifest.json").read_bytes())
+    data = (signed / "report.json").read_bytes()
+    manifest["files"]["report.json"] = {"sha256": sha256(data).hexdigest(), "bytes": len(data)}
+    (signed / "manifest.json").write_bytes(written(sealed(manifest, key)))
+
+
+def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
+    key = Key.made(tmp_path / "other.key")
+    _forge(signed, key)
+    unknown = f"this computer does not know the key {key.fingerprint} that has signed it"
+    assert _whats(signed, "report.json") == [unknown, "tells other results than the records of the checklist"]
+    assert _whats(signed, "manifest.json") == [unknown]
+
+
+def test_another_computers_checklist(signed: Path, desk: Desk, tmp_path: Path) -> None:
+    copy = shutil.copytree(signed, tmp_path / "copy")
+    here = tmp_path / "here.key"
+    whose = Key.made(desk.key).fingerprint
+    for key in (None, Key.made(here)):
+        assert [one.what for one in verify(copy, key=here if key else tmp_path / "none.key")] == [
+            f"this computer does not know the key {whose} that has signed it"
+        ] * 2
+    assert verify(copy, key=here, known=[whose]) == ()
+    assert verify(copy, key=desk.key) == ()
+
+
+def test_a_book_that_was_never_signed(desk: Desk) -> None:
+    with desk.open() as book:
+        answer(book)
+    (trouble,) = verify(book.folder)
+    assert (trouble.file, trouble.what) == ("manifest.json", "is missing: nobody vouches for what is here")
+
+
+def test_a_report_alone(signed: Path, desk: Desk, tmp_path: Path) -> None:
+    data = (signed / "report.json").read_bytes()
+    assert verify_report(data, key=desk.key) == ()
+    (stranger,) = verify_report(data, key=tmp_path / "none.key")
+    assert stranger.what.startswith("this computer does not know the key SHA256:")
+    assert "by telephone or on paper" in stranger.hint
+    for place in range(0, len(data), 35):
+        changed = data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+        assert verify_report(changed, key=desk.key), place
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"{}", b"[]", b"null", b"\xff", b"{" * 100_000, b'{"signed": 7}', b'{"a": NaN}'],
+    ids=["nothing", "no keys", "list", "null", "no text", "deep", "shape", "nan"],
+)
+def test_what_is_no_report(desk: Desk, data: bytes) -> None:
+    (trouble,) = verify_report(data, key=desk.key)
+    assert trouble.what == "is no report of a checklist, or is damaged"
+
+
+def test_a_report_written_otherwise(signed: Path, desk: Desk) -> None:
+    data = parsed((signed / "report.json").read_bytes())
+    (trouble,) = verify_report(json.dumps(data).encode(), key=desk.key)
+    assert trouble.what == "says what was signed, but not byte for byte as it was written"
+    twice = (signed / "report.json").read_bytes().replace(b'"site":', b'"run": "other",\n "site":', 1)
+    (trouble,) = verify_report(twice, key=desk.key)
+    assert trouble.what == "is no report of a checklist, or is damaged"
+
+
+def test_a_manifest_of_another_shape(signed: Path) -> None:
+    whole = (signed / "manifest.json").read_bytes()
+    for data in (b"[]", b'{"files": []}', b'{"files": {"x": 1}}', whole.replace(b"\n", b"\r\n")):
+        (signed / "manifest.json").write_bytes(data)
+        assert [one.what for one in verify(signed)] == ["is damaged"]
+
+
+def test_the_key_is_made_once_and_private(desk: Desk) -> None:
+    desk.signed(names=[WIFI])
+    first = desk.key.read_bytes()
+    assert desk.key.stat().st_mode & 0o777 == 0o600
+    desk.signed(names=[DHCP])
+    assert desk.key.read_bytes() == first
+    assert [path.name for path in desk.state.iterdir() if path.is_file()] == ["checklist.key"]
+
+
+def test_a_key_that_others_can_read(signed: Path, desk: Desk) -> None:
+    desk.key.chmod(0o644)
+    with pytest.raises(KeyDamaged, match="other users of this computer can read the key") as error:
+        verify(signed)
+    assert (error.value.hint or "").startswith("chmod 600 ")
+
+
+def test_a_key_that_is_none(desk: Desk) -> None:
+    desk.key.parent.mkdir(parents=True)
+    desk.key.write_bytes(b"no key")
+    desk.key.chmod(0o600)
+    with desk.open([WIFI]) as book:
+        answer(book)
+        with pytest.raises(KeyDamaged, match="the key for signing cannot be read"):
+            book.sign(NAME, pages)
+        assert not (book.folder / "manifest.json").exists()
+
+
+def test_the_canonical_form_is_one() -> None:
+    assert canonical({"b": [1, 1.5, None], "a": "ä"}) == '{"a":"ä","b":[1,1.5,null]}'.encode()
