@@ -12,13 +12,16 @@ from atlantis_netcfg.report.checklist import Kind
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from atlantis_netcfg.bearers.query import Query
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.probes import Cell, Question
 
-__all__ = ["READING", "unfit"]
+__all__ = ["PINGS", "READING", "unfit"]
 
 READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})
 """Commands of RouterOS' API that change nothing; `monitor` is asked once."""
+PINGS: Final = frozenset({"/ping", "/tool/ping"})
+"""These as well, if they say how often."""
 _LONGEST_S: Final = 900.0
 
 
@@ -34,13 +37,20 @@ def unfit(entry: Entry, questions: Sequence[Question]) -> str | None:
 def _unfit(entry: Entry, question: Question) -> str | None:
     if isinstance(question, Run) and not allowed(question.argv):
         return f"`{' '.join(question.argv)}` is not on the list of reading programs"
-    if isinstance(question, Ask) and question.query.command not in READING:
+    if isinstance(question, Ask) and not _reads(question.query):
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
         return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is Kind.ACTIVE)
     if isinstance(question, Probing) and question.within_s > _LONGEST_S:
         return "it would take too long"
     return None
+
+
+def _reads(query: Query) -> bool:
+    given = dict(query.arguments)
+    if query.path in PINGS:
+        return given.get("count", "").isdecimal()
+    return query.command in READING and (query.command != "monitor" or "once" in given)
 
 
 def _elsewhere(cell: Cell, listen: Listen) -> str | None:

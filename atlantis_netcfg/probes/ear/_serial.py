@@ -66,9 +66,12 @@ def _opened(path: str) -> int:
         fcntl.flock(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.ioctl(port, termios.TIOCEXCL)
         _refuse_held(path, there)  # whoever came in meanwhile was first
+    except BlockingIOError:
+        os.close(port)
+        raise NoAnswer("busy", f"{path} is locked by another program") from None
     except (NoAnswer, OSError) as error:
         os.close(port)
-        raise error if isinstance(error, NoAnswer) else NoAnswer("busy", f"{path} is locked: {error}") from None
+        raise error if isinstance(error, NoAnswer) else no_answer(error, path) from None
     return port
 
 

@@ -22,6 +22,7 @@ _BY_NUMBER = {
     errno.ENODEV: "missing",
     errno.ENXIO: "missing",
     errno.ENOTTY: "missing",
+    errno.ENOEXEC: "missing",
     errno.EACCES: "denied",
     errno.EPERM: "denied",
 }

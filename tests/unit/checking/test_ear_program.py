@@ -1,0 +1,184 @@
+"""The program as a whole: Python 3.8 alone, small, and no question takes another one with it."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
+
+from atlantis_netcfg.probes import Ask, Look, Place, Probing, Ran, Run, Say, Transcript, Trouble
+from atlantis_netcfg.probes.ear import BOOT, _ear, batch, heard, program
+from atlantis_netcfg.probes.ear._program import MODULES, _sources
+
+if TYPE_CHECKING:
+    import socket
+
+MOST = 8_000
+"""Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
+
+
+def run(*argv: str, name: str = "it", within_s: float = ENOUGH_S) -> Run:
+    return Run(name, Place.LAPTOP, argv, within_s)
+
+
+@pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)
+def test_it_is_python_3_8_and_the_standard_library(name: str, text: str) -> None:
+    tree = ast.parse(text, feature_version=(3, 8))
+    compile(text, name, "exec")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            assert {alias.name.partition(".")[0] for alias in node.names} <= sys.stdlib_module_names
+        if isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            earlier = {other for other, _ in _sources()[: [one for one, _ in _sources()].index(name)]}
+            assert module in earlier or module.partition(".")[0] in sys.stdlib_module_names, module
+
+
+@pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)
+def test_what_travels_does_the_same_as_the_source(name: str, text: str) -> None:
+    path = Path(_ear.__file__).with_name(f"{name.rpartition('.')[2]}.py")
+    ours, theirs = (ast.parse(source) for source in (path.read_text(), text))
+    for tree in (ours, theirs):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+                node.value.value = ""
+    assert ast.dump(ours) == ast.dump(theirs)
+
+
+def test_it_is_small() -> None:
+    assert len(program({"queues": [], "deadline_s": 0})) < MOST
+
+
+def test_every_kind_of_question_by_the_program() -> None:
+    def serve(client: socket.socket) -> None:
+        client.recv(100)
+        client.sendall(b"\x00\xffanswer\r\n")
+        until_gone(client)
+
+    with served(serve) as port:
+        told = asked_apart(
+            listen(port, name="tcp", say=(Say(b"?\n", rb"\n", ENOUGH_S),)),
+            run("env", name="run"),
+            run("no-such-program", name="missing"),
+            Probing("dhcp", Place.LAPTOP, "no-such-interface"),
+        )
+    assert told.keys() == {"tcp", "run", "missing", "dhcp"}
+    tcp, ran = told["tcp"], told["run"]
+    assert isinstance(tcp, Transcript)
+    assert tcp.data == b"\x00\xffanswer\r\n"
+    assert isinstance(ran, Ran)
+    assert dict(line.split("=", 1) for line in ran.out.splitlines()).keys() == {"PATH", "LC_ALL"}
+    assert (ran.asked, ran.heard) == (1.0, 2.0)
+    assert (told["dhcp"].trouble, told["dhcp"].words) == (
+        Trouble.MISSING,
+        "this computer has no interface no-such-interface",
+    )
+    assert (told["missing"].trouble, told["missing"].words) == (
+        Trouble.MISSING,
+        "no-such-program: No such file or directory",
+    )
+
+
+def test_what_a_program_prints_and_how_it_ends() -> None:
+    told = asked(run("sh", "-c", "echo out; echo err >&2; exit 3"))["it"]
+    assert isinstance(told, Ran)
+    assert (told.trouble, told.rc, told.out, told.err) == (None, 3, "out\n", "err\n")
+
+
+def test_a_program_that_may_not_run(tmp_path: Path) -> None:
+    program = tmp_path / "program"
+    program.touch(mode=0o600)
+    told = asked(run(str(program)))["it"]
+    assert (told.trouble, told.words) == (Trouble.DENIED, f"{program}: Permission denied")
+    program.chmod(0o700)
+    program.write_text("no program")
+    assert asked(run(str(program)))["it"].trouble is Trouble.MISSING
+
+
+def test_a_program_that_hangs_is_ended_with_all_that_it_has_started(tmp_path: Path) -> None:
+    child = tmp_path / "child"
+    told = asked(run("sh", "-c", f"echo so far; sleep 600 & echo $! >{child}; wait", within_s=0.3))["it"]
+    assert isinstance(told, Ran)
+    assert (told.trouble, told.out) == (Trouble.SILENT, "so far\n")
+    assert told.words == "sh did not end within 0.3 s"
+    assert ended(int(child.read_text()))
+
+
+def ended(pid: int) -> bool:
+    """Whether a process has ended: a zombie has, even if nobody has asked for it."""
+    try:
+        return ") Z " in Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return True
+
+
+def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash(_asked: dict[str, Any]) -> dict[str, Any]:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setitem(_ear._OTHERS, "dhcp", crash)
+
+    def serve(client: socket.socket) -> None:
+        client.sendall(b"something")
+        over.wait()
+
+    over = threading.Event()
+    crashes = Probing("crashes", Place.LAPTOP, "eth0")
+    with served(serve) as port:
+        hangs, waits = (listen(port, name=name, listen_s=ENOUGH_S) for name in ("hangs", "waits"))
+        made = batch([("hangs", hangs), ("waits", waits), ("runs", run("true", name="runs")), ("crashes", crashes)])
+        told: dict[str, Any] = {}
+        _ear.answer_all({**made.asked, "deadline_s": 0.3}, lambda key, said: told.update({key: said}))
+        over.set()
+    assert told.keys() == {"hangs", "waits", "runs", "crashes"}
+    with pytest.raises(RuntimeError, match="the program that listens failed: ZeroDivisionError: division by zero"):
+        heard(told["crashes"], crashes, 0, 0)
+    assert told["runs"]["rc"] == 0
+    so_far = heard(told["hangs"], hangs, 0, 0)
+    assert isinstance(so_far, Transcript)
+    assert (so_far.trouble, so_far.words, so_far.data) == (Trouble.SILENT, "it was not over in time", b"something")
+    assert told["waits"] == {"trouble": "silent", "words": "it was not over in time"}
+
+
+def test_nobody_reads_it_any_more() -> None:
+    feed = program(batch([("a", run("true", name="a")), ("b", run("sleep", "600", name="b", within_s=600))]).asked)
+    reading, writing = os.pipe()
+    os.close(reading)
+    with subprocess.Popen([sys.executable, "-I", "-c", BOOT], stdin=subprocess.PIPE, stdout=writing) as process:
+        os.close(writing)
+        process.communicate(feed)
+    assert process.returncode == 1
+
+
+def test_the_deadline_is_that_of_the_longest_queue() -> None:
+    short, long = run("true", name="a", within_s=2), listen(1, name="b", connect_s=1, listen_s=5)
+    again = listen(1, name="c", connect_s=1, say=(Say(b"?", b".", 3),))
+    assert batch([("a", short), ("b", long)]).within_s == 7
+    assert batch([("a", short), ("b", long), ("c", again)]).within_s == 12
+    assert batch([]).within_s == 0
+
+
+def test_two_queues_with_a_common_member_are_one() -> None:
+    a, b = listen(1, name="a", turn="water"), listen(2, name="b")
+    c = listen(2, name="c", turn="water")
+    queues = batch([("a", a), ("b", b), ("r", run("true")), ("c", c)]).asked["queues"]
+    assert sorted([row["key"] for row in queue] for queue in queues) == [["a", "b", "c"], ["r"]]
+
+
+@pytest.mark.parametrize("question", [Look("l", "satellite"), Ask("a", "router", None)])  # type: ignore[arg-type]
+def test_a_question_of_another_place_is_no_question_of_the_program(question: Look | Ask) -> None:
+    with pytest.raises(ValueError, match="is no question of the program that listens"):
+        batch([("it", question)])
+
+
+def test_questions_are_json() -> None:
+    made = batch([("it", listen(9200, say=(Say(b"+++AT?S\n\xff", rb"\r\n\xfe"),), enough=rb"\x00"))])
+    assert json.loads(json.dumps(made.asked)) == made.asked
