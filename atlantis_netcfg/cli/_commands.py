@@ -91,7 +91,7 @@ def _default(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[
 def _no_such_command(words: Sequence[str], table: Mapping[str, str]) -> UsageError:
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
     near = nearest(" ".join(words[:2]), longer) or nearest(words[0], table)
-    if longer and near not in longer:
+    if longer and (near not in longer or len(words) == 1):
         hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
     elif near is not None:
         hint = f"did you mean `provision {near}`?"

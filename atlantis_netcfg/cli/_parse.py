@@ -97,8 +97,10 @@ class _Reader:
         near = nearest(name, [word.name for word in self.command.words])
         if near is not None:
             self._misspelt.add(near)
+        flag = self.command.flag(name)
+        meant = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
         message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
-        self._error(message, _meant(near and f"{near}={value}", self._see_help()))
+        self._error(message, _meant(meant, self._see_help()))
 
     def _read_flag(self, argument: str, rest: list[str]) -> None:
         name, given, value = argument.lstrip("-").partition("=")

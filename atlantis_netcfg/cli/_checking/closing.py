@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import NotSigned
+from atlantis_netcfg.cli._checking.desk import Later
 from atlantis_netcfg.cli._checking.kept import as_json, pages_in
 from atlantis_netcfg.cli._outcome import tell
 from atlantis_netcfg.journal import translated, write_atomically
@@ -52,12 +53,18 @@ def signer(book: Book, answers: Answers | None, typed: str | None, desk: Desk | 
         return answers.sign_by
     if desk is None or any(item.open and item.override is None for item in book.items):
         return None
-    desk.say(f"\n{lines(book.document())}")
-    return desk.name if desk.choose("Nothing is open. Sign it as it stands?", {"yes": True, "no": False}) else None
+    desk.say(f"\n{lines(book.document())}\n")
+    try:
+        return desk.name if desk.agrees("Nothing is open. Sign it as it stands?") else None
+    except Later:
+        return None
 
 
-def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: bool) -> ExitCode:
-    """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left."""
+def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: bool, read: bool = False) -> ExitCode:
+    """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left.
+
+    `read`: whoever is here has just read the lines, so that their end is enough.
+    """
     document, errors = _signed(book, by, leave)
     if document.signed is None:
         _draft(book, document)
@@ -65,7 +72,8 @@ def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: b
         told = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json.dumps({**as_json(document), "errors": told}, ensure_ascii=False))
     else:
-        print("\n".join([lines(document), *_where(book, document)]))
+        told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
+        print("\n".join([told_again, *_where(book, document)]))
         tell(errors)
     return document.exit
 

@@ -109,7 +109,8 @@ def _sit(opened: Session, prepared: Prepared, desk: Desk | None) -> ExitCode:
         _look(opened, prepared, book, desk)
         by = closing.signer(book, prepared.answers, opened.arguments.value("sign-as"), desk)
         leave = prepared.answers.leave if prepared.answers is not None else {}
-        return closing.close(book, by, leave, as_program=opened.as_json)
+        read = desk is not None and by is not None and not opened.arguments.value("sign-as")
+        return closing.close(book, by, leave, as_program=opened.as_json, read=read)
 
 
 def _look(opened: Session, prepared: Prepared, book: Book, desk: Desk | None) -> None:

@@ -1,0 +1,26 @@
+"""`provision check` and `provision report …` with words that cannot be right: golden/check.txt reads like a console."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from atlantis_netcfg.cli import main
+
+GOLDEN = Path(__file__).with_name("golden") / "check.txt"
+CASES = [block.partition("\n")[::2] for block in GOLDEN.read_text(encoding="utf-8").strip().split("\n\n")]
+
+
+@pytest.mark.parametrize(("line", "said"), CASES, ids=[line for line, _ in CASES])
+def test_what_is_said_about_a_mistake(
+    line: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    code = main(shlex.split(line.removeprefix("$ provision ")))
+    printed = capsys.readouterr()
+    assert f"{printed.err.strip()}\nexit {code}" == said.strip()
+    assert printed.out == ""
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

@@ -1,0 +1,212 @@
+"""`provision check` from its words to its end, with devices of which none answers."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from check_desk import pilot
+
+from atlantis_netcfg.cli import _session, main
+from atlantis_netcfg.cli._checking import sitting
+from atlantis_netcfg.cli._checking.desk import Desk
+from atlantis_netcfg.cli._checking.listening import Listening
+from atlantis_netcfg.cli._checking.sitting import Stopped, sit
+from atlantis_netcfg.cli._parse import parse
+from atlantis_netcfg.cli.check import COMMAND
+from atlantis_netcfg.operations.checking._unanswered import unanswered
+from atlantis_netcfg.report import checklist as report
+from atlantis_netcfg.report.checklist import Document
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.operations.checking import Heard
+    from atlantis_netcfg.probes import Answer, Place, Question
+
+ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")
+"""One thing that a program looks at, and one that a person does."""
+ANSWERS = """\
+name: A. Technician
+answers:
+  eca-rov/usbl: {verdict: PASS, note: heard at 40 m}
+overrides:
+  eca-rov/ethernet: {reason: its cable is aboard}
+sign: true
+"""
+
+
+class NobodyThere:
+    """Of no place is anything known."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    async def ask(
+        self,
+        place: Place,  # noqa: ARG002 - of the protocol
+        host: str | None,  # noqa: ARG002 - of the protocol
+        questions: Sequence[tuple[str, Question]],
+        heard: Heard,  # noqa: ARG002 - of the protocol
+    ) -> Mapping[str, Answer]:
+        self.asked += [key for key, _ in questions]
+        return {key: unanswered(question, "nobody is there") for key, question in questions}
+
+
+class Twins:
+    """Stand in for a rehearsal's."""
+
+    not_rehearsed = ("everything",)
+    targets: Mapping[str, Any] = {}
+
+
+@pytest.fixture
+def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
+    """A rehearsal that starts nothing, and pages that nobody has to draw."""
+
+    @contextmanager
+    def nothing(*_: object) -> Iterator[Twins]:
+        yield Twins()
+
+    @contextmanager
+    def nobody(*_: object) -> Iterator[Listening]:
+        yield Listening(there, there)
+
+    there = NobodyThere()
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", nothing)
+    monkeypatch.setattr(_session, "load", lambda *_, **__: pilot())
+    monkeypatch.setattr(sitting, "listening", nobody)
+    monkeypatch.setattr(report, "pages", lambda _document, _files: {"report.html": b"<p>page</p>"}, raising=False)
+    return there
+
+
+def told(capsys: pytest.CaptureFixture[str], *typed: str, code: int) -> dict[str, Any]:
+    assert main(["check", *typed, "--json"]) == code
+    said = capsys.readouterr()
+    assert said.err == ""
+    found: dict[str, Any] = json.loads(said.out)
+    assert found["exit"] == code
+    return found
+
+
+def at_desk(*typed: str, words: Sequence[str] = ROV) -> tuple[int, str]:
+    """Exit code, and what was said; what is typed last may be Ctrl+C."""
+    rest, said = list(typed), list[str]()
+
+    def ask(question: str) -> str:
+        said.append(question)
+        answer = rest.pop(0)
+        if answer == "^C":
+            raise KeyboardInterrupt
+        return answer
+
+    code = sit(parse(COMMAND, words), Desk(ask, said.append))
+    assert rest == []
+    return int(code), "\n".join(said)
+
+
+def test_as_json_nobody_is_asked(ears: NobodyThere, capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(capsys, *ROV, code=6)
+    assert found["signed"] is None
+    assert found["errors"] == []
+    assert found["scope"] == {"vehicle": ["eca-rov"]}
+    assert {key for key in ears.asked if not key.startswith("eca-rov/ethernet#")} == set()
+    rows = {row["id"]: row for row in found["items"]}
+    assert rows["eca-rov/usbl"]["open"]
+    assert not rows["eca-rov/ethernet"]["open"]
+    assert rows["eca-rov/ethernet"]["verdict"] == "INCONCLUSIVE"
+    wanted = {"id", "vehicle", "location", "endpoint", "table3", "kind", "verdict", "message", "evidence"}
+    assert all(wanted <= row.keys() for row in rows.values())
+    kept = {name: value for name, value in found.items() if name not in {"exit", "errors"}}
+    assert Document.model_validate_json(json.dumps(kept)).exit == 6
+
+
+@pytest.mark.usefixtures("ears")
+def test_without_a_terminal_people_are_told_how_to_go_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("sys.argv", ["provision", "check", *ROV, "--anew"])
+    assert main(["check", *ROV]) == 6
+    said = capsys.readouterr()
+    assert "eca-rov/ethernet" in said.err
+    (folder,) = (tmp_path / "state" / "rehearsal" / "coastal" / "checks").glob("2*")
+    assert said.out.splitlines()[-2:] == [
+        f"report: {folder}/report.html (report.pdf and junit.xml are beside it)",
+        f"1 items are open; on a terminal, `provision check {' '.join(ROV)}` goes on with it and lets a person sign",
+    ]
+    assert (folder / "report.html").read_bytes() == b"<p>page</p>"
+
+
+@pytest.mark.usefixtures("ears")
+def test_a_file_of_answers_ends_with_a_signature(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "answers.yml").write_text(ANSWERS)
+    found = told(capsys, *ROV, "--answers", "answers.yml", code=0)
+    assert found["signed"]["by"] == "A. Technician"
+    assert main(["report", "verify", "site=coastal"]) == 0
+    (report_file,) = (tmp_path / "state").rglob("report.json")
+    report_file.write_bytes(report_file.read_bytes().replace(b"40 m", b"400 m"))
+    assert main(["report", "verify", "site=coastal"]) == 6
+    assert "report.json: was changed after" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("ears")
+def test_an_answer_that_fits_nothing_starts_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "answers.yml").write_text(ANSWERS.replace("eca-rov/usbl", "eca-rov/usb"))
+    assert main(["check", *ROV, "--answers", "answers.yml"]) == 3
+    assert "answers.yml:3:3: there is no item `eca-rov/usb` in this checklist" in capsys.readouterr().err
+    assert not list((tmp_path / "state").rglob("records.jsonl"))
+
+
+@pytest.mark.usefixtures("ears")
+def test_nobody_signs_while_something_is_open(capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(capsys, *ROV, "--sign-as", "A. Technician", code=6)
+    assert found["signed"] is None
+    assert [error["message"] for error in found["errors"]] == ["1 of 2 items are open: eca-rov/usbl"]
+
+
+@pytest.mark.usefixtures("ears")
+def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = at_desk("override", "spare cable", "N", "yes", "heard", "", "yes")
+    assert code == 0
+    assert "0 of 2 items are settled, 2 are open." in said
+    assert "Nothing is open. Sign it as it stands? Type yes, or anything else for no: " in said
+    assert "Signed by N" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("ears")
+def test_later_and_again(capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = at_desk("override", "spare cable", "N", "later")
+    assert (code, said.endswith("left for later")) == (6, True)
+    assert "NOT SIGNED" in capsys.readouterr().out
+    code, said = at_desk("yes", "", "N", "", "no")
+    assert "1 of 2 items are settled, 1 are open." in said
+    assert code == 0, "all is green, and nobody has signed"
+    code, said = at_desk("later", words=[*ROV, "--anew"])
+    assert (code, "0 of 2 items are settled, 2 are open." in said) == (6, True)
+
+
+@pytest.mark.usefixtures("ears")
+def test_later_at_the_signature_is_no(capsys: pytest.CaptureFixture[str]) -> None:
+    assert at_desk("override", "spare cable", "N", "yes", "", "", "later")[0] == 0
+    assert "NOT SIGNED" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("ears")
+@pytest.mark.parametrize("kept", range(7))
+def test_after_ctrl_c_it_goes_on(kept: int) -> None:
+    typed = ["override", "spare cable", "N", "yes", "heard", "", "yes"]
+    with pytest.raises(Stopped) as stopped:
+        at_desk(*typed[:kept], "^C")
+    assert (stopped.value.exit, str(stopped.value)) == (
+        4,
+        "stopped by Ctrl-C; what was found and answered until then is kept",
+    )
+    rest = ["yes", "N"] if kept == 6 else ["yes", "heard", "N", "", "yes"] if kept > 2 else typed
+    code, said = at_desk(*rest)
+    assert code == 0
+    assert " is gone on with\n" in said
