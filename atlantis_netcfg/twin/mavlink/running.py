@@ -1,0 +1,99 @@
+"""The emulated autopilot in a thread."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import threading
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.twin.mavlink.rounds import Rounds
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from atlantis_netcfg.twin.mavlink.spec import AutopilotSpec
+
+__all__ = ["RunningAutopilot"]
+
+_LONGEST = 65535
+
+
+class RunningAutopilot:
+    """Sends to `host` and `port` while the context lasts, whether anybody listens there or not.
+
+    Port 0: one that is free when the context begins. It is not held, for whoever listens needs it.
+    """
+
+    host = "127.0.0.1"
+
+    def __init__(self, spec: AutopilotSpec, port: int = 0) -> None:
+        self.spec = spec
+        self.port = port
+        self.forbidden: list[bytes] = []
+        """Datagrams that somebody has sent to it."""
+        self._rounds = Rounds(spec)
+        self._rest = b""
+        self._thread = threading.Thread(target=self._run, name="twin of an autopilot", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.port = self.port or _free_port(self.host)
+        self._stop, self._stopper = os.pipe()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((self.host, 0))
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._stopper)
+        self._thread.join()
+        os.close(self._stop)
+        self._socket.close()
+
+    @property
+    def source(self) -> tuple[str, int]:
+        """Where its datagrams come from."""
+        host, port = self._socket.getsockname()
+        return str(host), int(port)
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        ends: list[socket.socket | int] = [self._stop, self._socket]
+        while True:
+            ready = select.select(ends, [], [], max(0.0, due - time.monotonic()))[0]
+            if self._stop in ready:
+                return
+            if self._socket in ready:
+                self._hear()
+            if time.monotonic() >= due:
+                due += self.spec.every_s
+                for datagram in self._datagrams(self._rounds.next()):
+                    self._send(datagram)
+
+    def _datagrams(self, frames: list[bytes]) -> list[bytes]:
+        if not self.spec.split:
+            return frames
+        whole = self._rest + b"".join(frames)
+        cut = len(whole) // 16 * 16
+        self._rest = whole[cut:]
+        return [whole[place : place + 16] for place in range(0, cut, 16)]
+
+    def _hear(self) -> None:
+        # The system tells here as well that nobody listened to an earlier datagram.
+        with suppress(OSError):
+            self.forbidden.append(self._socket.recv(_LONGEST))
+
+    def _send(self, datagram: bytes) -> None:
+        with suppress(OSError):
+            self._socket.sendto(datagram, (self.host, self.port))
+
+
+def _free_port(host: str) -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind((host, 0))
+        return int(found.getsockname()[1])
