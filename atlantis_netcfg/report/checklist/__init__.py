@@ -8,6 +8,7 @@ document, so no page can say what was not signed.
 from __future__ import annotations
 
 from atlantis_netcfg.report.checklist._console import lines
+from atlantis_netcfg.report.checklist._pages import pages
 from atlantis_netcfg.report.checklist._svg import drawing_svg
 from atlantis_netcfg.report.checklist.document import (
     Change,
@@ -47,4 +48,5 @@ __all__ = [
     "SinceGreen",
     "drawing_svg",
     "lines",
+    "pages",
 ]

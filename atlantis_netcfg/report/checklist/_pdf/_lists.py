@@ -1,0 +1,92 @@
+"""Lists on paper: what to mend first, what was overridden, what has changed, what was not checked or rehearsed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.report.checklist._states import GREEN, SYMBOLS, State, state
+from atlantis_netcfg.report.checklist._words import by_state, clock
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.report.checklist._pdf._sheet import Sheet
+    from atlantis_netcfg.report.checklist.document import Document, Override
+    from atlantis_netcfg.verdicts import Verdict
+
+__all__ = ["first", "not_checked", "not_rehearsed", "overridden", "responsible", "since_green"]
+
+_INDENT = 5.0
+
+
+def first(sheet: Sheet, document: Document) -> None:
+    """What keeps it from being green, the worst first, with what to do."""
+    every = [item for item in by_state(document.items) if state(item) not in GREEN]
+    if not every:
+        return
+    sheet.head("What to mend first")
+    for item in every:
+        sheet.room(20)
+        shown = state(item)
+        sheet.titled(shown, str(shown), item.title, link=sheet.link_of(item))
+        sheet.tell(item.message, indent=_INDENT)
+        if item.hint:
+            sheet.tell(f"→ {item.hint}", indent=_INDENT)
+        sheet.set_y(sheet.y + 1.5)
+
+
+def overridden(sheet: Sheet, document: Document) -> None:
+    """What a person has taken the responsibility for."""
+    every = [item for item in document.items if item.override is not None]
+    if every:
+        sheet.head("Overridden by a person")
+    for item in every:
+        if item.override is not None:
+            sheet.room(20)
+            sheet.titled(state(item), str(item.verdict), item.title, link=sheet.link_of(item))
+            responsible(sheet, item.override)
+            sheet.set_y(sheet.y + 1.5)
+
+
+def responsible(sheet: Sheet, override: Override) -> None:
+    """Who has overridden an item, and why."""
+    sheet.tell(f"Overridden by {override.by}, {clock(override.at)}:", bold=True, indent=_INDENT)
+    sheet.tell(override.reason, indent=_INDENT)
+
+
+def since_green(sheet: Sheet, document: Document) -> None:
+    """What has changed."""
+    green = document.since_green
+    if green is None:
+        return
+    sheet.head("What changed since the last green")
+    sheet.tell(f"Run {green.run} of {clock(green.at)} was green.")
+    for one in green.changes:
+        before, after = (
+            SYMBOLS[State(word)] + f" {word}" if word else "no such item" for word in (one.before, one.after)
+        )
+        sheet.tell(f"{one.id}: {before} → {after}: {one.message}", indent=_INDENT)
+    if not green.changes:
+        sheet.tell("Nothing has changed.")
+
+
+def _was(verdict: Verdict | None) -> str:
+    return f"{SYMBOLS[State(verdict.value)]} {verdict}" if verdict is not None else "no such item"
+
+
+def not_checked(sheet: Sheet, document: Document) -> None:
+    """What was not checked, and why."""
+    sheet.head("What was not checked, and why")
+    unsettled = [item for item in document.items if state(item) in {State.OPEN, State.INCONCLUSIVE}]
+    for one in document.left_out:
+        sheet.tell(f"{one.what}: {one.why}", indent=_INDENT)
+    for item in unsettled:
+        sheet.tell(f"{SYMBOLS[state(item)]} {item.title}: {item.message}", indent=_INDENT)
+    if not document.left_out and not unsettled:
+        sheet.tell("Everything on the list was looked at.")
+
+
+def not_rehearsed(sheet: Sheet, document: Document) -> None:
+    """What no emulated device stands for."""
+    if document.not_rehearsed:
+        sheet.head("Not rehearsed")
+    for one in document.not_rehearsed:
+        sheet.tell(one, indent=_INDENT)
