@@ -59,9 +59,10 @@ def _fleet(cell: Cell, modem: Modem) -> Iterator[Step]:
     for other, its in same:
         members.setdefault(its, Member(other.name, question(other, its)))
     evologics = modem.driver is AcousticDriver.EVOLOGICS
+    who = "EvoLogics modems" if evologics else "SeaTrac beacons"
     yield Step(
         name="fleet",
-        title=f"The {'EvoLogics modems' if evologics else 'SeaTrac beacons'} of {cell.declared.title} agree with each other",
+        title=f"The {who} of {cell.declared.title} agree with each other",
         kind=Kind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=(EvologicsFleet if evologics else SeatracFleet)(tuple(members.values())),

@@ -129,7 +129,7 @@ def _wrong(
 ) -> Iterator[Finding]:
     for name, value in values.items():
         if value not in allowed:
-            yield Finding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which is none that exists", hint)
+            yield Finding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
 
 
 def _carriers(values: Mapping[str, int]) -> Iterator[Finding]:

@@ -128,4 +128,6 @@ def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:
         return rb"\$42[0-9A-Fa-f]{2}%b[0-9A-Fa-f]+[\r\n]" % (
             rb"[0-9A-Fa-f]{2}" if remote is None else rb"(?i:%02X)" % remote
         )
-    return rb"USBL(?:LONG|ANGLES),[^,\r\n]*,[^,\r\n]*,%b,[^\r\n]*\n" % (rb"\d+" if remote is None else b"%d" % remote)
+    return rb"USBL(?:LONG|ANGLES),[^,\r\n]*,[^,\r\n]*,%b,[^\r\n]*\r?\n" % (
+        rb"\d+" if remote is None else b"%d" % remote
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING
@@ -55,10 +56,11 @@ def _evologics(transcript: Transcript) -> Iterator[Told]:
     declared = settings.values.get("Sound Speed") if settings else None
     low, high = SOUND_SPEED_MPS
     speed = declared if declared is not None and low <= declared <= high else _USUAL_MPS
+    arrivals = _Arrivals(transcript)
     for fix in evologics.fixes(heard):
         yield Told(
             remote=fix.remote,
-            age_s=_waited(transcript, fix.end) + fix.age_s,
+            age_s=arrivals.waited_s(fix.end) + fix.age_s,
             range_m=None if fix.propagation_us is None else fix.propagation_us * 1e-6 * speed,
             distance_m=None if fix.position_m is None else math.hypot(*fix.position_m),
             rssi_db=fix.rssi_db,
@@ -69,12 +71,13 @@ def _evologics(transcript: Transcript) -> Iterator[Told]:
 
 
 def _seatrac(transcript: Transcript) -> Iterator[Told]:
+    arrivals = _Arrivals(transcript)
     for answer in seatrac.answers(transcript.data):
         fix = seatrac.fix(answer.record) if answer.number == seatrac.PING_RESPONSE else None
         if fix is not None:
             yield Told(
                 remote=fix.beacon,
-                age_s=_waited(transcript, answer.end),
+                age_s=arrivals.waited_s(answer.end),
                 range_m=fix.range_m,
                 distance_m=None,
                 rssi_db=None,
@@ -85,8 +88,15 @@ def _seatrac(transcript: Transcript) -> Iterator[Told]:
             )
 
 
-def _waited(transcript: Transcript, end: int) -> float:
-    """Seconds from when the byte before `end` came to the end of the listening."""
-    ends = accumulate(len(data) for _, data in transcript.chunks)
-    came = next((at for (at, _), upto in zip(transcript.chunks, ends, strict=True) if upto >= end), transcript.ended_s)
-    return max(0.0, transcript.ended_s - came)
+class _Arrivals:
+    """When each byte of a stream came."""
+
+    def __init__(self, transcript: Transcript) -> None:
+        self._ended_s = transcript.ended_s
+        self._at = [at for at, _ in transcript.chunks]
+        self._upto = list(accumulate(len(data) for _, data in transcript.chunks))
+
+    def waited_s(self, end: int) -> float:
+        """From when the byte before `end` came to the end of the listening."""
+        chunk = bisect_left(self._upto, end)
+        return max(0.0, self._ended_s - self._at[chunk]) if chunk < len(self._at) else 0.0

@@ -88,9 +88,9 @@ class Fixes:
                 return Finding(Verdict.INCONCLUSIVE, "output-off", message, hint)
         whose = f" of {_addresses(self.hears)}" if self.hears else ""
         others = sorted({fix.remote for fix in fixes})
-        beside = f"; it heard {_addresses(tuple(others))}" if others else ""
+        beside = f", only of {_addresses(tuple(others))}" if others else ""
         message = (
-            f"the USBL of {self.name} told no fix{whose} within {transcript.ended_s:.0f} s: nobody pinging?{beside}"
+            f"the USBL of {self.name} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
         )
         return Finding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 

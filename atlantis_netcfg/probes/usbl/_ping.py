@@ -60,13 +60,15 @@ class Ping:
     """What the step asks a person; without it there is no ping to be sent."""
 
     def asks(self) -> tuple[Question, ...]:
-        """Transceiver, depth, and behind both the ping. Raises NeverSaid where no person is asked."""
+        """Transceiver, depth, and behind them the ping. Raises NeverSaid where no person is asked."""
         return (self._question(),)
 
     def _question(self) -> Listen:
         ended = rb"(?i)\$(?:42[0-9A-F]{2}%02X[0-9A-F]+|43[0-9A-F]{8}|40(?!00)[0-9A-F]{8})[\r\n]" % self.beacon
         say = (
             ask_seatrac(seatrac.TRANSCEIVER, _IDLE),
+            ask_seatrac(seatrac.STATUS, _BELOW),
+            # Twice: a script cannot work out the checksum of an answer, and a damaged one rarely shows a depth again.
             ask_seatrac(seatrac.STATUS, _BELOW),
             ping(self.beacon, self.consent, ended, within_s=_ANSWERED_S),
         )

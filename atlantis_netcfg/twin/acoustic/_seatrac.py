@@ -121,7 +121,7 @@ class SeatracSpec(LineSpec):
     def fix(self, remote: int) -> bytes:
         """The record of a ping's response, with range, direction and position."""
         flags = 0b111 | (0b10000 if self.suspect else 0)
-        depth, sound = round(self.depth * 10), round(self.sound_speed_mps * 10)
+        depth, sound = max(0, round(self.depth * 10)), round(self.sound_speed_mps * 10)
         head = struct.pack("<BBBBhhhHHh", self.beacon, remote, flags, 0x05, 0, 0, 0, depth, sound, 900)
         time_s = self.range_m / self.sound_speed_mps
         distance = struct.pack("<IiH", round(time_s * 2 * 16000), round(time_s * 1e7), round(self.range_m * 10))
