@@ -13,7 +13,7 @@ from atlantis_netcfg.operations.checking._router import Routers
 from atlantis_netcfg.operations.checking._unanswered import all_unanswered
 from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.examples import refuse_examples
-from atlantis_netcfg.probes import Place
+from atlantis_netcfg.probes import Place, Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,13 +41,16 @@ class RealEars:
     async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
-        self.notify(Event(name, Stage.CONNECTING, f"{len(questions)} questions"))
+        self.notify(Event(name, Stage.CONNECTING, f"{len(questions)} questions, which only read"))
         try:
             answers = await self._ask(place, host, questions, heard)
         except NetcfgError as why:
             self.notify(Event(name, Stage.FAILED, str(why)))
             return all_unanswered(questions, in_words(why))
-        self.notify(Event(name, Stage.DONE, "answered"))
+        if place is not Place.ROUTER:  # whose sessions tell by themselves
+            silent = sum(answer.trouble is Trouble.NO_PLACE for answer in answers.values())
+            stage = Stage.FAILED if silent else Stage.DONE
+            self.notify(Event(name, stage, f"{len(answers) - silent} of {len(answers)} questions were asked"))
         return answers
 
     async def _ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:

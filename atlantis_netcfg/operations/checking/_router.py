@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.checking._gateway import in_words
 from atlantis_netcfg.operations.checking._unanswered import all_unanswered, unanswered
 from atlantis_netcfg.operations.computers import is_computer
@@ -46,6 +47,7 @@ class Routers:
         try:
             return await self._session(self.declaration.hosts[name], questions)
         except NetcfgError as error:
+            self.notify(Event(name, Stage.FAILED, str(error)))
             return all_unanswered(questions, in_words(error))
         except KeyError:
             return all_unanswered(questions, f"the inventory has no host `{name}`")
@@ -79,6 +81,8 @@ class Routers:
         async with door.opened() as session:
             replies = await session.flight([command(one.query) for _, one in questions if isinstance(one, Ask)])
         now = time.time()
+        spent = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        self.notify(Event(host.name, Stage.DONE, spent))
         return {key: _rows(reply, asked, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
     async def _look(self, questions: Sequence[tuple[str, Look]]) -> Mapping[str, Answer]:

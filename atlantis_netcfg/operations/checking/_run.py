@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.crash import Crashed
     from atlantis_netcfg.operations.checking._ears import Ears
     from atlantis_netcfg.probes import Answer, Judged, Place, Question
     from atlantis_netcfg.report.checklist import Item
@@ -124,6 +125,7 @@ class _Turn:
     ready: asyncio.Queue[_Open] = field(default_factory=asyncio.Queue)
     """Those whose last answer has come, or that have failed."""
     began: float = field(default_factory=time.monotonic)
+    faults: dict[BaseException, Crashed] = field(default_factory=dict)
 
     def opened(self, entry: Entry) -> _Open:
         """Ask a probe for its questions, and look at them before the wire."""
@@ -166,11 +168,17 @@ class _Turn:
             assert one.entry.step.probe is not None  # noqa: S101 - `examine` has looked
             judged = one.entry.step.probe.judge(one.answers)
         except Exception as fault:  # noqa: BLE001 - the other items go on
-            crash = crashed(fault, f"checking {one.entry.item.id}", self.state)
+            crash = self._crashed(fault, one.entry.item.id)
             return self._wrong(one, "crashed", str(crash), crash.hint)
         if not judged.findings:
             return self._wrong(one, "no-verdict", "this probe came to no verdict", _OURS)
         return self._settled(one, judged)
+
+    def _crashed(self, fault: BaseException, name: str) -> Crashed:
+        """One log file for a fault, however many items it takes down."""
+        if fault not in self.faults:
+            self.faults[fault] = crashed(fault, f"checking {name}", self.state)
+        return self.faults[fault]
 
     def _take(self, batch: _Batch, answers: Mapping[str, Answer]) -> None:
         for key, answer in answers.items():

@@ -1,0 +1,311 @@
+"""The real site's ears: OpenSSH's place is taken by a script that writes down how it was called."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.checking import NotReached, RealEars, _bill, _router, _way_in, ask_here, way_in
+from atlantis_netcfg.operations.proving import Proof
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
+from atlantis_netcfg.site import load
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.operations.links import Looked as LooksBack
+    from atlantis_netcfg.probes import Answer, Question
+
+INVENTORY = Path(__file__).parents[3] / "inventory"
+SHIPPED = load(INVENTORY)
+GATEWAY = SHIPPED.hosts["coastal-gateway"]
+HERE = '#!/bin/sh\nfor last; do :; done\necho "$@" >>{log}\n{does}\n'
+RUNS = 'exec sh -c "$last"'
+AS_ROOT = '#!/bin/sh\nexec "$@"\n'
+
+
+class Stand:
+    """A gateway that is this computer, by scripts named ssh and sudo."""
+
+    def __init__(self, folder: Path, **request: Any) -> None:  # noqa: ANN401 - fields of Request
+        self.log = folder / "calls"
+        self.log.touch()
+        self.programs = folder / "programs"
+        self.programs.mkdir()
+        self.behaves(RUNS)
+        self._script("sudo", AS_ROOT)
+        self.told: list[tuple[str, Answer]] = []
+        self.events: list[Event] = []
+        asked = Request(state=folder / "state", command="provision check", **request)
+        self.ears = RealEars(SHIPPED, "coastal", asked, self.events.append, ssh_config=str(folder / "ssh_config"))
+
+    def behaves(self, does: str) -> None:
+        """What ssh does."""
+        self._script("ssh", HERE.format(log=self.log, does=does))
+
+    def ask(self, *questions: Question, place: Place = Place.GATEWAY, host: str | None = None) -> Mapping[str, Answer]:
+        asked = [(question.name, question) for question in questions]
+        return asyncio.run(self.ears.ask(place, host, asked, lambda key, answer: self.told.append((key, answer))))
+
+    @property
+    def calls(self) -> list[str]:
+        return self.log.read_text().splitlines()
+
+    def _script(self, name: str, text: str) -> None:
+        (self.programs / name).write_text(text)
+        (self.programs / name).chmod(0o755)
+
+
+@pytest.fixture
+def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
+    made = Stand(tmp_path)
+    monkeypatch.setenv("PATH", f"{made.programs}:{os.environ['PATH']}")
+    return made
+
+
+def run(name: str, *argv: str, within_s: float = 30.0) -> Run:
+    return Run(name, Place.GATEWAY, argv, within_s)
+
+
+def test_everything_goes_in_one_command(stand: Stand) -> None:
+    nobody = Listen("tcp", Place.GATEWAY, "tcp", "127.0.0.1", 1, say=(Say(b"\x00'\"%s$(x)\n", b"."),))
+    found = stand.ask(run("one", "echo", "it's", "100%", "$HOME"), run("two", "true"), nobody)
+    (call,) = stand.calls
+    assert "-o BatchMode=yes -o Compression=yes -o StrictHostKeyChecking=yes -o ServerAliveInterval=20" in call
+    assert "-o HostKeyAlias=coastal-gateway" in call
+    assert "ConnectTimeout=15" in call
+    assert " coastal-gateway python3 -I -c '" in call
+    assert len(call) < 1000, "the program and the questions are not on a command line"
+    one = found["one"]
+    assert isinstance(one, Ran)
+    assert (one.trouble, one.rc, one.out) == (None, 0, "it's 100% $HOME\n")
+    assert one.asked <= one.began <= one.heard
+    assert found["tcp"].trouble is Trouble.REFUSED
+    assert dict(stand.told) == found
+    assert [(one.device, one.stage.value, one.message) for one in stand.events] == [
+        ("coastal: gateway", "connecting", "3 questions, which only read"),
+        ("coastal: gateway", "done", "3 of 3 questions were asked"),
+    ]
+
+
+def test_who_is_not_root_becomes_it(stand: Stand) -> None:
+    way = replace(way_in(SHIPPED, GATEWAY, Request(), "config"), sudo=True)
+    assert way.run("echo %s", "it's 100% $HOME").out == b"it's 100% $HOME\n"
+    assert " coastal-gateway sudo /bin/sh -c 'echo " in stand.calls[0]
+
+
+def test_what_a_login_prints_besides_does_no_harm(stand: Stand) -> None:
+    noise = 'echo "Welcome to Ubuntu"; echo \'{"key": "unknown", "trouble": null}\'; echo 7; echo; '
+    stand.behaves(noise + RUNS)
+    assert stand.ask(run("one", "true"))["one"].trouble is None
+
+
+AWAY = "coastal-gateway was not reached: "
+FORGET = "`ssh-keygen -R coastal-gateway`, then let `provision` pin its key"
+LOOK = "look at its power and its cable, then type the same again"
+NOBODY: Mapping[str, tuple[str, str]] = {
+    "another host key": (
+        "echo 'Host key verification failed.' >&2; exit 255",
+        f"{AWAY}Host key verification failed.; if it is a new computer or a new card: {FORGET}",
+    ),
+    "no way": (
+        "echo 'ssh: connect to host 10.64.1.10 port 22: No route to host' >&2; exit 255",
+        f"{AWAY}ssh: connect to host 10.64.1.10 port 22: No route to host; {LOOK}",
+    ),
+    "not a word": (
+        "exit 255",
+        f"{AWAY}ssh said nothing; {LOOK}",
+    ),
+    "no Python": ("exit 127", "coastal-gateway has no python3; on it: `apt-get install python3`"),
+    "a Python of long ago": (
+        "cat >/dev/null; echo 'SyntaxError: future feature annotations is not defined' >&2; exit 1",
+        "the program that listens has ended on coastal-gateway: SyntaxError: future feature annotations is not defined",
+    ),
+    "an end without a word": ("exit 3", "the program that listens has ended on coastal-gateway: exit 3"),
+}
+
+
+@pytest.mark.parametrize("case", NOBODY)
+def test_a_gateway_that_is_not_reached_answers_so(stand: Stand, case: str) -> None:
+    does, words = NOBODY[case]
+    stand.behaves(does)
+    found = stand.ask(run("one", "true"), Listen("two", Place.GATEWAY, "udp", port=14550))
+    assert {name: (one.trouble, one.words) for name, one in found.items()} == {
+        "one": (Trouble.NO_PLACE, words),
+        "two": (Trouble.NO_PLACE, words),
+    }
+    assert stand.events[-1].message == "0 of 2 questions were asked"
+
+
+def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_way_in, "_CONNECT_S", 0)
+    monkeypatch.setattr(_way_in, "_GRACE_S", 0.3)
+    first = '{"key":"one","trouble":null,"words":"","rc":0,"out":"early","err":"","began":1.0}'
+    stand.behaves(f"cat >/dev/null; echo '{first}'; exec sleep 600")
+    found = stand.ask(run("one", "true", within_s=0), run("two", "true", within_s=0))
+    assert isinstance(found["one"], Ran)
+    assert found["one"].out == "early"
+    assert (found["two"].trouble, found["two"].words.partition(";")[0]) == (
+        Trouble.NO_PLACE,
+        "coastal-gateway did not answer in time",
+    )
+
+
+def test_who_does_not_wait_ends_the_connection(stand: Stand, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    stand.behaves(f"echo $$ >{pipe}; exec sleep 600")
+
+    async def impatient() -> None:
+        task = asyncio.create_task(stand.ears.ask(Place.GATEWAY, None, [("one", run("one", "true"))], print))
+        pid = await asyncio.to_thread(pipe.read_text)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        pids.append(pid.strip())
+
+    pids: list[str] = []
+    asyncio.run(impatient())
+    assert not Path("/proc", pids[0]).exists()
+
+
+def test_a_slow_way_is_waited_for_longer_than_a_gap() -> None:
+    fast, slow = (
+        way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": name}), "config") for name in ("lan", "satellite")
+    )
+    assert (fast.connect_s, slow.connect_s) == (15, 120)
+    assert slow.grace_s > 3 * 70 > fast.grace_s
+
+
+def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) -> None:
+    with pytest.raises(NotReached, match="the inventory still holds example values"):
+        way_in(SHIPPED, GATEWAY, Request())
+    with pytest.raises(NotReached, match="coastal-gateway is not emulated in this rehearsal"):
+        way_in(SHIPPED, GATEWAY, Request(rehearsed=True))
+    with pytest.raises(NotReached, match="coastal has no such bearer"):
+        way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": "rope"}), "config")
+    ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path))
+    for place, host in ((Place.ROUTER, None), (Place.ROUTER, "coastal-router")):
+        found = asyncio.run(ears.ask(place, host, [("it", Look("it", "satellite"))], print))["it"]
+        assert found.trouble is Trouble.NO_PLACE
+        assert found.words.startswith("the inventory still holds example values")
+
+
+def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number, (accepted, calls) in enumerate(((False, 0), (True, 1))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        stand = Stand(folder, via={"coastal-gateway": "satellite"}, accept_cost=accepted)
+        monkeypatch.setenv("PATH", f"{stand.programs}:{os.environ['PATH']}")
+        found = stand.ask(run("one", "true"))["one"]
+        assert len(stand.calls) == calls
+        if accepted:
+            assert found.trouble is None
+        else:
+            assert found.trouble is Trouble.NO_PLACE
+            assert found.words.startswith(
+                "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal, which is paid by "
+                "the byte: up to 19 kB, 0.16 EUR; type the same with `--accept-cost`"
+            )
+
+
+def test_more_than_the_cap_is_refused_whoever_pays(tmp_path: Path) -> None:
+    stand = Stand(tmp_path, via={"coastal-gateway": "satellite"}, accept_cost=True)
+    flood = Listen("it", Place.GATEWAY, "udp", port=14550, listen_s=3000, max_bytes=99_000_000)
+    assert "no action may send more than 5.0 MB there" in stand.ask(flood)["it"].words
+    assert stand.calls == []
+
+
+def test_a_stream_is_cut_where_its_estimate_ends() -> None:
+    chatty = Listen("it", Place.GATEWAY, "udp", port=14550, listen_s=10)
+    ((_, cut),) = _bill.within_budget([("it", chatty)])
+    assert isinstance(cut, Listen)
+    assert cut.max_bytes == 34_096
+    carrier = bearer_of(SHIPPED, GATEWAY, "satellite")
+    assert _bill.expected(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(63_000, 0.03)
+
+
+def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
+    found = stand.ask(Run("one", Place.LAPTOP, ("echo", "here")), place=Place.LAPTOP)["one"]
+    assert isinstance(found, Ran)
+    assert (found.out, stand.calls) == ("here\n", [])
+    assert stand.events[-1].device == "this computer"
+
+
+def test_this_computer_without_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    found = asyncio.run(ask_here([("one", Run("one", Place.LAPTOP, ("true",)))], lambda *_: None))["one"]
+    assert found.trouble is Trouble.NO_PLACE
+    assert found.words.startswith("the program that listens does not start on this computer: ")
+
+
+def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[Any] = []
+
+    async def look(*asked: object) -> LooksBack:
+        looks.append(asked)
+        return Told()  # type: ignore[return-value]
+
+    class Told:
+        @staticmethod
+        def as_dict() -> dict[str, dict[str, str]]:
+            return {"satellite": {"state": "up"}, "4g": {"state": "down"}}
+
+    monkeypatch.setattr(_router, "look", look)
+    ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, rehearsed=True))
+    questions = [(name, Look(name, name)) for name in ("satellite", "4g", "rope")]
+    heard: list[str] = []
+    found = asyncio.run(ears.ask(Place.ROUTER, None, questions, lambda key, _: heard.append(key)))
+    assert len(looks) == 1
+    assert found["satellite"] == Looked(None, "", {"state": "up"})
+    assert found["4g"] == Looked(None, "", {"state": "down"})
+    assert (found["rope"].trouble, found["rope"].words) == (Trouble.MISSING, "the site has no link `rope`")
+    assert heard == ["satellite", "4g", "rope"]
+
+
+def proof() -> Proof:
+    seen = Finding(Verdict.PASS, "reached", "the VPN is reached")
+    return Proof(
+        site="coastal",
+        bearer="satellite",
+        active=True,
+        judged=((None, seen),),  # type: ignore[arg-type]
+        findings=(),
+        bytes_counted=9000,
+        budget_bytes=20_000,
+        kept_off=0,
+        turned_away=0,
+    )
+
+
+@pytest.mark.parametrize("accepted", [False, True])
+def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool) -> None:
+    monkeypatch.setattr(_router, "try_out", lambda *_: proof())
+    monkeypatch.setattr("atlantis_netcfg.operations.checking._real.refuse_examples", lambda *_, **__: None)
+    ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
+    found = asyncio.run(ears.ask(Place.ROUTER, None, [("it", Prove("it", "satellite"))], lambda *_: None))["it"]
+    assert isinstance(found, Proved)
+    if accepted:
+        assert (found.trouble, [one.code for one in found.findings]) == (None, ["reached"])
+        assert found.bill == "9.0 kB, 0.08 EUR"
+    else:
+        assert found.trouble is Trouble.NO_PLACE
+        assert found.words.startswith("nobody has agreed to pay for this, so nothing was sent: over satellite")
+
+
+def test_there_is_a_python_in_the_path_of_the_stand() -> None:
+    assert shutil.which("python3")
