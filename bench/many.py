@@ -45,12 +45,13 @@ def _write(shipped: Path, folder: Path, ship: int, path: str) -> None:
 
 
 def _own(text: str, ship: int) -> str:
-    """Give a file of the model names and addresses of its own, and leave out tunnel and gateway."""
+    """Give a file of the model names and addresses of its own, and leave out tunnel, gateway and robots."""
     block, place = divmod(ship, _PER_BLOCK)
     for network, octet in (("10.64.2.", 100), ("10.64.102.", 110), ("10.10.9.", 120), ("10.10.10.", 130)):
         text = text.replace(network, f"10.{octet + block}.{place}.")
     text = re.sub(r"198\.51\.100\.3([12])", rf"10.{140 + block}.{place}.\1", text)
     text = re.sub(r"    reservations:\n(      - .*\n)+", "    reservations: []\n", text)
+    text = re.sub(r"    vehicles: \[.*\]", "    vehicles: []", text)
     text = re.sub(r"  vpn_client:\n(    .*\n)+", "", text)
     return text.replace(_MODEL, name(ship))
 

@@ -14,6 +14,7 @@ from atlantis_netcfg.site.rules import (
     clock,
     cost,
     dds,
+    endpoints,
     failover,
     gateway,
     gateways,
@@ -64,6 +65,7 @@ RULES: tuple[Rule, ...] = (
     *partners.RULES,
     *dds.RULES,
     *vehicles.RULES,
+    *endpoints.RULES,
     *clock.RULES,
     *secrets.RULES,
 )

@@ -49,10 +49,16 @@ add address=192.0.2.124 comment="atlantis: ntp2.example.org"
 /ip dns
 set allow-remote-requests=yes servers=""
 /ip dns static
+add address=10.64.2.26 comment="atlantis: eca-rov.te4sea.example.org" name=eca-rov.te4sea.example.org
+add address=10.64.2.21 comment="atlantis: girona500.te4sea.example.org" name=girona500.te4sea.example.org
+add address=10.64.2.25 comment="atlantis: mares.te4sea.example.org" name=mares.te4sea.example.org
+add address=10.64.2.22 comment="atlantis: sparus.te4sea.example.org" name=sparus.te4sea.example.org
+add address=10.64.2.24 comment="atlantis: stork.te4sea.example.org" name=stork.te4sea.example.org
 add address=10.10.9.1 comment="atlantis: te4sea-4g.te4sea.example.org" name=te4sea-4g.te4sea.example.org
 add address=10.64.2.10 comment="atlantis: te4sea-gateway.te4sea.example.org" name=te4sea-gateway.te4sea.example.org
 add address=10.64.2.1 comment="atlantis: te4sea-router.te4sea.example.org" name=te4sea-router.te4sea.example.org
 add address=10.10.10.1 comment="atlantis: te4sea-sat.te4sea.example.org" name=te4sea-sat.te4sea.example.org
+add address=10.64.2.23 comment="atlantis: zarco.te4sea.example.org" name=zarco.te4sea.example.org
 add address=203.0.113.2 comment="atlantis: vpn.example.org" name=vpn.example.org
 # VPN: this router is the site's end. RouterOS does not negotiate ciphers, so cipher and auth equal the server's; auth=null is
 # what GCM ciphers need up to 7.16. From 7.17 on `provision vpn install` imports the interface, for a key of tls-crypt comes
@@ -83,6 +89,12 @@ add address-pool=dhcp-lan comment="atlantis: LAN" disabled=no interface=bridge-l
 add address=10.64.2.0/24 comment="atlantis: LAN" dns-server=10.64.2.1 domain=te4sea.example.org gateway=10.64.2.1 ntp-server=192.0.2.123,192.0.2.124
 /ip dhcp-server lease
 add address=10.64.2.10 comment="atlantis: te4sea-gateway" mac-address=02:00:5E:00:02:10 server=dhcp-lan
+add address=10.64.2.21 comment="atlantis: girona500" mac-address=02:00:5E:00:01:21 server=dhcp-lan
+add address=10.64.2.22 comment="atlantis: sparus" mac-address=02:00:5E:00:01:22 server=dhcp-lan
+add address=10.64.2.23 comment="atlantis: zarco" mac-address=02:00:5E:00:01:23 server=dhcp-lan
+add address=10.64.2.24 comment="atlantis: stork" mac-address=02:00:5E:00:01:24 server=dhcp-lan
+add address=10.64.2.25 comment="atlantis: mares" mac-address=02:00:5E:00:01:25 server=dhcp-lan
+add address=10.64.2.26 comment="atlantis: eca-rov" mac-address=02:00:5E:00:01:26 server=dhcp-lan
 # Address lists that the filter consults; ours entirely, because an entry is a permission.
 # atlantis:entire /ip firewall address-list
 /ip firewall address-list
