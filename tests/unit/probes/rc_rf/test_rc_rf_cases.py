@@ -1,0 +1,148 @@
+"""Every case lists all that is said; streams are judged as they came, and one byte at a time."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+from rc_cases import CASES, Case
+from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
+
+from atlantis_netcfg.probes import Listen, Place, Transcript
+from atlantis_netcfg.probes.rc_rf import RcHeard, SticksMoved
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes import Judged
+
+NAMES = [case.name for case in CASES]
+
+
+def judged(case: Case, transcript: Transcript) -> Judged:
+    wanted = replace(WANTED, **case.wanted)
+    if case.step == "heard":
+        return RcHeard(wanted, Place.GATEWAY).judge({"stream": transcript})
+    return SticksMoved(wanted, Place.GATEWAY).judge({"sticks": transcript})
+
+
+@pytest.mark.parametrize("case", CASES, ids=NAMES)
+def test_a_case_says_what_it_lists_and_nothing_else(case: Case) -> None:
+    found = judged(case, case.transcript).findings
+    assert tuple(f"{one.verdict} {one.code}: {one.message}" for one in found) == case.findings
+    assert all(one.hint for one in found if one.verdict is not Verdict.PASS)
+
+
+@pytest.mark.parametrize("case", CASES, ids=NAMES)
+def test_byte_by_byte_the_same_is_found(case: Case) -> None:
+    # Between two frames a piece of noise may count as several: the words name how many.
+    def codes(transcript: Transcript) -> list[str]:
+        return [one.code for one in judged(case, transcript).findings]
+
+    assert codes(bytewise(case.transcript)) == codes(case.transcript)
+
+
+def test_every_code_has_its_case() -> None:
+    codes = {line.split(" ")[1].rstrip(":") for case in CASES for line in case.findings}
+    assert codes == {
+        "armed",
+        "channels-odd",
+        "channels-stale",
+        "damaged",
+        "few-channels",
+        "few-moved",
+        "heartbeat-lost",
+        "in-use",
+        "moved",
+        "no-channels",
+        "no-heartbeat",
+        "no-movement",
+        "no-receiver",
+        "no-sys-status",
+        "not-allowed",
+        "not-heard",
+        "not-mavlink",
+        "other-system",
+        "place-not-reached",
+        "rc-heard",
+        "receiver-absent",
+        "receiver-disabled",
+        "receiver-unhealthy",
+        "rssi-low",
+        "rssi-unknown",
+        "rssi-unsteady",
+        "rssi-zero",
+        "silent",
+    }
+
+
+def test_what_was_seen_stands_beside_the_verdict() -> None:
+    transcript = heard([Says().second(1500, 1500, 1000, UNUSED, rssi=190 + second) for second in range(6)])
+    found = RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript})
+    assert {one.what: one.value for one in found.evidence} == {
+        "stream at UDP port 14550 of coastal-gateway": "MAVLink 2, 24 frames and 0 damaged pieces in 6 s",
+        "system ids with an autopilot": "1",
+        "autopilot": "disarmed, 6 heartbeats",
+        "channels": "4, 1500 1500 1000 -",
+        "rssi": "190 to 195 in a scale of its own",
+        "receiver": "present, enabled, healthy",
+    }
+
+
+def test_the_telemetry_radio_is_not_the_remote_control() -> None:
+    """RADIO_STATUS has an rssi as well."""
+    transcript = heard([[Says().heartbeat(), Says().status(), Says().radio()]] * 6)
+    found = RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript})
+    assert "rssi" not in {one.what for one in found.evidence}
+
+
+def test_way_of_each_channel_that_moved_is_evidence() -> None:
+    case = next(case for case in CASES if case.name == "sticks moved")
+    assert [one.value for one in judged(case, case.transcript).evidence if one.what == "channel 2"] == [
+        "1100 to 1900 us"
+    ]
+
+
+@pytest.mark.parametrize("probe", [RcHeard(WANTED, Place.GATEWAY), SticksMoved(WANTED, Place.GATEWAY)])
+def test_nothing_is_ever_sent(probe: RcHeard | SticksMoved) -> None:
+    (question,) = probe.asks()
+    assert isinstance(question, Listen)
+    assert (question.transport, question.port, question.say, question.address) == ("udp", 14550, (), "")
+
+
+def ends(*seconds: list[bytes], system: int = 1) -> bool:
+    (question,) = RcHeard(replace(WANTED, system_id=system), Place.GATEWAY).asks()
+    assert isinstance(question, Listen)
+    return bool(re.search(question.enough, heard(seconds).data))
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_listening_ends_when_enough_of_the_vehicle_was_heard(version: int) -> None:
+    says = Says(version=version)
+    assert ends(*[says.second()] * 5)
+    assert not ends(*[says.second()] * 4)
+    assert not ends(*[says.second()] * 5, system=42)
+    assert not ends(*[[says.heartbeat(), says.channels()]] * 9)
+    # Characters that mean something in a regular expression.
+    assert ends(*[Says(ord("*"), version).second()] * 5, system=ord("*"))
+
+
+def test_the_sticks_are_listened_to_until_the_end_for_it_may_be_armed_at_any_moment() -> None:
+    (question,) = SticksMoved(WANTED, Place.GATEWAY).asks()
+    assert isinstance(question, Listen)
+    assert not question.enough
+    late = heard([*[Says().second()] * 11, Says().second(mode=ARMED)])
+    assert SticksMoved(WANTED, Place.GATEWAY).judge({"sticks": late}).verdict is Verdict.FAIL
+
+
+FRAMES = [*Says().second(), *Says(version=1).second(), b"\xfd", b"\xfe", b"\xfd\xff\x01\x00\x00\x01\x01\x41\x00\x00"]
+
+
+@given(some.lists(some.one_of(some.sampled_from(FRAMES), some.binary(max_size=40)), max_size=12))
+def test_no_datagram_makes_the_reader_fail(datagrams: list[bytes]) -> None:
+    transcript = heard([datagrams])
+    assert RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript}).findings
+    assert SticksMoved(WANTED, Place.GATEWAY).judge({"sticks": transcript}).findings
