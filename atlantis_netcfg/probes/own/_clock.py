@@ -48,7 +48,9 @@ class Offset:
     def words(self) -> str:
         """`3600 s behind`."""
         middle = (self.least_s + self.most_s) / 2
-        return f"{abs(middle):.0f} s {'ahead' if middle > 0 else 'behind'}"
+        if self.least_s <= 0 <= self.most_s:
+            return f"the same within {max(self.most_s, -self.least_s):.1f} s"
+        return f"{abs(middle):.0f} s {'ahead of' if middle > 0 else 'behind'}"
 
 
 def of(site: OwnSite) -> Step:
@@ -82,9 +84,8 @@ class _Clock:
             *self._set(heard, known),
         ]
         evidence = [measured(f"clock of {name}, to this computer's", one.words) for name, one in known.items()]
-        fine = good(
-            "clocks-agree", f"the clocks of {listed(known)} and of this computer agree, and time servers set them"
-        )
+        agree = f"the clocks of {listed((*known, 'this computer'))} agree"
+        fine = good("clocks-agree", f"{agree}, and time servers set them")
         return Judged(tuple(wrong) or (fine,), (*evidence, *self._told(heard)))
 
     def _set(self, heard: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[Finding]:
@@ -152,7 +153,7 @@ def _synchronised(name: str, status: str) -> Iterator[Finding]:
 
 
 def _of_router(name: str, answer: Answer) -> Offset | Finding:
-    told = rows(answer, name, "its clock")
+    told = rows(answer, name, "its clock", "time")
     if isinstance(told, Finding):
         return told
     moment = router_time(told[0]) if told else None

@@ -46,7 +46,7 @@ class _DefaultRoute:
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
-        told = rows(heard["routes"], name, "its routes")
+        told = rows(heard["routes"], name, "its routes", "dst-address")
         own = self._of_gateway(heard)
         if isinstance(told, Finding):
             return Judged((told, *own))

@@ -49,12 +49,12 @@ class _Duplicates:
         told = [neighbours(heard["arp"], router)]
         if self.site.gateway is not None:
             told.append(neighbours(heard["neighbours"], self.site.gateway.name))
-        leases = rows(heard["leases"], router, "its leases")
+        leases = rows(heard["leases"], router, "its leases", "address")
         seen = [one for part in told if not isinstance(part, Finding) for one in part if self._in_lan(one)]
         silence = [part for part in (*told, leases) if isinstance(part, Finding)]
         wrong = [*self._twice(seen), *self._wrong(seen), *self._busy(() if isinstance(leases, Finding) else leases)]
         evidence = tuple(read(f"{one.address}, seen by {one.seen_by}", one.mac) for one in seen)
-        return Judged((*wrong, *silence) or (self._fine(seen),), evidence)
+        return Judged(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(seen),), evidence)
 
     def _in_lan(self, one: Neighbour) -> bool:
         return IPv4Address(one.address) in self.site.declared.lan.network
@@ -75,7 +75,7 @@ class _Duplicates:
         for one in {(one.address, one.mac): one for one in seen}.values():
             reserved, owner = by_address.get(one.address), by_card.get(one.mac)
             if reserved is not None and reserved.mac.lower() != one.mac:
-                there = f"{one.mac}{f', the card of {owner.name}' if owner else ''}"
+                there = f"{one.mac}{f', the card of {owner.name},' if owner else ''}"
                 message = f"{one.address} is reserved for {reserved.name}, but {there} answers there"
                 hint = f"correct `mac:` of {reserved.name} if its card is a new one; else find who took its address"
                 yield fail("wrong-card", message, hint)

@@ -75,7 +75,7 @@ class _Factory:
         told = [neighbours(heard["arp"], router)]
         if self.site.gateway is not None:
             told.append(neighbours(heard["neighbours"], self.site.gateway.name))
-        names = rows(heard["names"], router, "its neighbours")
+        names = rows(heard["names"], router, "its neighbours", "mac-address")
         seen = {(one.address, one.mac): one.interface for part in told if not isinstance(part, Finding) for one in part}
         answered = [one for one in self._addresses if _received(heard[f"ping {one}"])]
         wrong = [
@@ -88,7 +88,9 @@ class _Factory:
             *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
         )
         told_of = f"nobody in the LAN answers at {listed(self._addresses)}"
-        return Judged((*wrong, *silence) or (good("nobody-on-factory-settings", told_of),), evidence)
+        return Judged(
+            tuple(dict.fromkeys((*wrong, *silence))) or (good("nobody-on-factory-settings", told_of),), evidence
+        )
 
     def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[Finding]:
         for address in self._addresses:

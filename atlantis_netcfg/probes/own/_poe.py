@@ -74,7 +74,7 @@ class _Poe:
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
-        told = rows(heard["poe"], name, "the power on its ports")
+        told = rows(heard["poe"], name, "the power on its ports", "name")
         if isinstance(told, Finding):
             return Judged((told,))
         ports = {row["name"]: row for row in told if "name" in row}

@@ -62,8 +62,8 @@ def is_address(text: str) -> bool:
     return True
 
 
-def rows(answer: Answer, who: str, what: str) -> tuple[Mapping[str, str], ...] | Finding:
-    """Rows of a RouterOS menu."""
+def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | Finding:
+    """Rows of a RouterOS menu; rows none of which has its `key` are not of that menu."""
     if not isinstance(answer, Rows):
         return unreadable(who, what)
     if answer.trouble is not None:
@@ -72,6 +72,8 @@ def rows(answer: Answer, who: str, what: str) -> tuple[Mapping[str, str], ...] |
         told = f": {answer.words}" if answer.words else ""
         hint = f"this version of RouterOS may not have it: look at {who} by hand"
         return unknown("refused", f"{who} does not tell {what}{told}", hint)
+    if answer.rows and not any(key in row for row in answer.rows):
+        return unreadable(who, what)
     return answer.rows
 
 
@@ -104,7 +106,7 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Findin
 def addresses(answer: Answer, who: str) -> tuple[Held, ...] | Finding:
     """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`)."""
     if isinstance(answer, Rows):
-        found = rows(answer, who, "its addresses")
+        found = rows(answer, who, "its addresses", "address")
         return found if isinstance(found, Finding) else tuple(_of_router(found))
     told = parsed(answer, who, "its addresses")
     return told if isinstance(told, Finding) else tuple(_of_computer(told))
@@ -138,7 +140,7 @@ def _interface(text: str | None) -> IPv4Interface | None:
 def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | Finding:
     """Who has answered: of a computer `ip -j neigh show`, of a router `/ip/arp`."""
     if isinstance(answer, Rows):
-        found = rows(answer, who, "its table of ARP")
+        found = rows(answer, who, "its table of ARP", "address")
         return found if isinstance(found, Finding) else tuple(_arp(found, who))
     told = parsed(answer, who, "its neighbours")
     return told if isinstance(told, Finding) else tuple(_neigh(told, who))

@@ -11,6 +11,7 @@ from atlantis_netcfg.probes.own._site import OwnSite, ask, step
 from atlantis_netcfg.probes.own._words import fail, good, measured, unknown
 from atlantis_netcfg.probes.questions import Place, Probing
 from atlantis_netcfg.probes.step import Judged
+from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -50,13 +51,14 @@ class _RogueDhcp:
         if isinstance(found, Finding):
             return Judged((*alerts, found))
         evidence = tuple(measured(f"DHCP offer of {one.server}", _told(one)) for one in found)
-        return Judged((*alerts, *self._judged(found)), evidence)
+        judged = tuple(one for one in self._judged(found) if not alerts or one.verdict is not Verdict.PASS)
+        return Judged((*alerts, *judged), evidence)
 
     def _alerts(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
         """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
         if self.site.router is None or "alerts" not in heard:
             return
-        told = rows(heard["alerts"], self.site.router.name, "its DHCP alerts")
+        told = rows(heard["alerts"], self.site.router.name, "its DHCP alerts", "interface")
         for row in () if isinstance(told, Finding) else told:
             server = row.get("unknown-server", "")
             if server and not yes(row, "disabled"):

@@ -6,6 +6,7 @@ Whether it also works is proved by sending (`satellite/allow-list`), which costs
 from __future__ import annotations
 
 from dataclasses import dataclass
+from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
@@ -66,7 +67,7 @@ class _Filter:
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        told = rows(heard["rules"], self.site.router.name, "its firewall")
+        told = rows(heard["rules"], self.site.router.name, "its firewall", "chain")
         if isinstance(told, Finding):
             return Judged((told,))
         rules = [row for row in told if not yes(row, "disabled") and not yes(row, "invalid")]
@@ -98,30 +99,61 @@ def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
 
 def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
     for chain in ("forward", "output"):
-        if not any(_jumps(row, chain, satellite) for row in rules):
-            message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
-            yield fail("not-asked", f"{message} {satellite.chain}", _RUN)
+        yield from _asked(satellite, [row for row in rules if row.get("chain") == chain], chain)
     own = [row for row in rules if row.get("chain") == satellite.chain]
     if not own or own[-1].get("action") != "drop" or _narrow(own[-1]):
         yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
-    wanted = {(target.address, str(target.port) if target.port else None) for target in satellite.targets}
-    there = {(row.get("dst-address", "any address"), row.get("dst-port")) for row in own if row.get("action") in _LETS}
-    for address, port in sorted(there - wanted, key=str):
-        message = f"the allow-list of {satellite.name} also lets through {address}{f' port {port}' if port else ''}"
-        yield fail(
-            "too-wide", message, "declare it under `allow:` if it is meant; else run the site, which takes it out"
-        )
-    for address, port in sorted(wanted - there, key=str):
-        message = f"the allow-list of {satellite.name} does not let through {address}{f' port {port}' if port else ''}"
+    wanted = {(one.address, str(one.port or ""), one.transport or "") for one in satellite.targets}
+    there = {_target(row) for row in own if row.get("action") in _LETS}
+    for target in sorted(there - wanted):
+        message = f"the allow-list of {satellite.name} also lets through {_worded(target)}"
+        hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
+        yield fail("too-wide", message, hint)
+    for target in sorted(wanted - there):
+        message = f"the allow-list of {satellite.name} does not let through {_worded(target)}"
         yield fail("too-narrow", message, "run the site, which puts the declared rule back")
+
+
+def _asked(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[Finding]:
+    """Whether everything that leaves comes to the list, before anybody else accepts it."""
+    place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
+    if place is None:
+        message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
+        yield fail("not-asked", f"{message} {satellite.chain}", _RUN)
+    elif any(_accepts(row, satellite) for row in rules[:place]):
+        message = f"a rule of chain {chain} accepts packets for {satellite.name} before its allow-list is asked"
+        yield fail("bypassed", message, _RUN)
+
+
+def _accepts(row: Mapping[str, str], satellite: Uplink) -> bool:
+    """A rule for another port, or for the terminal itself, which costs no airtime, takes nothing past the list."""
+    elsewhere = row.get("out-interface", satellite.port) != satellite.port
+    terminal = _inside(row.get("dst-address", ""), satellite.network)
+    return row.get("action") in {"accept", "fasttrack-connection"} and not elsewhere and not terminal
+
+
+def _inside(text: str, network: str) -> bool:
+    try:
+        return IPv4Network(text).subnet_of(IPv4Network(network))
+    except ValueError:
+        return False
+
+
+def _target(row: Mapping[str, str]) -> tuple[str, str, str]:
+    return row.get("dst-address", "any address"), row.get("dst-port", ""), row.get("protocol", "")
+
+
+def _worded(target: tuple[str, str, str]) -> str:
+    address, port, protocol = target
+    return address + (f" port {port}" if port else "") + (f" ({protocol})" if protocol else "")
 
 
 _LETS = frozenset({"accept", "return"})
 
 
-def _jumps(row: Mapping[str, str], chain: str, satellite: Uplink) -> bool:
+def _jumps(row: Mapping[str, str], satellite: Uplink) -> bool:
     leads = row.get("action") == "jump" and row.get("jump-target") == satellite.chain
-    return leads and row.get("chain") == chain and row.get("out-interface") == satellite.port
+    return leads and row.get("out-interface") == satellite.port and not _narrow(row)
 
 
 def _narrow(row: Mapping[str, str]) -> bool:

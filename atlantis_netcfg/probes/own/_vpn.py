@@ -81,7 +81,7 @@ class _Vpn:
         name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
         assert client is not None  # noqa: S101 - the question is asked for routers with one
         assert tunnel is not None  # noqa: S101 - the same
-        told = rows(heard["clients"], name, "its tunnels")
+        told = rows(heard["clients"], name, "its tunnels", "name")
         if isinstance(told, Finding):
             yield told
             return
@@ -142,7 +142,7 @@ class _Vpn:
                 "server-silent", f"the VPN server {server} answered none of {sent} pings through the tunnel", hint
             )
         mean = _MEAN.search(answer.out)
-        took = f", in {mean[1]} ms" if mean else ""
+        took = f", in {float(mean[1]):g} ms" if mean else ""
         told = f"the VPN server {server} answers {received} of {sent} pings through the tunnel{took}"
         return (
             good("server-answers", told)
@@ -165,7 +165,7 @@ class _Vpn:
         if line:
             yield measured(f"pings of {self._server} through the tunnel", line)
         clients = heard.get("clients")
-        told = rows(clients, "", "") if clients is not None else ()
+        told = rows(clients, "", "", "name") if clients is not None else ()
         for row in () if isinstance(told, Finding) else told:
             yield read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
 

@@ -15,6 +15,8 @@ __all__ = ["ip"]
 
 Printed = tuple[int, str, str]
 _FOREVER = 4294967295
+_OF_CARDS = ("addr", "link")
+"""Objects whose rows are interfaces."""
 _LOOPBACK = {"ifindex": 1, "ifname": "lo", "flags": ["LOOPBACK", "UP", "LOWER_UP"], "mtu": 65536, "qdisc": "noqueue"}
 
 
@@ -31,13 +33,13 @@ def ip(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     chosen = dict(zip(rest[::2], rest[1::2], strict=False)) if rest[:1] != ["default"] else {"to": "default"}
     device = chosen.get("dev")
     if device is not None and device != "lo" and spec.interface(device) is None:
-        gone = f'Cannot find device "{device}"\n' if what == "route" else f'Device "{device}" does not exist.\n'
+        gone = f'Device "{device}" does not exist.\n' if what in _OF_CARDS else f'Cannot find device "{device}"\n'
         return 1, "", gone
     rows = {
         "addr": lambda: _interfaces(spec, addresses=True, statistics=statistics),
         "link": lambda: _interfaces(spec, addresses=False, statistics=statistics),
         "route": lambda: _routes(spec, chosen),
-        "neigh": lambda: _neighbours(spec),
+        "neigh": lambda: _neighbours(spec, chosen.get("to")),
         "rule": lambda: _RULES,
     }.get(what)
     if rows is None:
@@ -47,9 +49,9 @@ def ip(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
 
 def _of(device: str | None, rows: Iterable[dict[str, Any]], what: str) -> list[dict[str, Any]]:
     """With `dev` the rows of routes and neighbours do not repeat its name."""
-    name = "ifname" if what in {"addr", "link"} else "dev"
+    name = "ifname" if what in _OF_CARDS else "dev"
     found = [row for row in rows if device is None or row.get(name) == device]
-    repeated = what in {"route", "neigh"} and device is not None
+    repeated = what not in _OF_CARDS and device is not None
     return [{key: value for key, value in row.items() if not (repeated and key == "dev")} for row in found]
 
 
@@ -131,12 +133,17 @@ def _address(one: InterfaceSpec, address: AddressSpec, *, second: bool) -> dict[
 
 
 def _routes(spec: ComputerSpec, chosen: dict[str, str]) -> list[dict[str, Any]]:
+    """In the kernel's order; of several addresses in one network the first brings the route."""
     rows = [_route(spec, way) for way in spec.routes]
-    rows += [_connected(one, address) for one in spec.interfaces for address in one.addresses]
+    rows += [row for one in spec.interfaces for row in _connected(one)]
     if chosen.get("table", "main") not in {"main", "all"}:
         return []
     wanted = chosen.get("to")
-    return [row for row in rows if wanted in {None, row["dst"]}]
+    return sorted((row for row in rows if wanted in {None, row["dst"]}), key=_place)
+
+
+def _place(row: dict[str, Any]) -> tuple[IPv4Network, int]:
+    return IPv4Network("0.0.0.0/0" if row["dst"] == "default" else row["dst"]), row.get("metric", 0)
 
 
 def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
@@ -152,17 +159,19 @@ def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
     return row | {"flags": _flags(own)}
 
 
-def _connected(one: InterfaceSpec, address: AddressSpec) -> dict[str, Any]:
-    whole = IPv4Interface(address.address)
-    row = {"dst": str(whole.network), "dev": one.name, "protocol": "kernel", "scope": "link"}
-    return row | {"prefsrc": str(whole.ip), "flags": _flags(one)}
+def _connected(one: InterfaceSpec) -> list[dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
+    for whole in (IPv4Interface(address.address) for address in one.addresses):
+        row = {"dst": str(whole.network), "dev": one.name, "protocol": "kernel", "scope": "link"}
+        found.setdefault(str(whole.network), row | {"prefsrc": str(whole.ip), "flags": _flags(one)})
+    return list(found.values())
 
 
 def _flags(one: InterfaceSpec | None) -> list[str]:
     return [] if one is None or one.up else ["linkdown"]
 
 
-def _neighbours(spec: ComputerSpec) -> list[dict[str, Any]]:
+def _neighbours(spec: ComputerSpec, wanted: str | None) -> list[dict[str, Any]]:
     return [
         {
             "dst": one.address,
@@ -171,6 +180,7 @@ def _neighbours(spec: ComputerSpec) -> list[dict[str, Any]]:
             "state": [one.state if one.mac is not None else "FAILED"],
         }
         for one in spec.neighbours
+        if wanted in {None, one.address}
     ]
 
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 __all__ = ["ping"]
 
 Printed = tuple[int, str, str]
+_ARP_S = 3.0
+"""Three questions, one a second (arp(7): mcast_solicit, retrans_time)."""
 _WITH_VALUE = ("-c", "-i", "-W", "-I", "-s", "-w")
 
 
@@ -31,10 +33,11 @@ def ping(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     source = str(IPv4Interface(own.addresses[0].address).ip) if own is not None and own.addresses else "0.0.0.0"  # noqa: S104 - printed
     head = f"PING {target} ({target}) " + (f"from {source} {through}: " if through else "") + "56(84) bytes of data.\n"
     interval = float(options.get("-i", "1"))
+    waits = (interval, float(options.get("-W", "10")))
     echo = spec.echoes.get(target)
     if echo is None or own is None or not own.up:
         on_segment = own is not None and own.up and (way is None or way[1] is None) and own.mac is not None
-        return 1, head + _silence(target, source, count, interval, unreachable=on_segment), ""
+        return 1, head + _silence(target, source, count, waits, on_segment=on_segment), ""
     lines, received = _answers(target, echo, count)
     return (0 if received else 1), head + lines + _sum(target, count, received, interval, echo), ""
 
@@ -68,10 +71,12 @@ def _sum(target: str, count: int, received: int, interval: float, echo: EchoSpec
     return f"{head}{_percent(count, received)} packet loss, time {took}ms\n{tail}"
 
 
-def _silence(target: str, source: str, count: int, interval: float, *, unreachable: bool) -> str:
+def _silence(target: str, source: str, count: int, waits: tuple[float, float], *, on_segment: bool) -> str:
+    """On a segment the kernel gives up asking by ARP after some seconds, and says so where ping still listens."""
+    interval, patience = waits
+    unreachable = on_segment and (count - 1) * interval + patience > _ARP_S
     told = [f"From {source} icmp_seq={number} Destination Host Unreachable\n" for number in range(1, count + 1)]
     errors = f"+{count} errors, " if unreachable else ""
-    head = "".join(told) if unreachable else ""
     took = round((count - 1) * interval * 1000)
     middle = f"\n--- {target} ping statistics ---\n{count} packets transmitted, 0 received, "
-    return f"{head}{middle}{errors}100% packet loss, time {took}ms\n\n"
+    return f"{''.join(told) if unreachable else ''}{middle}{errors}100% packet loss, time {took}ms\n\n"

@@ -1,0 +1,89 @@
+"""What the checks ask for: only reading, only what the devices know, and only what has been allowed."""
+
+from __future__ import annotations
+
+import pytest
+import trees
+from own_world import declaration, own_steps
+
+from atlantis_netcfg.gateway import network
+from atlantis_netcfg.probes import Ask, Look, Probing, Run
+from atlantis_netcfg.probes.own import _certificates, _static
+from atlantis_netcfg.probes.programs import allowed
+from atlantis_netcfg.twin import supplement
+from atlantis_netcfg.vpn import client
+
+EVERY = [question for step in own_steps() if step.probe is not None for question in step.probe.asks()]
+QUERIES = [one.query for one in EVERY if isinstance(one, Ask)]
+POE = "/interface/ethernet/poe"
+
+
+@pytest.mark.parametrize("version", trees.VERSIONS)
+def test_the_router_has_the_words(version: str) -> None:
+    tree = trees.Tree(version)
+    for query in QUERIES:
+        if query.menu == POE:  # hardware that the trees' Cloud Hosted Router lacks
+            added = {one.command: one.arguments for one in supplement.ADDED if one.menu == POE}
+            assert {name for name, _ in query.words} <= {*added[query.command]}
+            continue
+        assert tree.has_command(query.menu, query.command)
+        # The API takes a list of properties everywhere (Manual, API); menus of settings do not name it.
+        words = {name.lstrip(".") for name, _ in query.words} - {"proplist"}
+        assert words <= tree.arguments(query.menu, query.command)
+
+
+def test_the_properties_are_those_of_the_menus() -> None:
+    offered = trees.offered()
+    for query in QUERIES:
+        known = offered.get(f"{query.path} proplist")
+        if known is not None:
+            computed = {"dst-address", "protocol", "dst-port", "src-address", "src-port"}
+            assert set(query.proplist) <= {*known, *computed}, query
+
+
+def test_nothing_but_reading_is_asked_for() -> None:
+    assert {query.command for query in QUERIES} == {"print", "monitor", "ping"}
+    assert all(("arp-ping", "yes") in query.arguments for query in QUERIES if query.command == "ping")
+    assert {type(one) for one in EVERY} == {Ask, Look, Probing, Run}
+    asked = {name for query in QUERIES for name in query.proplist}
+    assert not {name for name in asked if "password" in name or "secret" in name}
+
+
+def test_every_program_is_on_the_list() -> None:
+    programs = [one.argv for one in EVERY if isinstance(one, Run)]
+    assert programs
+    assert [argv for argv in programs if not allowed(argv)] == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "cat /etc/shadow",
+        "cat /etc/openvpn/client/atlantis.identity",
+        "cat /etc/netplan/10-atlantis.yaml /etc/shadow",
+        "cat /etc/netplan/10-atlantisXyaml",
+        "cat /proc/net/udp6/../../1/environ",
+        "openssl storeutl -noout -text -certs /etc/ssl/private/other.key",
+        "openssl storeutl -text /etc/openvpn/client/atlantis.identity",
+        "openssl storeutl -noout -text -keys /etc/openvpn/client/atlantis.identity",
+        "ip -j addr add 10.0.0.1/8 dev eth0",
+        "ip -j route del default",
+        "ip -j neigh flush dev eth0",
+        "timedatectl set-time 10:00",
+        "chronyc -n -c makestep",
+    ],
+)
+def test_what_is_not_on_the_list_is_refused(words: str) -> None:
+    assert not allowed(tuple(words.split()))
+
+
+def test_paths_are_those_that_the_toolkit_writes() -> None:
+    assert _certificates.IDENTITY == client.IDENTITY
+    assert set(_static.FILES) == {tool.path for tool in network._TOOLS.values()}
+
+
+def test_pings_go_to_nobody_outside_the_site() -> None:
+    """Five to the VPN's own server through the tunnel; ARP does not leave the LAN."""
+    targets = {one.argv[-1] for one in EVERY if isinstance(one, Run) and one.argv[0] == "ping"}
+    server = declaration().hosts[declaration().pilot.vpn.server].device
+    assert targets == {str(getattr(server, "vpn_address", None))}

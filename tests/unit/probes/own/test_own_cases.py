@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import yaml
+from own_broken import BROKEN
+from own_world import SITE, World, declaration, own_steps
+
+from atlantis_netcfg.probes import Cell, own
+from atlantis_netcfg.probes.own import NAMES, steps
+from atlantis_netcfg.report.checklist import Kind, Phase
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.probes import Step
+
+LISTED: dict[str, dict[str, list[str]]] = yaml.safe_load(
+    (Path(__file__).parent / "own_cases.yml").read_text(encoding="utf-8")
+)
+OTHERWISE = {"address-by-hand", "file-differs", "no-fault", "not-the-best"}
+"""Codes of sites that are declared otherwise: test_own_declared.py."""
+
+
+@pytest.mark.parametrize("name", list(BROKEN))
+def test_exactly_what_is_broken_is_told(name: str) -> None:
+    assert BROKEN[name]().findings() == {**LISTED["healthy"], **LISTED[name]}
+
+
+def test_every_case_and_every_code_is_listed() -> None:
+    assert list(LISTED) == list(BROKEN)
+    told = {line.split(" ")[1].rstrip(":") for case in LISTED.values() for lines in case.values() for line in lines}
+    assert told | OTHERWISE == set(codes())
+
+
+def codes() -> Iterator[str]:
+    """The first argument of every call that makes a finding; those for a trouble stand in a table."""
+    for path in sorted(Path(own.__path__[0]).glob("*.py")):
+        calls = (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call))
+        for call in calls:
+            name = call.func.id if isinstance(call.func, ast.Name) else ""
+            if name in {"good", "warn", "fail", "unknown"} and isinstance(call.args[0], ast.Constant):
+                yield str(call.args[0].value)
+    yield from ("router-tunnel", "router-tunnel-address", "gateway-tunnel", "gateway-tunnel-address")
+    yield from ("not-reached", "no-answer", "denied", "no-program", "in-use")
+
+
+def test_all_checks_are_automatic_and_have_their_item() -> None:
+    assert tuple(step.name for step in own_steps()) == NAMES
+    assert {(step.kind, step.phase) for step in own_steps()} == {(Kind.AUTOMATIC, Phase.BENCH)}
+    assert all("coastal-" in " ".join(step.concerns) for step in own_steps())
+
+
+def of(site: str) -> tuple[Step, ...]:
+    return steps(Cell(declaration(), site, None, "site"))
+
+
+def test_what_is_not_declared_at_a_site_is_skipped_by_name() -> None:
+    skipped = {step.name: step.unless for step in of("scc") if step.unless}
+    assert skipped == {
+        "rogue-dhcp": "the site has no gateway computer that could ask its LAN for DHCP servers",
+        "vpn": "neither router nor gateway computer of this site is declared in the VPN",
+        "dds": "the site has no gateway computer on which DDS would run",
+        "satellite-filter": "the site has no satellite",
+    }
+    assert [step.name for step in of("te4sea") if step.unless] == []
+
+
+def test_a_site_without_a_router_has_every_item_too() -> None:
+    hosts = {name: host for name, host in declaration().hosts.items() if name != f"{SITE}-router"}
+    without = replace(declaration(), hosts=hosts)
+    found = steps(Cell(without, SITE, None, "site"))
+    assert tuple(step.name for step in found) == NAMES
+    assert {step.unless for step in found} == {"the site has no router of ours that could be asked"}
+
+
+def test_evidence_names_device_and_value_and_no_secret() -> None:
+    world = World()
+    every = [one for step in own_steps() for one in world.judged(step).evidence]
+    assert all(one.what and one.value for one in every)
+    assert not [one for one in every if "EXAMPLE-" in one.value or "PRIVATE" in one.value]
+    assert "ether2 of coastal-router: powered-on" in " / ".join(f"{one.what}: {one.value}" for one in every)

@@ -1,0 +1,105 @@
+"""Sites that are declared otherwise than the shipped example."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from own_broken import LEAVE, lines_of, with_address
+from own_world import NETPLAN, SITE, World, computer, declaration
+
+from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.probes import Cell, Probing
+from atlantis_netcfg.probes.own import steps
+from atlantis_netcfg.site.model import AddressBy, Gateway, GatewayNetwork, NetworkTool
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes import Step
+    from atlantis_netcfg.site import Declaration
+
+NETWORK = GatewayNetwork(by=NetworkTool.NETPLAN, interface="eth7")
+
+
+def with_gateway(**changes: Any) -> Declaration:  # noqa: ANN401 - fields of Gateway
+    whole = declaration()
+    host = whole.hosts[f"{SITE}-gateway"]
+    device = host.device.model_copy(update=changes)
+    return replace(whole, hosts={**whole.hosts, host.name: replace(host, device=device)})
+
+
+def own(whole: Declaration) -> tuple[Step, ...]:
+    return steps(Cell(whole, SITE, None, "site"))
+
+
+def of(world: World, name: str) -> list[str]:
+    return list(world.findings()[name])
+
+
+def with_file(text: str | None) -> World:
+    files = {} if text is None else {NETPLAN: text}
+    spec = computer().model_copy(update={"files": files})
+    return World(pc=spec, steps=own(with_gateway(network=NETWORK)))
+
+
+def test_the_promised_file_is_compared_word_by_word() -> None:
+    whole = with_gateway(network=NETWORK)
+    promised = gateway_network(whole, whole.hosts[f"{SITE}-gateway"])
+    assert promised is not None
+    assert promised.path == NETPLAN
+    router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"
+    fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, and will have it after a restart"
+    assert of(with_file(promised.content), "static-addresses") == [router, fine]
+    differs = (
+        f"FAIL file-differs: {NETPLAN} of coastal-gateway does not say what is declared: a restart changes its address"
+    )
+    assert of(with_file(promised.content.replace("10.64.1.10", "10.64.1.11")), "static-addresses") == [router, differs]
+    gone = (
+        f"FAIL no-file: coastal-gateway has 10.64.1.10/24, but {NETPLAN} is not there: it will be gone after a restart"
+    )
+    assert of(with_file(None), "static-addresses") == [router, gone]
+
+
+def test_a_declared_interface_is_asked_for_offers_by_its_name() -> None:
+    step = next(one for one in own(with_gateway(network=NETWORK)) if one.name == "rogue-dhcp")
+    assert step.probe is not None
+    assert [one.interface for one in step.probe.asks() if isinstance(one, Probing)] == ["eth7"]
+
+
+def leased() -> tuple[Step, ...]:
+    device = declaration().hosts[f"{SITE}-gateway"].device
+    assert isinstance(device, Gateway)
+    assert device.image is not None
+    return own(with_gateway(image=device.image.model_copy(update={"address_by": AddressBy.DHCP})))
+
+
+def test_a_gateway_that_gets_its_address_by_reservation() -> None:
+    router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"
+    fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, and will have it after a restart"
+    world = World(pc=with_address("10.64.1.10/24", 3000, instead=True), steps=leased())
+    assert of(world, "static-addresses") == [router, fine]
+    by_hand = "WARN address-by-hand: coastal-gateway has 10.64.1.10/24 by hand, while it is declared to get it by DHCP"
+    assert of(World(steps=leased()), "static-addresses") == [router, by_hand]
+
+
+def test_a_worse_link_that_costs_nothing_only_warns() -> None:
+    whole = declaration()
+    site = whole.sites[SITE]
+    free = tuple(one.model_copy(update={"metered": False, "billing": None}) for one in site.bearers)
+    changed = replace(whole, sites={**whole.sites, SITE: site.model_copy(update={"bearers": free})})
+    assert of(World(script=LEAVE, steps=own(changed)), "default-route") == [
+        "WARN not-the-best: traffic leaves by 4g, though wifi-ptp is up and better",
+        "PASS gateway-by-the-router: the default route of coastal-gateway leads to the router 10.64.1.1",
+    ]
+
+
+def test_ports_that_feed_nobody_who_is_declared() -> None:
+    whole = declaration()
+    hosts = {
+        name: replace(host, device=host.device.model_copy(update={"powered_by": None}))
+        for name, host in whole.hosts.items()
+    }
+    world = lines_of(
+        "/interface/ethernet/poe", *({"name": f"ether{n}", "poe-out-status": "waiting-for-load"} for n in (1, 2, 3))
+    )
+    world.steps = own(replace(whole, hosts=hosts))
+    assert of(world, "poe") == ["PASS no-fault: no port that feeds has a fault; no box is declared to be fed by one"]
