@@ -117,6 +117,8 @@ class _Epochs:
         if self.open is not None:
             self.reports.append(self._whole(self.open))
         self.open, self.kinds, self.void = None, set(), False
+        # GSA may come more rarely than positions: that there was no fix is over with its epoch.
+        self.dimensions = None if self.dimensions == 1 else self.dimensions
 
     def _whole(self, report: Report) -> Report:
         if self.void or self.dimensions == 1:

@@ -11,7 +11,9 @@ from gps_cases import CASES, Case
 from gps_said import WANTED, bytewise, epoch, fixes, gpsd, heard, nmea, tpv
 
 from atlantis_netcfg.probes import Listen, Place
-from atlantis_netcfg.probes.gps import StreamGps, gpsd as gpsd_reader, nmea as nmea_reader
+from atlantis_netcfg.probes.gps import StreamGps
+from atlantis_netcfg.probes.gps import gpsd as gpsd_reader
+from atlantis_netcfg.probes.gps import nmea as nmea_reader
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -133,30 +135,39 @@ def asked(case: Case) -> Listen:
     return question
 
 
-@pytest.mark.parametrize(
-    ("chunks", "ends"),
-    [
-        (gpsd(*fixes(4)), False),
-        (gpsd(*fixes(5)), True),
-        (gpsd(*fixes(5), sky=None), True),
-        (gpsd(*[tpv(0)] * 9), False),
-        (gpsd(*[tpv(0)] * 10), True),
-        (gpsd(*fixes(5, time=None)), False),
-        (gpsd(*fixes(5, mode=1)), False),
-        (gpsd(*fixes(4), tpv(4, mode=1), tpv(5)), False),
-        (gpsd(*fixes(4), tpv(4, mode=1), *[tpv(5 + second) for second in range(5)]), True),
-        (nmea(*[epoch(second) for second in range(4)]), False),
-        (nmea(*[epoch(second) for second in range(5)]), True),
-        (nmea(*[epoch(0)] * 9), False),
-        (nmea(*[epoch(0)] * 10), True),
-    ],
+ENOUGH = (
+    gpsd(*fixes(5)),
+    gpsd(*fixes(5), sky=None),
+    gpsd(*[tpv(0)] * 10),
+    gpsd(*fixes(4), tpv(4, mode=1), *[tpv(5 + second) for second in range(5)]),
+    nmea(*[epoch(second) for second in range(5)]),
+    nmea(*[epoch(0)] * 10),
 )
-def test_listening_ends_when_enough_was_heard_and_not_before(
-    chunks: tuple[tuple[float, bytes], ...], ends: bool
-) -> None:  # noqa: FBT001
+TOO_LITTLE = (
+    gpsd(*fixes(4)),
+    gpsd(*[tpv(0)] * 9),
+    gpsd(*fixes(5, time=None)),
+    gpsd(*fixes(5, mode=1)),
+    gpsd(*fixes(4), tpv(4, mode=1), tpv(5)),
+    nmea(*[epoch(second) for second in range(4)]),
+    nmea(*[epoch(0)] * 9),
+)
+
+
+def is_enough(chunks: tuple[tuple[float, bytes], ...]) -> bool:
     kind = "gpsd" if b"TPV" in heard(chunks).data else "nmea_tcp"
     question = asked(next(case for case in CASES if case.driver.value == kind))
-    assert bool(re.search(question.enough, heard(chunks).data)) is ends
+    return bool(re.search(question.enough, heard(chunks).data))
+
+
+@pytest.mark.parametrize("chunks", ENOUGH)
+def test_listening_ends_when_enough_was_heard(chunks: tuple[tuple[float, bytes], ...]) -> None:
+    assert is_enough(chunks)
+
+
+@pytest.mark.parametrize("chunks", TOO_LITTLE)
+def test_listening_goes_on_before(chunks: tuple[tuple[float, bytes], ...]) -> None:
+    assert not is_enough(chunks)
 
 
 def test_a_long_stream_that_is_never_enough_is_searched_in_no_time() -> None:

@@ -1,0 +1,192 @@
+"""A RouterOS device's receiver: what is asked exists in every version, and what is said of each answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import pytest
+import trees
+from gps_said import FENCE
+
+from atlantis_netcfg.probes import Ask, Rows, Trouble
+from atlantis_netcfg.probes.gps import RouterosGps, Wanted
+from atlantis_netcfg.probes.gps.routeros import MONITOR, SETTINGS, read
+from atlantis_netcfg.site.model import Geofence, GpsDriver
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers.query import Query
+    from atlantis_netcfg.probes import Judged
+
+WANTED = Wanted("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
+PROBE = RouterosGps(WANTED, "off-router")
+HEARD = datetime(2026, 11, 20, 10, 15, 0, 500_000, tzinfo=UTC).timestamp()
+ON = Rows(None, rows=({"enabled": "true", "port": "usb1", "coordinate-format": "dd"},), heard=HEARD)
+ROW = {
+    "date-and-time": "2026-11-20 10:14:59",
+    "latitude": "41.686420",
+    "longitude": "-8.838826",
+    "altitude": "5.000000 m",
+    "speed": "0.759320 km/h",
+    "valid": "yes",
+    "satellites": "6",
+    "fix-quality": "1",
+    "horizontal-dilution": "1.3",
+    "data-age": "1s",
+}
+SAMPLE = {**ROW, "date-and-time": "2021-09-07 08:26:26", "latitude": "56.969689", "longitude": "24.162471"}
+"""Positions as in the manual's sample."""
+
+
+def judged(row: dict[str, str] | None, settings: Rows = ON, wanted: Wanted = WANTED) -> Judged:
+    monitored = Rows(None, rows=None if row is None else (row,) if row else (), heard=HEARD)
+    return replace(PROBE, wanted=wanted).judge({"monitor": monitored, "settings": settings})
+
+
+def told(found: Judged) -> list[str]:
+    assert all(one.hint for one in found.findings if one.verdict is not Verdict.PASS)
+    return [f"{one.verdict} {one.code}: {one.message}" for one in found.findings]
+
+
+@pytest.mark.parametrize("query", [MONITOR, SETTINGS], ids=["monitor", "settings"])
+@pytest.mark.parametrize("tree", trees.TREES, ids=trees.VERSIONS)
+def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> None:
+    assert tree.has_command(query.menu, query.command)
+    assert {name for name, _ in query.arguments} <= tree.arguments(query.menu, query.command)
+
+
+def test_both_are_asked_of_the_router() -> None:
+    assert PROBE.asks() == (Ask("monitor", "off-router", MONITOR), Ask("settings", "off-router", SETTINGS))
+
+
+CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
+    "healthy": (
+        ROW,
+        ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
+    ),
+    "healthy, before 7.1": (
+        {name: value for name, value in ROW.items() if name != "data-age"} | {"date-and-time": "nov/20/2026 10:15:00"},
+        ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
+    ),
+    "healthy, in some time zone": (
+        {**ROW, "date-and-time": "2026-11-20 11:14:59"},
+        ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
+    ),
+    "the manual's sample": (
+        SAMPLE,
+        [
+            (
+                "FAIL outside-geofence: Offshore is at 56.96969, 24.16247, "
+                "2889 km from the middle of the geofence of 1000 m"
+            ),
+            "WARN clock-differs: Offshore's receiver is 1900 days behind the clock of off-router",
+        ],
+    ),
+    "no fix": (
+        {"valid": "no", "satellites": "0", "latitude": "none", "longitude": "none", "data-age": "1s"},
+        ["FAIL no-fix: Offshore's receiver works and has no fix"],
+    ),
+    "no fix, and an unknown word": (
+        {**ROW, "valid": "perhaps"},
+        ["FAIL no-fix: Offshore's receiver works and has no fix"],
+    ),
+    "stale": ({**ROW, "data-age": "1m4s"}, ["FAIL fix-stale: Offshore's last position is 64 s old: no more came"]),
+    "clock": (
+        {**ROW, "date-and-time": "2026-11-20 10:14:19"},
+        ["WARN clock-differs: Offshore's receiver is 40.5 s behind the clock of off-router"],
+    ),
+    "valid without a position": (
+        {**ROW, "latitude": "none", "longitude": "none"},
+        ["FAIL position-impossible: Offshore's receiver claims a fix at nowhere, which is no position"],
+    ),
+    "simulated": (
+        {**ROW, "fix-quality": "8"},
+        ["WARN position-simulated: Offshore's position is simulated, not measured"],
+    ),
+    "dilution": (
+        {**ROW, "horizontal-dilution": "9.9"},
+        ["WARN position-uncertain: Offshore's satellites stand badly: HDOP 9.9"],
+    ),
+    "nothing": ({}, ["FAIL no-data: GPS of off-router tells nothing of its receiver"]),
+    "garbage": (
+        {
+            "latitude": "\x00",
+            "longitude": "-",
+            "valid": "yes",
+            "satellites": "many",
+            "date-and-time": "x",
+            "data-age": "?",
+        },
+        [
+            "FAIL position-impossible: Offshore's receiver claims a fix at nowhere, which is no position",
+            "WARN no-time: Offshore's positions have no time",
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_judged(case: str) -> None:
+    row, expected = CASES[case]
+    assert told(judged(row)) == expected
+
+
+def test_a_device_without_the_package() -> None:
+    found = judged(None, Rows(None, rows=None))
+    assert told(found) == ["FAIL driver-not-started: off-router does not know `/system gps`"]
+    assert found.findings[0].hint == "install the package gps of its RouterOS version"
+
+
+def test_a_receiver_that_is_switched_off() -> None:
+    found = judged({}, Rows(None, rows=({"enabled": "false"},)))
+    assert told(found) == ["FAIL driver-not-started: the receiver of off-router is not switched on"]
+
+
+@pytest.mark.parametrize(
+    ("trouble", "expected"),
+    [
+        (
+            Trouble.NO_PLACE,
+            (
+                "INCONCLUSIVE place-not-reached: nobody has listened to GPS of off-router: "
+                "off-router was not reached: no route"
+            ),
+        ),
+        (
+            Trouble.SILENT,
+            "INCONCLUSIVE no-answer: nobody answers at off-router: Offshore is off, or not in the network",
+        ),
+    ],
+)
+def test_a_router_that_was_not_reached(trouble: Trouble, expected: str) -> None:
+    answer = Rows(trouble, "no route")
+    assert told(PROBE.judge({"monitor": answer, "settings": answer})) == [expected]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("41.686420", 41.68642),
+        ("-8.838826", -8.838826),
+        ("N 41 41' 11.112''", 41.68642),
+        ("W 8 50' 19.7754''", -8.8388265),
+        ("N 41 41.18520'", 41.68642),
+        ("none", None),
+        ("", None),
+        ("41,686420", None),
+        ("4 1 2 3", None),
+    ],
+)
+def test_coordinates_in_the_forms_of_coordinate_format(text: str, value: float | None) -> None:
+    (report,) = read(Rows(None, rows=({**ROW, "latitude": text},))).reports
+    assert report.latitude == (None if value is None else pytest.approx(value, abs=1e-6))
+
+
+def test_one_position_is_all_that_it_tells() -> None:
+    found = judged(ROW, wanted=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
+    assert {one.what: one.value for one in found.evidence}[
+        "reports"
+    ] == "1: a RouterOS device tells its latest position only"
+    assert {one.what: one.value for one in found.evidence}["age of the last position"] == "1.0 s"

@@ -1,0 +1,104 @@
+"""Which items the column makes of a declaration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.probes import Cell, Listen, Place, Step
+from atlantis_netcfg.probes.gps import RouterosGps, StreamGps, steps
+from atlantis_netcfg.probes.sayings import refused
+from atlantis_netcfg.report.checklist import Kind, Phase
+from atlantis_netcfg.site import Declaration, load
+from atlantis_netcfg.site.model import Endpoints
+from atlantis_netcfg.verdicts import Verdict
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(ROOT / "inventory")
+
+
+def of(declaration: Declaration, vehicle: str, gps: dict[str, Any] | None = None, *, declared: bool = True) -> Step:
+    if gps is not None or not declared:
+        endpoints = Endpoints.model_validate({"gps": gps} if gps else {})
+        one = declaration.vehicles[vehicle].model_copy(update={"endpoints": endpoints})
+        declaration = replace(declaration, vehicles={**declaration.vehicles, vehicle: one})
+    (step,) = steps(Cell(declaration, "coastal", vehicle, "gps"))
+    return step
+
+
+def stream(step: Step) -> StreamGps:
+    assert isinstance(step.probe, StreamGps)
+    return step.probe
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "address", "port", "three"),
+    [
+        ("sparus", "10.64.1.22", 2947, False),
+        ("girona500", "10.64.1.21", 10110, False),
+        ("stork", "10.64.1.24", 2947, True),
+    ],
+)
+def test_a_stream_is_listened_to(declaration: Declaration, vehicle: str, address: str, port: int, three: bool) -> None:  # noqa: FBT001
+    step = of(declaration, vehicle)
+    probe = stream(step)
+    assert (step.name, step.kind, step.phase, step.concerns) == ("", Kind.AUTOMATIC, Phase.QUAY, ("coastal-gateway",))
+    assert (probe.place, probe.address, probe.port) == (Place.GATEWAY, address, port)
+    assert (probe.wanted.three, probe.wanted.place) == (three, "coastal-gateway")
+    assert probe.wanted.fence == declaration.sites["coastal"].checklist.geofence
+
+
+@pytest.mark.parametrize("vehicle", ["sparus", "girona500"])
+def test_what_is_said_is_on_the_list_of_what_may_be(declaration: Declaration, vehicle: str) -> None:
+    (question,) = stream(of(declaration, vehicle)).asks()
+    assert isinstance(question, Listen)
+    assert refused(question, active=False) is None
+    assert bool(question.say) is (vehicle == "sparus")
+
+
+def test_a_serial_port_is_of_the_computer_that_listens(declaration: Declaration) -> None:
+    gps = {"driver": "nmea_serial", "device": "/dev/ttyUSB0", "baud": 4800, "seen_from": "laptop", "reports": 3}
+    step = of(declaration, "sparus", gps)
+    (question,) = stream(step).asks()
+    assert isinstance(question, Listen)
+    assert (question.transport, question.device, question.baud, question.address) == (
+        "serial",
+        "/dev/ttyUSB0",
+        4800,
+        "",
+    )
+    assert (question.place, question.listen_s, question.say) == (Place.LAPTOP, 11.0, ())
+    assert step.concerns == ()
+
+
+@pytest.mark.parametrize(("gps", "host"), [({}, "coastal-router"), ({"seen_by": "coastal-cpe"}, "coastal-cpe")])
+def test_a_router_is_asked(declaration: Declaration, gps: dict[str, Any], host: str) -> None:
+    step = of(declaration, "sparus", {"driver": "routeros", **gps})
+    assert isinstance(step.probe, RouterosGps)
+    assert (step.probe.host, step.concerns) == (host, (host,))
+
+
+def test_nothing_declared_is_a_persons_step(declaration: Declaration) -> None:
+    step = of(declaration, "stork", declared=False)
+    assert (step.name, step.kind, step.phase) == ("", Kind.PERSON, Phase.QUAY)
+    assert "3D fix" in step.look_for
+    assert "2D or 3D fix" in of(declaration, "sparus", declared=False).look_for
+
+
+def test_an_address_that_nobody_has_declared_is_told(declaration: Declaration) -> None:
+    site = declaration.sites["coastal"]
+    lan = site.lan.model_copy(update={"reservations": ()})
+    changed = replace(declaration, sites={**declaration.sites, "coastal": site.model_copy(update={"lan": lan})})
+    probe = of(changed, "sparus").probe
+    assert probe is not None
+    assert probe.asks() == ()
+    (finding,) = probe.judge({}).findings
+    assert (finding.verdict, finding.code) == (Verdict.INCONCLUSIVE, "no-address")
+    assert finding.message == "nobody has declared the address of Sparus's receiver"
