@@ -1,0 +1,98 @@
+"""The questions of a checklist to a real gateway: one SSH command, real ports there, a host key that is compared."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from gateway_stand import NETWORK, ROUTER, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
+
+from atlantis_netcfg.operations.checking import RealEars
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.probes import Listen, Offered, Place, Probing, Ran, Run, Say, Transcript, Trouble
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
+
+    from atlantis_netcfg.machine import Yard
+    from atlantis_netcfg.probes import Answer
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(120)]
+
+NAME = "coastal-gateway"
+OTHER_KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
+HOLDS = "import os,signal,socket; s = socket.socket(type=2); s.bind(('', 14550)); os.fork() or signal.pause()"
+"""The vehicle's software there, which has the port when the command returns."""
+CONSOLE = "/dev/pts/0"
+"""Somebody may log in there: agetty has it."""
+MOST_BYTES = 22_000
+"""Both directions: a connection of OpenSSH (about 6 kB), the program (about 7 kB), the questions and the answers."""
+
+
+@pytest.fixture
+def ears(machine: Start, technician: Key, tmp_path: Path) -> RealEars:  # noqa: F811 - fixtures
+    gateway = machine(NAME)
+    gateway.run(f'python3 -c "{HOLDS}" </dev/null >/dev/null 2>&1')
+    (tmp_path / "known").write_text(f"{NAME} {gateway.host_key}\n")
+    config = tmp_path / "config"
+    config.write_text(
+        f"Host {NAME}\n HostName 127.0.0.1\n Port {gateway.port}\n User root\n IdentityFile {technician.file}\n"
+        f" IdentitiesOnly yes\n UserKnownHostsFile {tmp_path / 'known'}\n"
+    )
+    return RealEars(SHIPPED, "coastal", Request(state=tmp_path / "state"), ssh_config=str(config))
+
+
+def asked(ears: RealEars, *questions: Listen | Run | Probing) -> Mapping[str, Answer]:
+    return asyncio.run(ears.ask(Place.GATEWAY, None, [(one.name, one) for one in questions], lambda *_: None))
+
+
+def test_a_gateway_is_asked_in_one_command(ears: RealEars, ground: Yard, tmp_path: Path) -> None:  # noqa: F811
+    def tcp(name: str, address: str, port: int, *say: Say) -> Listen:
+        return Listen(name, Place.GATEWAY, "tcp", address, port, say=say, listen_s=0.1, connect_s=5)
+
+    def run(name: str, *argv: str) -> Run:
+        return Run(name, Place.GATEWAY, argv)
+
+    traffic = ground.machines[NAME].traffic
+    before = replace(traffic)
+    with ground.listen() as door:
+        found = asked(
+            ears,
+            run("who", "id", "-u"),
+            run("python", "python3", "--version"),
+            tcp("ssh", "127.0.0.1", 22, Say(b"", b"\n")),
+            tcp("refused", ROUTER, 1),
+            tcp("silent", ROUTER, door.getsockname()[1], Say(b"AT?S\n", b".", 0.1)),
+            Listen("held", Place.GATEWAY, "serial", device=CONSOLE, baud=19200),
+            Listen("vehicle", Place.GATEWAY, "udp", port=14550, listen_s=5),
+            Probing("dhcp", Place.GATEWAY, f"{NETWORK}10", within_s=0.2),
+        )
+    assert traffic.connections == before.connections + 1
+    assert traffic.up_bytes + traffic.down_bytes < before.up_bytes + before.down_bytes + MOST_BYTES
+    who, python, ssh = found["who"], found["python"], found["ssh"]
+    assert isinstance(who, Ran)
+    assert who.out == "0\n"
+    assert isinstance(python, Ran)
+    assert python.out.startswith("Python 3.")
+    assert isinstance(ssh, Transcript)
+    assert ssh.data.startswith(b"SSH-2.0-OpenSSH")
+    assert {name: one.trouble for name, one in found.items() if one.trouble is not None} == {
+        "refused": Trouble.REFUSED,
+        "held": Trouble.BUSY,
+        "vehicle": Trouble.BUSY,
+    }
+    assert found["held"].words.startswith(f"{CONSOLE} is held by ")
+    assert found["dhcp"] == Offered(None)
+
+    (tmp_path / "known").write_text(f"{NAME} {OTHER_KEY}\n")
+    changed = asked(ears, run("who", "id", "-u"))["who"]
+    assert changed.trouble is Trouble.NO_PLACE
+    assert changed.words == (
+        f"{NAME} was not reached: Host key verification failed.; if it is a new computer or a new card: "
+        f"`ssh-keygen -R {NAME}`, then let `provision` pin its key"
+    )

@@ -1,0 +1,77 @@
+"""Frames of DHCP as the ear makes and reads them (RFC 2131); garbage is no offer and no fault."""
+
+from __future__ import annotations
+
+import socket
+import struct
+
+import pytest
+
+from atlantis_netcfg.probes.ear._dhcp import _frame, _offer
+
+MAC, NUMBER = b"\x02\x00\x5e\x00\x01\x10", b"\x01\x02\x03\x04"
+SERVER_MAC = b"\x02\x00\x5e\x00\x01\x01"
+OFFER = {"server": "10.64.1.1", "mac": "02:00:5e:00:01:01", "address": "10.64.1.100", "router": "10.64.1.254"}
+
+
+def offer(
+    *options: bytes, number: bytes = NUMBER, mac: bytes = MAC, port: int = 68, cookie: bytes = b"c\x82Sc"
+) -> bytes:
+    """A server's frame."""
+    yours = socket.inet_aton("10.64.1.100")
+    bootp = struct.pack("!4B4sHH4s4s8x6s10x192x", 2, 1, 6, 0, number, 0, 0x8000, b"\0" * 4, yours, mac)
+    body = bootp + cookie + b"".join(options) + b"\xff"
+    head = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 28 + len(body), 0, 0, 64, 17, 0, b"\x0a\x40\x01\x02", b"\xff" * 4)
+    return MAC + SERVER_MAC + b"\x08\x00" + head + struct.pack("!4H", 67, port, 8 + len(body), 0) + body
+
+
+TYPE, SERVER, ROUTER = b"\x35\x01\x02", b"\x36\x04\x0a\x40\x01\x01", b"\x03\x08\x0a\x40\x01\xfe\x0a\x40\x01\xfd"
+
+
+def test_an_offer() -> None:
+    assert _offer(offer(TYPE, b"\0\0", SERVER, ROUTER), MAC, NUMBER) == OFFER
+
+
+def test_a_server_that_does_not_name_itself_is_known_by_where_it_came_from() -> None:
+    assert _offer(offer(TYPE), MAC, NUMBER) == {**OFFER, "server": "10.64.1.2", "router": None}
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        offer(b"\x35\x01\x05", SERVER),
+        offer(SERVER),
+        offer(TYPE, number=b"\0\0\0\1"),
+        offer(TYPE, mac=SERVER_MAC),
+        offer(TYPE, port=67),
+        offer(TYPE, cookie=b"\0\0\0\0"),
+        b"",
+        b"\xff" * 600,
+        b"\0" * 600,
+    ],
+    ids=["ack", "no-type", "of-another", "to-another", "to-a-server", "bootp", "empty", "ones", "zeros"],
+)
+def test_what_is_no_offer_to_us(frame: bytes) -> None:
+    assert _offer(frame, MAC, NUMBER) is None
+
+
+def test_frames_that_end_early() -> None:
+    whole = offer(TYPE, SERVER, ROUTER)
+    for length in range(len(whole)):
+        found = _offer(whole[:length], MAC, NUMBER)
+        assert found is None or found["address"] == "10.64.1.100"
+
+
+def test_the_question() -> None:
+    frame = _frame(MAC, NUMBER)
+    assert frame[:14] == b"\xff" * 6 + MAC + b"\x08\x00"
+    header = struct.unpack("!10H", frame[14:34])
+    total = sum(header)
+    assert (total & 0xFFFF) + (total >> 16) == 0xFFFF, "the checksum of IP"
+    assert header[1] == len(frame) - 14
+    assert struct.unpack("!4H", frame[34:42]) == (68, 67, len(frame) - 34, 0)
+    bootp = frame[42:]
+    assert (bootp[:4], bootp[4:8], bootp[10:12], bootp[28:34]) == (b"\x01\x01\x06\x00", NUMBER, b"\x80\x00", MAC)
+    assert bootp[12:28] == b"\0" * 16, "no address is asked for, none is used"
+    assert bootp[236:249] == b"c\x82Sc" + b"\x35\x01\x01" + b"\x37\x03\x01\x03\x33" + b"\xff"
+    assert len(bootp) == 300
