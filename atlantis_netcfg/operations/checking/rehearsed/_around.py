@@ -1,0 +1,66 @@
+"""A rehearsal's ears, with everything behind them started and, if asked for, broken."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from datetime import datetime
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from atlantis_netcfg.events import ignore
+from atlantis_netcfg.operations.checking._real import RealEars
+from atlantis_netcfg.operations.checking.rehearsed._ears import RehearsedEars
+from atlantis_netcfg.operations.checking.rehearsed._faults import FAULTS
+from atlantis_netcfg.operations.checking.rehearsed._stands import standing
+from atlantis_netcfg.operations.checking.rehearsed._world import healthy
+from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.paths import state_dir
+from atlantis_netcfg.twin.computer import Computer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.operations.checking.rehearsed._world import World
+    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.site import Declaration
+
+__all__ = ["rehearsed_ears"]
+
+
+@contextmanager
+def rehearsed_ears(
+    declaration: Declaration, site: str, rehearsal: Rehearsal, broken: Sequence[str] = ()
+) -> Iterator[RehearsedEars]:
+    """Give ears whose site is well but for what is `broken` (names of `FAULTS`); its routers are configured already."""
+    world = healthy(declaration, site)
+    for name in broken:
+        FAULTS[name].spoil(world)
+    request = Request(state=state_dir(), mode=Mode.DRIFT, rehearsed=True, targets=rehearsal.targets, accept_cost=True)
+    with _routers(declaration, world, rehearsal), standing(world) as stands:
+        computer = None if world.computer is None else Computer(world.computer)
+        yield RehearsedEars(RealEars(declaration, site, request, ignore), computer, stands)
+
+
+@contextmanager
+def _routers(declaration: Declaration, world: World, rehearsal: Rehearsal) -> Iterator[None]:
+    """Put the routers into their place, and do to them what faults ask for; taken back at the end."""
+    emulated = [name for name in world.routers if name in rehearsal.targets]
+    for name in emulated:
+        rehearsal.twins.do(name, "around", **world.routers[name])
+        rehearsal.twins.do(name, "console", words=_now(declaration))
+    done = []
+    try:
+        for act in world.acts:
+            if act.twin in rehearsal.targets:
+                rehearsal.twins.do(act.twin, act.do, **act.arguments)
+                done.append(act)
+        yield
+    finally:
+        for act in reversed(done):
+            rehearsal.twins.do(act.twin, act.back[0], **act.back[1])
+
+
+def _now(declaration: Declaration) -> list[str]:
+    """What a time server does to a router's clock."""
+    local = datetime.now(ZoneInfo(declaration.pilot.time_zone))
+    return ["/system/clock/set", f"=date={local:%Y-%m-%d}", f"=time={local:%H:%M:%S}"]

@@ -1,0 +1,87 @@
+"""The ears of a rehearsal: the same questions, asked of what stands for the site's devices on this computer."""
+
+from __future__ import annotations
+
+import asyncio
+import shlex
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.checking._laptop import ask_here
+from atlantis_netcfg.operations.checking._unanswered import unanswered
+from atlantis_netcfg.probes import Listen, Offered, Place, Probing, Ran, Run, Trouble
+from atlantis_netcfg.probes.answers import Offer
+from atlantis_netcfg.twin.computer import NOT_FOUND
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.operations.checking._ears import Asked, Ears, Heard
+    from atlantis_netcfg.operations.checking.rehearsed._stands import Stand
+    from atlantis_netcfg.probes import Answer, Question
+    from atlantis_netcfg.twin.computer import Computer
+
+__all__ = ["RehearsedEars"]
+
+_NOBODY = "nothing stands for it in a rehearsal"
+
+
+@dataclass(frozen=True, slots=True)
+class RehearsedEars:
+    """Streams are listened to by the real program; what programs of a gateway would print is emulated."""
+
+    routers: Ears
+    """The real site's, whose devices are the twins."""
+    computer: Computer | None
+    """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
+    stands: Sequence[Stand]
+
+    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+        """Ask all questions of one place in one turn; see `Ears.ask`."""
+        if place is Place.ROUTER:
+            return await self.routers.ask(place, host, questions, heard)
+        streams = [(key, found) for key, one in questions if (found := self._moved(one)) is not None]
+        answers: dict[str, Answer] = {}
+        names = {key for key, _ in streams}
+        for key, question in questions:
+            if key not in names:
+                answers[key] = self._answer(question)
+                heard(key, answers[key])
+        if streams:
+            answers.update(await ask_here(streams, heard))
+        await asyncio.sleep(0)
+        return answers
+
+    def _moved(self, question: Question) -> Listen | None:
+        """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
+        if not isinstance(question, Listen):
+            return None
+        stand = next((one for one in self.stands if one.means(question)), None)
+        return None if stand is None else replace(question, **stand.place())
+
+    def _answer(self, question: Question) -> Answer:
+        if self.computer is None or isinstance(question, Listen):
+            return unanswered(question, _NOBODY)
+        if isinstance(question, Run):
+            return self._ran(question, self.computer)
+        if isinstance(question, Probing):
+            return self._offered(question, self.computer)
+        return unanswered(question, _NOBODY)
+
+    @staticmethod
+    def _ran(question: Run, computer: Computer) -> Ran:
+        asked = time.time()
+        rc, out, err = computer.answer(question.argv)
+        trouble, words = None, ""
+        if rc == NOT_FOUND:
+            trouble, words = Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
+        return Ran(trouble, words, rc, out, err, computer.now, asked, time.time())
+
+    @staticmethod
+    def _offered(question: Probing, computer: Computer) -> Offered:
+        found = computer.offers(question.interface)
+        if found is None:
+            return Offered(Trouble.MISSING, f"this computer has no interface {question.interface}")
+        offers = (Offer(one.server, one.mac.lower(), one.address, one.router) for one in found)
+        return Offered(None, "", tuple(offers))
