@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Scope, State, books, plan
@@ -93,16 +93,16 @@ class Asking:
         """Ask all that is wanted of a site at once."""
         wanted = [one for one in self.lists[site].entries if self.name(one) in self.wanted]
         entries = [one for one in wanted if one.item.kind is Kind.AUTOMATIC and not one.step.unless]
-        rehearse = self.how.rehearse
+        rehearse, listed = self.how.rehearse, replace(self.lists[site], entries=tuple(entries))
         with (
             session(
                 self.how.arguments(site),
                 rehearse=rehearse,
                 via=self.how.via,
                 unsealed=True,
-                chosen=lambda declaration: taking_part(declaration, site, rehearse=rehearse),
+                chosen=lambda declaration: taking_part(declaration, listed, rehearse=rehearse),
             ) as opened,
-            listening(opened, entries, (), ignore, self.how.ssh_config) as ears,
+            listening(opened, (), ignore, self.how.ssh_config) as ears,
         ):
             return asyncio.run(examine(entries, ears.free, lambda _item: None))
 

@@ -151,14 +151,13 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 @pytest.fixture
-def found(entry: Entry, request: pytest.FixtureRequest, record_property: Callable[[str, object], None]) -> Item:
+def found(entry: Entry, request: pytest.FixtureRequest) -> Item:
     """What is known of an item. What could not be asked is an error, what nobody has answered is skipped."""
     try:
         item = _asking(request.config).item(entry)
     except NetcfgError as error:
         pytest.fail(f"{error}\n{error.hint or ''}", pytrace=False)
-    for name, value in told(item):
-        record_property(name, value)
+    request.node.user_properties += told(item)
     if item.verdict is Verdict.ERROR and item.override is None:
         pytest.fail(item.message, pytrace=False)
     if item.open or item.counts is Verdict.SKIP:

@@ -15,6 +15,8 @@ from atlantis_netcfg.verdicts import Verdict
 if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist import Item
 
+pytestmark = pytest.mark.timeout(3600)
+"""The first test waits for all questions of the site, over a link that may be silent for a minute."""
 _WELL = frozenset({Verdict.PASS, Verdict.WARN})
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.checking import Ears
 
-__all__ = ["Listening", "listening", "refuse_faults"]
+__all__ = ["Listening", "asks_a_router", "listening", "not_rehearsed", "refuse_faults"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,27 @@ def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
             raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
 
 
+def asks_a_router(entries: Sequence[Entry]) -> bool:
+    """Whether routers have to be there: a rehearsal starts and configures them for that alone."""
+    probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
+    return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
+
+
+def not_rehearsed(opened: Session, entries: Sequence[Entry]) -> tuple[str, ...]:
+    """What the twins of these entries cannot stand for."""
+    if opened.rehearsal is None:
+        return ()
+    from atlantis_netcfg.twin import acoustic, computer, gnss, mavlink
+
+    asked = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
+    said = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
+    beside = [line for endpoint, twin in said.items() if endpoint in asked for line in twin.NOT_REHEARSED]
+    return tuple(dict.fromkeys([*beside, *computer.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
+
+
 @contextmanager
 def listening(
-    opened: Session, entries: Sequence[Entry], faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
+    opened: Session, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
 ) -> Iterator[Listening]:
     """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
 
@@ -63,15 +81,10 @@ def listening(
         return
     from atlantis_netcfg.operations.checking.rehearsed import rehearsed_ears
 
-    if _asks_a_router(entries):
+    if opened.rehearsal.targets:
         _configure(opened)
     with rehearsed_ears(opened.declaration, opened.site, opened.rehearsal, faults) as ears:
         yield Listening(ears, ears)
-
-
-def _asks_a_router(entries: Sequence[Entry]) -> bool:
-    probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
-    return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
 
 
 def _configure(opened: Session) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist import Book, Head
 from atlantis_netcfg.checklist.drawing import drawing
+from atlantis_netcfg.cli._checking.listening import not_rehearsed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +35,7 @@ def opened_book(opened: Session, checklist: Checklist, faults: Sequence[str], *,
         tool=__version__,
         inventory=opened.declaration.revision,
         drawing=drawing(opened.declaration, checklist),
-        not_rehearsed=opened.rehearsal.not_rehearsed if opened.rehearsal is not None else (),
+        not_rehearsed=not_rehearsed(opened, checklist.entries),
         broken=tuple(faults),
     )
     command = shlex.join(["provision", *sys.argv[1:]])

@@ -12,7 +12,7 @@ from atlantis_netcfg.checklist import Answers, Scope, plan
 from atlantis_netcfg.cli._checking import closing
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.flow import Round
-from atlantis_netcfg.cli._checking.listening import listening, refuse_faults
+from atlantis_netcfg.cli._checking.listening import asks_a_router, listening, refuse_faults
 from atlantis_netcfg.cli._checking.opening import opened_book
 from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.cli._checking.price import price_of
@@ -59,19 +59,23 @@ class Prepared:
         """Refuse what cannot be, work out the list, and say which hosts take part."""
         rehearse = self.arguments.flag("rehearse")
         self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
-        hosts = taking_part(declaration, self._checklist.site, rehearse=rehearse)
+        hosts = taking_part(declaration, self._checklist, rehearse=rehearse)
         file = self.arguments.value("answers")
         self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
         return hosts
 
 
-def taking_part(declaration: Declaration, site: str, *, rehearse: bool) -> tuple[Host, ...]:
-    """The hosts of a site that a checklist asks. Raises UsageError where example values would be contacted.
+def taking_part(declaration: Declaration, checklist: Checklist, *, rehearse: bool) -> tuple[Host, ...]:
+    """The hosts that a checklist asks. Raises UsageError where example values would be contacted.
 
-    The gateway of a rehearsal is emulated as far as the checklist asks it: no machine is started for it.
+    The gateway of a rehearsal is emulated as far as the checklist asks it, so no machine is started for it; and no
+    router where none is asked.
     """
     refuse_examples(declaration, rehearsed=rehearse)
-    return tuple(host for host in declaration.site_hosts(site) if not (rehearse and is_computer(host)))
+    hosts = tuple(declaration.site_hosts(checklist.site))
+    if not rehearse:
+        return hosts
+    return tuple(host for host in hosts if not is_computer(host)) if asks_a_router(checklist.entries) else ()
 
 
 def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
@@ -118,7 +122,7 @@ def _look(opened: Session, prepared: Prepared, book: Book, desk: Desk | None) ->
     with (
         # A person reads and types where progress would be drawn.
         progress(quiet=opened.as_json) if desk is None else nullcontext(ignore) as notify,
-        listening(opened, entries, faults, notify) as ears,
+        listening(opened, faults, notify) as ears,
     ):
         turn = Round(book, entries, ears, _told(notify, desk), lambda entry: price_of(opened, entry))
         if desk is None:

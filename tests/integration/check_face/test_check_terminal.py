@@ -1,0 +1,85 @@
+"""`provision check --rehearse` on a terminal: Ctrl+C at a question, and the same command goes on to a signature."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import sys
+import time
+
+import pytest
+
+from atlantis_netcfg.cli import main
+
+pytestmark = pytest.mark.slow
+
+WORDS = ("check", "site=coastal", "vehicle=eca-rov", "--rehearse")
+PATIENCE_S = 60
+AT_A_TERMINAL = """
+import fcntl, os, signal, sys, termios
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # tests that a shell runs in the background hand on that it is ignored
+os.setsid()
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.executable, [sys.executable, "-m", "atlantis_netcfg", *sys.argv[1:]])
+"""
+
+
+class Terminal:
+    """Somebody who types when they have read what is asked."""
+
+    def __init__(self, *words: str) -> None:
+        self.ours, theirs = os.openpty()
+        command = [sys.executable, "-c", AT_A_TERMINAL, *words]
+        self.process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs)
+        os.close(theirs)
+        self.seen = ""
+
+    def answers(self, question: str, answer: str) -> None:
+        until = time.monotonic() + PATIENCE_S
+        while question not in self.seen:
+            ready, _, _ = select.select([self.ours], [], [], max(0.0, until - time.monotonic()))
+            assert ready, f"`{question}` was never asked: {self.seen}"
+            self.seen += self._read()
+        self.seen = self.seen.partition(question)[2]
+        os.write(self.ours, answer.encode())
+
+    def ends(self) -> tuple[int, str]:
+        """Exit code, and what was said to the end."""
+        while more := self._read():
+            self.seen += more
+        os.close(self.ours)
+        return self.process.wait(PATIENCE_S), self.seen.replace("\r\n", "\n")
+
+    def _read(self) -> str:
+        try:
+            return os.read(self.ours, 4096).decode(errors="replace")
+        except OSError:  # Linux tells so that nobody has it open any more
+            return ""
+
+
+def test_ctrl_c_at_a_question_and_on_to_the_signature(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path_factory.mktemp("terminal")))
+    first = Terminal(*WORDS)
+    first.answers("Does it hold?", "yes\n")
+    first.answers("Note (may be empty):", "\x03")
+    code, said = first.ends()
+    assert code == 4, said
+    assert "stopped by Ctrl-C; what was found and answered until then is kept" in said
+    assert f"go on with `provision {' '.join(WORDS)}`" in said
+    again = Terminal(*WORDS)
+    again.answers("1 of 2 items are settled, 1 are open.", "")
+    for question, answer in (
+        ("Does it hold?", "yes\n"),
+        ("Note (may be empty):", "it followed us\n"),
+        ("Your name, as it shall stand in the report:", "A. Technician\n"),
+        ("Photo or file that shows it", "\n"),
+        ("Nothing is open. Sign it as it stands?", "yes\n"),
+    ):
+        again.answers(question, answer)
+    code, said = again.ends()
+    assert code == 0, said
+    assert "Signed by A. Technician" in said
+    assert main(["report", "verify", "site=coastal"]) == 0
