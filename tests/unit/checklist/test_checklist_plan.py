@@ -1,0 +1,195 @@
+"""The list is Table 3, whole: no X of it drops out, whatever is declared, and whatever a column has to say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
+from atlantis_netcfg.errors import ExitCode, NothingMatched
+from atlantis_netcfg.probes import columns
+from atlantis_netcfg.report.checklist import Kind, Phase
+from atlantis_netcfg.site import Declaration, load
+from atlantis_netcfg.site.model import Column, Endpoints
+
+ROOT = Path(__file__).parents[3]
+ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"
+COPY = Path(__file__).with_name("table3.md")
+ORIGINAL = ROOT.parent / "shared" / "facts" / "pilot.md"
+"""Where the facts lie beside the checkout, the copy is compared with them."""
+TITLES = {"WiFi": "wifi", "Acoustic": "acoustic", "Satellite": "satellite", "USBL": "usbl", "RC RF": "rc_rf"} | {
+    "4G": "4g",
+    "GPS": "gps",
+}
+Cells = dict[str, dict[str, bool]]
+
+
+def _written(path: Path) -> Cells:
+    """The table as it is written down: vehicle, column, whether it is marked."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    first = next(number for number, line in enumerate(lines) if line.startswith("| Vehicle | WiFi |"))
+    head, _, *rows = (line for line in lines[first : first + 8])
+    titles = [TITLES[cell.strip()] for cell in head.strip("|").split("|")[1:]]
+    table: Cells = {}
+    for row in rows:
+        name, *cells = (cell.strip() for cell in row.strip("|").split("|"))
+        table[name] = {title: cell == "x" for title, cell in zip(titles, cells, strict=True)}
+    return table
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(ROOT / "inventory")
+
+
+@pytest.fixture(scope="module")
+def coastal(declaration: Declaration) -> Checklist:
+    return plan(declaration, "coastal")
+
+
+def _planned(listed: Checklist) -> Cells:
+    """The grid as it is planned: a cell is marked where at least one item of it is of the table."""
+    found = {(one.item.vehicle, one.item.endpoint) for one in listed.entries if one.item.table3}
+    vehicles = [row for row in listed.rows if row.kind != "location"]
+    return {row.name: {column: (row.key, column) in found for column in listed.columns} for row in vehicles}
+
+
+def test_the_grid_is_the_reports_cell_by_cell(declaration: Declaration) -> None:
+    table = _written(COPY)
+    assert sum(sum(row.values()) for row in table.values()) == 20
+    for site in ("coastal", "te4sea"):
+        listed = plan(declaration, site)
+        assert _planned(listed) == table
+        assert list(_planned(listed)) == list(table)
+        assert list(listed.columns) == list(TITLES.values())
+    if ORIGINAL.exists():
+        assert _written(ORIGINAL) == table
+
+
+def test_what_is_beside_the_table_is_not_of_it(coastal: Checklist) -> None:
+    for row in coastal.rows:
+        of_row = [one.item for one in coastal.entries if (one.item.vehicle or one.item.location) == row.key]
+        assert {item.endpoint for item in of_row if item.table3} == set(row.table3)
+        assert {item.endpoint for item in of_row if not item.table3} == set(row.beside)
+    assert [row.key for row in coastal.rows if "ethernet" in row.beside] == ["eca-rov"]
+    assert coastal.rows[-1].kind == "location"
+    assert set(coastal.rows[-1].beside) == {"wifi", "satellite", "4g", "site"}
+
+
+def test_a_locations_row_is_what_the_pilot_declares(declaration: Declaration) -> None:
+    site = declaration.sites["coastal"]
+    marked = site.location.model_copy(update={"table3": (Column.SATELLITE, Column.GPS)})
+    sites = {**declaration.sites, "coastal": site.model_copy(update={"location": marked})}
+    listed = plan(replace(declaration, sites=sites), "coastal")
+    items = [one.item for one in listed.entries if one.item.vehicle is None]
+    assert {item.endpoint for item in items if item.table3} == {"satellite", "gps"}
+
+
+def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
+    ids = [one.item.id for one in coastal.entries]
+    assert len(set(ids)) == len(ids)
+    for one in coastal.entries:
+        assert one.item.open is (not one.step.unless)
+        if one.step.kind is Kind.PERSON and not one.step.unless:
+            assert one.step.do
+            assert one.step.look_for
+
+
+def _thinned(declaration: Declaration, gone: dict[str, set[str]]) -> Declaration:
+    """Without some endpoints of some vehicles."""
+    thin = {}
+    for key, vehicle in declaration.vehicles.items():
+        nothing = dict.fromkeys(gone.get(key, set()))
+        thin[key] = vehicle.model_copy(update={"endpoints": vehicle.endpoints.model_copy(update=nothing)})
+    return replace(declaration, vehicles=thin)
+
+
+VEHICLES = ("girona500", "sparus", "zarco", "stork", "mares", "eca-rov")
+
+
+@given(
+    gone=st.dictionaries(st.sampled_from(VEHICLES), st.sets(st.sampled_from(sorted(Endpoints.model_fields)))),
+    mute=st.sets(st.sampled_from(list(columns.TITLES))),
+    silent_site=st.booleans(),
+)
+def test_no_x_drops_out_whatever_is_declared(
+    declaration: Declaration, gone: dict[str, set[str]], mute: set[str], *, silent_site: bool
+) -> None:
+    """Endpoints that are not declared, columns that have nothing to say: a person is left."""
+    said = columns._STEPS
+    quiet = {name: (lambda _: ()) if name in mute else steps for name, steps in said.items()}
+    with patch.object(columns, "_STEPS", quiet):
+        listed = plan(_thinned(declaration, gone), "te4sea" if silent_site else "coastal")
+    assert _planned(listed) == _written(COPY)
+    for row in listed.rows:
+        endpoints = {one.item.endpoint for one in listed.entries if (one.item.vehicle or one.item.location) == row.key}
+        assert endpoints == {*row.table3, *row.beside}
+    for one in listed.entries:
+        if one.item.endpoint in mute:
+            assert (one.item.kind, one.item.open) == (Kind.PERSON, True)
+
+
+@pytest.mark.parametrize(
+    ("scope", "ids", "beyond"),
+    [
+        (Scope(vehicles=("stork",), endpoints=("gps",)), {"stork/gps"}, "left out by `vehicle=stork endpoint=gps`"),
+        (Scope(vehicles=("eca-rov",)), {"eca-rov/usbl", "eca-rov/ethernet"}, "left out by `vehicle=eca-rov`"),
+    ],
+    ids=["cell", "vehicle"],
+)
+def test_a_scope_narrows_and_says_what_it_leaves_out(
+    declaration: Declaration, coastal: Checklist, scope: Scope, ids: set[str], beyond: str
+) -> None:
+    listed = plan(declaration, "coastal", scope)
+    assert {one.item.id for one in listed.entries} == ids
+    assert {*listed.beyond, *ids} == {one.item.id for one in coastal.entries}
+    assert {one.why for one in listed.left_out} == {beyond}
+    assert {"Mares: GPS", "Coastal testbed: Site"} <= {one.what for one in listed.left_out}
+    assert coastal.left_out == ()
+
+
+def test_phases_are_the_whole_together(declaration: Declaration, coastal: Checklist) -> None:
+    parts = [plan(declaration, "coastal", Scope(phases=(phase,))) for phase in Phase]
+    together = [one.item.id for part in parts for one in part.entries]
+    assert sorted(together) == sorted(one.item.id for one in coastal.entries)
+
+
+@pytest.mark.parametrize(
+    ("site", "scope", "message", "hint"),
+    [
+        ("costal", Scope(), "there is no site `costal`", "did you mean `coastal`? there are: scc, coastal, te4sea"),
+        (
+            "coastal",
+            Scope(vehicles=("spartus",)),
+            "there is no vehicle `spartus`",
+            "did you mean `sparus`? there are: ",
+        ),
+        ("coastal", Scope(endpoints=("lte",)), "there is no endpoint `lte`", "there are: wifi, acoustic, satellite"),
+        ("scc", Scope(vehicles=("sparus",)), "`sparus` is not tested at scc", "its vehicles are: none; "),
+        ("coastal", Scope(vehicles=("stork",), endpoints=("usbl",)), "nothing is left of the checklist", "leave out"),
+    ],
+)
+def test_words_that_name_nothing(declaration: Declaration, site: str, scope: Scope, message: str, hint: str) -> None:
+    with pytest.raises(NothingMatched) as error:
+        plan(declaration, site, scope)
+    assert str(error.value) == message
+    assert (error.value.hint or "").startswith(hint)
+    assert error.value.exit is ExitCode.NOTHING
+
+
+def test_the_shipped_answers_are_whole(coastal: Checklist) -> None:
+    """Whoever gives a column a step for a person, or one that needs consent, answers it in tests/data/answers."""
+    answers = Answers.read(ANSWERS, coastal)
+    for one in coastal.entries:
+        name, kind = one.item.id, one.item.kind
+        if kind is Kind.PERSON and one.item.open:
+            assert answers.confirmation(name) is not None, f"no answer to {name} in {ANSWERS.name}"
+        if kind is Kind.ACTIVE and one.item.open:
+            agreed = answers.consents(name) or answers.confirmation(name)
+            assert agreed is not None, f"no consent to {name} in {ANSWERS.name}"
+    assert answers.sign_by == "A. Technician"
