@@ -52,9 +52,9 @@ def _reversed(address: str) -> str:
 
 def openssl(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     """Print every certificate in a file (`storeutl -noout -text -certs PATH`); words and code of OpenSSL 3.0."""
-    path = argv[-1]
-    if argv[1] != "storeutl":
-        return 1, "", f"Invalid command '{argv[1]}'; type \"help\" for a list.\n"
+    path, command = argv[-1], argv[1] if len(argv) > 1 else ""
+    if command != "storeutl":
+        return 1, "", f"Invalid command '{command}'; type \"help\" for a list.\n"
     if path in spec.denied or path not in spec.certificates:
         reason = "Permission denied" if path in spec.denied else "No such file or directory"
         return 1, "", f"Couldn't open file or uri {path}\n0:error:80000002:system library:file_open:{reason}\n"

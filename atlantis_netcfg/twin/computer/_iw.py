@@ -69,7 +69,7 @@ def _info(one: InterfaceSpec) -> str:
         "\twdev 0x1\n"
         f"\taddr {(one.mac or '').lower()}\n"
         f"{ssid}"
-        "\ttype managed\n"
+        f"\ttype {one.type}\n"
         "\twiphy 0\n"
         f"{'' if there is None else _channel(there)}"
         "\ttxpower 20.00 dBm\n"
@@ -79,6 +79,11 @@ def _info(one: InterfaceSpec) -> str:
 def _channel(there: AssociationSpec) -> str:
     number = (there.frequency_mhz - 5000) // 5 if there.frequency_mhz > 5000 else (there.frequency_mhz - 2407) // 5  # noqa: PLR2004 - MHz
     return f"\tchannel {number} ({there.frequency_mhz} MHz), width: 20 MHz, center1: {there.frequency_mhz} MHz\n"
+
+
+def _level(there: AssociationSpec) -> str:
+    chains = f" [{', '.join(map(str, there.chains_dbm))}]" if there.chains_dbm else ""
+    return f"{there.signal_dbm}{chains} dBm"
 
 
 def _station(one: InterfaceSpec) -> str:
@@ -94,8 +99,8 @@ def _station(one: InterfaceSpec) -> str:
         ("tx retries:", there.tx_retries),
         ("tx failed:", there.tx_failed),
         ("rx drop misc:", 2),
-        ("signal:  ", f"{there.signal_dbm} dBm"),
-        ("signal avg:", f"{there.signal_dbm} dBm"),
+        ("signal:  ", _level(there)),
+        ("signal avg:", _level(there)),
         ("tx bitrate:", f"{there.rate_mbps:.1f} MBit/s"),
         ("rx bitrate:", f"{there.rate_mbps:.1f} MBit/s"),
         ("authorized:", "yes"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ipaddress import IPv4Interface
+from ipaddress import AddressValueError, IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,9 +20,13 @@ _WITH_VALUE = ("-c", "-i", "-W", "-I", "-s", "-w")
 
 def ping(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     """Answer at once what a ping would have said in the end."""
+    if len(argv) < 2:  # noqa: PLR2004 - the program and a target
+        return 1, "", "ping: usage error: Destination address required\n"
     options = {word: argv[place + 1] for place, word in enumerate(argv[:-1]) if word in _WITH_VALUE}
     target, count = argv[-1], int(options.get("-c", "1"))
     through = options.get("-I")
+    if not _is_address(target):
+        return 2, "", f"ping: {target}: Name or service not known\n"
     if through is not None and spec.interface(through) is None:
         return 2, "", f"ping: SO_BINDTODEVICE {through}: No such device\n"
     way = spec.towards(target)
@@ -40,6 +44,14 @@ def ping(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
         return 1, head + _silence(target, source, count, waits, on_segment=on_segment), ""
     lines, received = _answers(target, echo, count)
     return (0 if received else 1), head + lines + _sum(target, count, received, interval, echo), ""
+
+
+def _is_address(text: str) -> bool:
+    try:
+        IPv4Address(text)
+    except AddressValueError:
+        return False
+    return True
 
 
 def _answers(target: str, echo: EchoSpec, count: int) -> tuple[str, int]:

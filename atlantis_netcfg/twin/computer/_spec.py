@@ -47,6 +47,8 @@ class AssociationSpec(_Spec):
     ssid: str
     bssid: str
     signal_dbm: int = -52
+    chains_dbm: tuple[int, ...] = (-54, -55)
+    """Of each antenna; none: the driver does not tell."""
     rate_mbps: float = 54.0
     """Of both directions."""
     frequency_mhz: int = 5180
@@ -68,6 +70,8 @@ class InterfaceSpec(_Spec):
     """False: no cable, no association."""
     mtu: int = 1500
     wireless: bool = False
+    type: str = "managed"
+    """Of a wireless one: `managed`, `AP`, `monitor`."""
     association: AssociationSpec | None = None
     """Of a wireless one; None: it is associated with nobody."""
     rx_errors: int = 0
