@@ -23,7 +23,6 @@ __all__ = [
     "answer",
     "answered",
     "fixes",
-    "listing_answered",
     "notifications",
     "number",
     "pieces",
@@ -206,10 +205,7 @@ def _fix(piece: Piece) -> Fix | None:
 
 
 def answered(query: str) -> bytes:
-    """Regular expression for the answer to a query of one line, framed or bare, good or not."""
+    """Regular expression for the answer to a query, framed or bare, good or not."""
+    if query == "AT&V":
+        return rb"\+\+\+AT&V:\d+:(?:ERROR|BUSY)[^\n]*\n|(?:\A|\n)(?:ERROR|BUSY)[^\n]*\n|: [^\r\n]*\r?\n\r?\n"
     return rb"\+\+\+" + re.escape(query.encode()) + rb":\d+:[^\n]*\n|" + _BARE
-
-
-def listing_answered() -> bytes:
-    """The same for `AT&V`, whose answer ends with an empty line."""
-    return rb"(?s)\+\+\+AT&V:\d+:(?:ERROR|BUSY)[^\n]*\n|(?:\A|\n)(?:ERROR|BUSY)[^\n]*\n|: -?\d+\r?\n\r?\n"

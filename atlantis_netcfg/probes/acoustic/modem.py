@@ -28,7 +28,8 @@ WATER = "water"
 _FIXES = 3
 """So many of each expected address are enough: listening ends."""
 _BAUD = {AcousticDriver.EVOLOGICS: 19200, AcousticDriver.SEATRAC: 115200}
-_QUERIES = ("ATI0", "ATI1", "AT?S", "AT?AL", "AT?L", "AT?E", "AT?I", "AT?T", "AT?BV", "AT?ZU")
+_QUERIES = ("AT?S", "AT&V", "AT?AL", "AT?L", "AT?ZU", "AT?E", "AT?I", "AT?T", "ATI0", "ATI1", "AT?BV")
+"""What matters most comes first: after a query that is not answered no other is asked."""
 _NUMBERS = (seatrac.ALIVE, seatrac.INFO, seatrac.SETTINGS, seatrac.STATUS, seatrac.TRANSCEIVER)
 
 
@@ -108,9 +109,7 @@ def question(cell: Cell, modem: Modem) -> Listen:
 def _script(driver: AcousticDriver) -> tuple[Say, ...]:
     if driver is AcousticDriver.SEATRAC:
         return tuple(ask_seatrac(number, rb"(?i)\$%02X[0-9A-F]+[\r\n]" % number) for number in _NUMBERS)
-    # The listing comes last: it is the one whose end is not told by its form alone.
-    queries = (ask_at(query, evologics.answered(query)) for query in _QUERIES)
-    return (*queries, ask_at("AT&V", evologics.listing_answered()))
+    return tuple(ask_at(query, evologics.answered(query)) for query in _QUERIES)
 
 
 def _enough(driver: AcousticDriver, wanted: list[UsblEndpoint]) -> bytes:

@@ -1,0 +1,220 @@
+"""What the steps make of other declarations, and of every reason for which a modem tells nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from acoustic_talk import hear, told, twin_of
+
+from atlantis_netcfg.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
+from atlantis_netcfg.probes.acoustic.modem import WATER
+from atlantis_netcfg.report.checklist import Kind
+from atlantis_netcfg.site.loading import load
+from atlantis_netcfg.site.model import AcousticEndpoint, SeenFrom, UsblEndpoint
+from atlantis_netcfg.twin.acoustic import EvologicsSpec
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes import Probe, Step
+    from atlantis_netcfg.site import Declaration
+
+SITE = "coastal"
+SEATRAC_PORT = {"driver": "seatrac", "device": "/dev/ttyUSB0", "seen_from": "laptop"}
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Declaration:
+    return load(Path(__file__).parents[4] / "inventory")
+
+
+def having(declaration: Declaration, row: str | None, **endpoints: Any) -> Declaration:  # noqa: ANN401 - fields of a model
+    """The same with other endpoints of a row; None: of the site's own location."""
+    if row is None:
+        site = declaration.sites[SITE]
+        location = site.location.model_copy(
+            update={
+                "endpoints": site.location.endpoints.model_copy(update=endpoints),
+                "table3": frozenset({"acoustic"}),
+            }
+        )
+        return replace(declaration, sites={**declaration.sites, SITE: site.model_copy(update={"location": location})})
+    vehicle = declaration.vehicles[row]
+    changed = vehicle.model_copy(update={"endpoints": vehicle.endpoints.model_copy(update=endpoints)})
+    return replace(declaration, vehicles={**declaration.vehicles, row: changed})
+
+
+def at(declaration: Declaration, row: str | None, column: str) -> list[Step]:
+    steps = acoustic.steps if column == "acoustic" else usbl.steps
+    return list(steps(Cell(declaration, SITE, row, column)))
+
+
+def asked(step: Step) -> Listen:
+    assert step.probe is not None
+    (question,) = step.probe.asks()
+    assert isinstance(question, Listen)
+    return question
+
+
+IN_USE = "INCONCLUSIVE in-use"
+SAID_OF_NOTHING = {
+    Trouble.REFUSED: f"{IN_USE}: the modem of Sparus turns us away at 10.64.1.22:9200: it is in use by the vehicle",
+    Trouble.CLOSED: f"{IN_USE}: the modem of Sparus turns us away at 10.64.1.22:9200: it is in use by the vehicle",
+    Trouble.BUSY: f"{IN_USE}: the modem of Sparus is in use: another program holds 10.64.1.22:9200",
+    Trouble.SILENT: "INCONCLUSIVE silent: nobody answers for the modem of Sparus at 10.64.1.22:9200",
+    Trouble.UNREACHABLE: "INCONCLUSIVE unreachable: there is no way to the modem of Sparus at 10.64.1.22:9200",
+    Trouble.MISSING: "FAIL no-port: the serial port 10.64.1.22:9200 for the modem of Sparus does not exist",
+    Trouble.DENIED: "INCONCLUSIVE denied: we may not open 10.64.1.22:9200 for the modem of Sparus",
+    Trouble.NO_PLACE: "INCONCLUSIVE no-place: the modem of Sparus was not asked: no way to coastal-gateway",
+    None: f"{IN_USE}: the modem of Sparus takes the connection at 10.64.1.22:9200 and says nothing: "
+    "it is in use by the vehicle",
+}
+
+
+@pytest.mark.parametrize("met", [*Trouble, None], ids=lambda met: str(met or "nothing said"))
+@pytest.mark.parametrize(("column", "step"), [("acoustic", 0), ("acoustic", 1), ("usbl", 0)])
+def test_a_modem_that_tells_nothing(shipped: Declaration, met: Trouble | None, column: str, step: int) -> None:
+    probe = at(shipped, "sparus", column)[step].probe
+    assert probe is not None
+    (question,) = probe.asks()
+    ((verdict, code, message),) = told(probe.judge({question.name: Transcript(met, "no way to coastal-gateway")}))
+    assert f"{verdict} {code}: {message}" == SAID_OF_NOTHING[met]
+
+
+def test_a_modem_in_use_names_the_way_that_disturbs_nobody(shipped: Declaration) -> None:
+    probe: Probe | None = at(shipped, "sparus", "acoustic")[0].probe
+    assert probe is not None
+    (question,) = probe.asks()
+    (finding,) = probe.judge({question.name: Transcript(Trouble.REFUSED)}).findings
+    assert finding.hint is not None
+    assert "topic in the vehicle's own software" in finding.hint
+    assert "only if the vehicle's crew agrees" in finding.hint
+
+
+def test_a_serial_port_is_asked_where_it_is(shipped: Declaration) -> None:
+    step, *_ = at(having(shipped, "mares", acoustic=AcousticEndpoint(**SEATRAC_PORT)), "mares", "acoustic")
+    question = asked(step)
+    assert (question.transport, question.device, question.baud) == ("serial", "/dev/ttyUSB0", 115200)
+    assert (question.place, question.address, question.port) == (Place.LAPTOP, "", 0)
+    assert question.name == "modem at /dev/ttyUSB0 of this laptop"
+
+
+def test_a_rate_of_a_serial_port_is_the_declared_one(shipped: Declaration) -> None:
+    endpoint = AcousticEndpoint(driver="evologics", device="/dev/ttyS1", baud=57600)
+    assert asked(at(having(shipped, "mares", acoustic=endpoint), "mares", "acoustic")[0]).baud == 57600
+    endpoint = AcousticEndpoint(driver="evologics", device="/dev/ttyS1")
+    assert asked(at(having(shipped, "mares", acoustic=endpoint), "mares", "acoustic")[0]).baud == 19200
+
+
+@pytest.mark.parametrize("column", ["acoustic", "usbl"])
+def test_a_modem_without_an_address_is_for_a_person(shipped: Declaration, column: str) -> None:
+    """The site's own modem has no reservation: without `address` nobody knows where it is."""
+    endpoints = {"acoustic": AcousticEndpoint(driver="evologics"), "usbl": UsblEndpoint(driver="evologics")}
+    (step,) = at(having(shipped, None, **endpoints), None, column)
+    assert step.kind is Kind.PERSON
+    assert "has no address at this site" in step.do
+    (step,) = at(shipped, None, column)
+    assert "is not declared" in step.do
+
+
+def test_only_known_languages_transmit(shipped: Declaration) -> None:
+    changed = having(shipped, "zarco", acoustic=AcousticEndpoint(driver="seatrac", port=9300, partner=2))
+    changed = having(changed, "sparus", usbl=UsblEndpoint(driver="evologics", ping=1))
+    (message,) = [step for step in at(changed, "zarco", "acoustic") if step.name == "message"]
+    (ping,) = [step for step in at(changed, "sparus", "usbl") if step.name == "ping"]
+    assert (message.kind, ping.kind) == (Kind.PERSON, Kind.PERSON)
+
+
+def test_without_a_partner_nothing_transmits(shipped: Declaration) -> None:
+    changed = having(shipped, "sparus", acoustic=AcousticEndpoint(driver="evologics"))
+    assert [step.kind for step in at(changed, "sparus", "acoustic")] == [Kind.AUTOMATIC]
+    changed = having(shipped, "zarco", usbl=UsblEndpoint(driver="seatrac", port=9300))
+    assert [step.kind for step in at(changed, "zarco", "usbl")] == [Kind.AUTOMATIC]
+
+
+def test_what_transmits_waits_for_its_turn(shipped: Declaration) -> None:
+    active = [
+        step for row in ("girona500", "sparus") for step in at(shipped, row, "acoustic") if step.kind is Kind.ACTIVE
+    ]
+    active += [step for step in at(shipped, "zarco", "usbl") if step.kind is Kind.ACTIVE]
+    assert [asked(step).turn for step in active] == [WATER] * 3
+    assert asked(at(shipped, "girona500", "acoustic")[0]).turn == ""
+
+
+def test_a_listening_on_nothing_takes_no_time(shipped: Declaration) -> None:
+    question = asked(at(having(shipped, "sparus", usbl=None), "sparus", "acoustic")[0])
+    assert (question.listen_s, question.enough) == (0.0, b"")
+
+
+def test_one_modem_of_the_site_hears_all(shipped: Declaration) -> None:
+    """Two vehicles are heard by one modem: one question, as long as the longer wish, judged for each."""
+    of_site = IPv4Address("10.64.1.50")
+    for row, hears, listen_s in (("girona500", (1,), 20.0), ("sparus", (2,), 40.0)):
+        endpoint = UsblEndpoint(driver="evologics", address=of_site, hears=hears, listen_s=listen_s)
+        shipped = having(shipped, row, usbl=endpoint)
+    steps = [at(shipped, row, "usbl")[0] for row in ("girona500", "sparus")]
+    questions = {asked(step) for step in steps}
+    assert [(one.listen_s, one.address) for one in questions] == [(40.0, "10.64.1.50")]
+    for spec, codes in (
+        (EvologicsSpec(hears=(1, 2), fix_every_s=0.5), ["heard", "heard"]),
+        (EvologicsSpec(hears=(2,), fix_every_s=2.0), ["no-fixes", "heard"]),
+    ):
+        twin = twin_of(spec)
+        found = []
+        for step in steps:
+            assert step.probe is not None
+            found += [one.code for one in step.probe.judge(hear(step.probe, {"10.64.1.50": twin})).findings]
+        assert found == codes
+
+
+def test_the_site_s_own_modem_is_one_of_the_fleet(shipped: Declaration) -> None:
+    endpoint = AcousticEndpoint(driver="evologics", address=IPv4Address("10.64.1.50"), acoustic_address=2)
+    changed = having(shipped, None, acoustic=endpoint)
+    (fleet,) = [step for step in at(changed, "girona500", "acoustic") if step.name == "fleet"]
+    assert fleet.probe is not None
+    twins = {
+        address: twin_of(EvologicsSpec(local_address=own, hears=()))
+        for address, own in (("10.64.1.21", 1), ("10.64.1.22", 2), ("10.64.1.50", 2))
+    }
+    title = changed.sites[SITE].title
+    assert told(fleet.probe.judge(hear(fleet.probe, twins))) == [
+        ["FAIL", "duplicate-address", f"Sparus and {title} have the same acoustic address, 2"]
+    ]
+    assert [step.name for step in at(changed, None, "acoustic")] == [""]
+
+
+def test_a_third_modem_in_use_leaves_the_others_compared(shipped: Declaration) -> None:
+    endpoint = AcousticEndpoint(driver="evologics", address=IPv4Address("10.64.1.50"))
+    (fleet,) = [
+        step for step in at(having(shipped, None, acoustic=endpoint), "girona500", "acoustic") if step.name == "fleet"
+    ]
+    assert fleet.probe is not None
+    twins = {
+        "10.64.1.21": twin_of(EvologicsSpec(hears=())),
+        "10.64.1.22": twin_of(EvologicsSpec(local_address=2, packet_time_ms=500, hears=())),
+        "10.64.1.50": twin_of(EvologicsSpec(held=True)),
+    }
+    assert [one.code for one in fleet.probe.judge(hear(fleet.probe, twins)).findings] == [
+        *("not-compared", "packet-time-differs")
+    ]
+
+
+def test_anybody_s_fixes_are_enough_where_none_is_named(shipped: Declaration) -> None:
+    changed = having(shipped, "sparus", usbl=UsblEndpoint(driver="evologics"))
+    step = at(changed, "sparus", "usbl")[0]
+    assert step.probe is not None
+    heard = hear(step.probe, {"10.64.1.22": twin_of(EvologicsSpec(hears=(9, 5), fix_every_s=0.5))})
+    assert [one[1:] for one in told(step.probe.judge(heard))] == [
+        ["heard", "the USBL of Sparus told 2 fixes of the address 5, 14.1 m away"],
+        ["heard", "the USBL of Sparus told 2 fixes of the address 9, 14.1 m away"],
+    ]
+
+
+def test_a_laptop_may_be_where_it_is_asked_from(shipped: Declaration) -> None:
+    endpoint = AcousticEndpoint(driver="evologics", seen_from=SeenFrom.LAPTOP)
+    assert (
+        asked(at(having(shipped, "sparus", acoustic=endpoint, usbl=None), "sparus", "acoustic")[0]).place
+        is Place.LAPTOP
+    )
