@@ -163,7 +163,7 @@ def test_pings_that_get_lost_and_pings_that_find_no_way() -> None:
 def test_a_specification_survives_json_and_refuses_what_is_none() -> None:
     assert ComputerSpec.model_validate_json(radio().model_dump_json()) == radio()
     with pytest.raises(ValueError, match="extra"):
-        ComputerSpec(interfaces=(), moods="bad")
+        ComputerSpec.model_validate({"interfaces": (), "moods": "bad"})
 
 
 def test_every_program_of_the_list_has_its_twin() -> None:
