@@ -119,7 +119,10 @@ def _enough(driver: AcousticDriver, wanted: list[UsblEndpoint]) -> bytes:
     if any(not endpoint.hears for endpoint in wanted):
         remotes.append(None)
     seen = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_of(driver, remote), _FIXES) for remote in remotes)
-    return rb"(?s)\A" + seen if seen else b""
+    if not seen or driver is AcousticDriver.SEATRAC:
+        return rb"(?s)\A" + seen if seen else b""
+    # Whose output of fixes is switched off need not be listened to.
+    return rb"(?s)\A(?:%b|.*?\+\+\+AT\?ZU:1:0\r\n)" % seen
 
 
 def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:

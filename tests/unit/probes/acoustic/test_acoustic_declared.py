@@ -148,6 +148,18 @@ def test_a_listening_on_nothing_takes_no_time(shipped: Declaration) -> None:
     assert (question.listen_s, question.enough) == (0.0, b"")
 
 
+def test_nobody_waits_for_fixes_that_are_not_put_out(shipped: Declaration) -> None:
+    step = at(shipped, "sparus", "usbl")[0]
+    assert step.probe is not None
+    ended = {}
+    for tells in (False, True):
+        twin = twin_of(EvologicsSpec(tells_fixes=tells, hears=(), fix_every_s=0.5))
+        (answer,) = hear(step.probe, {"10.64.1.22": twin}).values()
+        assert isinstance(answer, Transcript)
+        ended[tells] = round(answer.ended_s)
+    assert ended == {False: 0, True: 30}
+
+
 def test_one_modem_of_the_site_hears_all(shipped: Declaration) -> None:
     """Two vehicles are heard by one modem: one question, as long as the longer wish, judged for each."""
     of_site = IPv4Address("10.64.1.50")
