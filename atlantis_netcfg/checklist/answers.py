@@ -210,7 +210,7 @@ class _Check:
         keys = self._block.root.at(*path).keys
         yield from self._by(path)
         verdict = keys["verdict"].value if "verdict" in keys else None
-        if "note" not in keys and verdict in SAYABLE and verdict != Verdict.PASS:
+        if "note" not in keys and isinstance(verdict, str) and verdict in set(SAYABLE) - {Verdict.PASS}:
             yield self._block.wrong((*path, "verdict"), f"{verdict} needs words", "add `note:` with what was seen")
         files = keys["files"].value if "files" in keys else None
         for number, node in enumerate(files if isinstance(files, list) else ()):

@@ -143,7 +143,8 @@ class Book:
         """Close the book in a person's name; `pages` makes the files that are signed with it.
 
         A failed item does not stand in the way: what is signed is that it failed. An open one does: it is settled,
-        overridden, or left open on purpose (`leave`: id to reason), and then the document is not green.
+        overridden, or left open on purpose (`leave`: id to reason), and then the document is not green. What is in
+        `leave` and was settled meanwhile is settled.
         Raises NotSigned while something is open, Refused, JournalFailed.
         """
         self._refuse_signed()
@@ -173,15 +174,14 @@ class Book:
         """What stays open on purpose."""
         waiting = {item.id: item for item in self.items if item.open and item.override is None}
         for name in leave:
-            if self.item(name).id not in waiting:
-                raise Refused(f"`{name}` is not open, so it cannot be left open", hint="take it out")
+            self.item(name)
         rest = [name for name in waiting if name not in leave]
         if rest:
             raise NotSigned(
                 f"{len(rest)} of {len(self.items)} items are open: {_few(rest)}",
                 hint="settle them, override them with a reason, or leave them open on purpose with a reason",
             )
-        reasons = {name: spoken(reason, "the reason to leave it open") for name, reason in leave.items()}
+        reasons = {name: spoken(leave[name], "the reason to leave it open") for name in waiting}
         return tuple(LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
 
     def _record(self, how: Literal["settled", "confirmed", "overridden"], item: Item) -> Item:

@@ -264,9 +264,13 @@ def test_nothing_open_is_signed_by_oversight(desk: Desk) -> None:
 def test_what_is_left_open_on_purpose_is_told_and_not_green(desk: Desk) -> None:
     with desk.open([WIFI, PING]) as book:
         book.settle(found(WIFI))
-        with pytest.raises(Refused, match="`sparus/wifi` is not open"):
-            book.sign(NAME, pages, leave={WIFI: "no"})
-        document = book.sign(NAME, pages, leave={PING: "the sea is too rough"})
+        for leave, error in (
+            ({PING: " "}, "the reason to leave it open is missing"),
+            ({"x": "y"}, "there is no item `x`"),
+        ):
+            with pytest.raises(Refused, match=error):
+                book.sign(NAME, pages, leave=leave)
+        document = book.sign(NAME, pages, leave={PING: "the sea is too rough", WIFI: "was not reached before"})
     assert [(one.what, one.why) for one in document.left_out] == [
         ("sparus/usbl/ping: sparus/usbl/ping is well", "the sea is too rough")
     ]
