@@ -1,0 +1,95 @@
+"""Every mood of the receivers' twins, heard by the program that listens on site, is told as what it is."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import pytest
+from gnss_stand import Asked, codes, judged
+
+from atlantis_netcfg.site.model import GpsDriver
+from atlantis_netcfg.twin.gnss import Access, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes import Judged
+
+GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
+
+CASES: dict[str, tuple[GpsDriver, GnssSpec, list[str]]] = {
+    "gpsd, healthy": (GPSD, GnssSpec(), ["PASS fix"]),
+    "gpsd, byte by byte": (GPSD, GnssSpec(piecewise=True), ["PASS fix"]),
+    "gpsd, stale": (GPSD, GnssSpec(stale=True), ["FAIL fix-stale"]),
+    "gpsd, stops": (GPSD, GnssSpec(silent_after=3), ["FAIL fix-stale"]),
+    "gpsd, fix lost": (GPSD, GnssSpec(lost_after=3), ["FAIL fix-lost"]),
+    "gpsd, zeros": (GPSD, GnssSpec(null=True), ["FAIL position-null"]),
+    "gpsd, far away": (GPSD, GnssSpec(latitude=38.7), ["FAIL outside-geofence"]),
+    "gpsd, surveyed": (GPSD, GnssSpec(status=7), ["WARN position-manual"]),
+    "gpsd, uncertain": (GPSD, GnssSpec(eph_m=90.0), ["WARN position-uncertain"]),
+    "gpsd, damaged": (GPSD, GnssSpec(damaged=2, every_s=0.1), ["WARN damaged"]),
+    "gpsd, silent": (GPSD, GnssSpec(speech=Speech.NOTHING), ["FAIL no-data"]),
+    "gpsd, garbage": (GPSD, GnssSpec(speech=Speech.GARBAGE), ["FAIL no-data"]),
+    "gpsd, not started": (GPSD, GnssSpec(access=Access.REFUSED), ["FAIL driver-not-started"]),
+    "gpsd, mute": (GPSD, GnssSpec(access=Access.MUTE), ["FAIL no-data"]),
+    "NMEA, healthy": (TCP, GnssSpec(), ["PASS fix"]),
+    "NMEA, byte by byte": (TCP, GnssSpec(piecewise=True), ["PASS fix"]),
+    "NMEA, no fix": (TCP, GnssSpec(mode=1), ["FAIL no-fix"]),
+    "NMEA, stale": (TCP, GnssSpec(stale=True), ["FAIL fix-stale"]),
+    "NMEA, swapped": (TCP, GnssSpec(swapped=True), ["WARN position-swapped"]),
+    "NMEA, jumping": (TCP, GnssSpec(jumping_m=200.0), ["FAIL position-jumps"]),
+    "NMEA, simulated": (TCP, GnssSpec(status=8), ["WARN position-simulated"]),
+    "NMEA, clock": (TCP, GnssSpec(time_offset_s=40.0), ["WARN clock-differs"]),
+    "NMEA, no date": (TCP, GnssSpec(timed=False), ["WARN no-date"]),
+    "NMEA, poor": (TCP, GnssSpec(hdop=9.0), ["WARN position-uncertain"]),
+    "NMEA, garbage": (TCP, GnssSpec(speech=Speech.GARBAGE), ["FAIL not-nmea"]),
+    "NMEA, silent": (TCP, GnssSpec(speech=Speech.NOTHING), ["INCONCLUSIVE no-data"]),
+    "NMEA, in use": (TCP, GnssSpec(access=Access.IN_USE), ["INCONCLUSIVE in-use"]),
+    "NMEA, refused": (TCP, GnssSpec(access=Access.REFUSED), ["INCONCLUSIVE refused"]),
+    "serial, healthy": (SERIAL, GnssSpec(), ["PASS fix"]),
+    "serial, byte by byte": (SERIAL, GnssSpec(piecewise=True), ["PASS fix"]),
+    "serial, no fix": (SERIAL, GnssSpec(mode=1), ["FAIL no-fix"]),
+    "serial, wrong rate": (SERIAL, GnssSpec(speech=Speech.GARBAGE), ["FAIL not-nmea"]),
+    "serial, silent": (SERIAL, GnssSpec(speech=Speech.NOTHING), ["FAIL no-data"]),
+}
+STOPS_S = 4.5
+"""Longer than the oldest position that passes."""
+SHORT_S = 1.0
+
+
+def listened(name: str, spec: GnssSpec) -> float | None:
+    if spec.silent_after is not None:
+        return STOPS_S
+    talks = spec.speech is Speech.POSITIONS and spec.access is Access.SERVED
+    return None if talks and "no date" not in name and not spec.damaged else SHORT_S if not talks else 3.0
+
+
+@pytest.fixture(scope="module")
+def heard() -> dict[str, Judged]:
+    """All of them at once; none is sent what a receiver must not be sent."""
+    running: list[RunningGpsd | RunningNmea | RunningNmeaPort] = []
+    asked = {}
+    with ExitStack() as stack:
+        for name, (driver, spec, _) in CASES.items():
+            listen_s = listened(name, spec)
+            if driver is SERIAL:
+                port = stack.enter_context(RunningNmeaPort(spec))
+                asked[name] = Asked(driver, path=port.path, listen_s=listen_s)
+                running.append(port)
+                continue
+            server: RunningGpsd | RunningNmea = RunningGpsd(spec) if driver is GPSD else RunningNmea(spec)
+            stack.enter_context(server)
+            asked[name] = Asked(driver, server.port, listen_s=listen_s)
+            running.append(server)
+        found = judged(asked)
+        assert [twin.forbidden for twin in running if twin.forbidden] == []
+    return found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_mood_is_told_as_what_it_is(heard: dict[str, Judged], name: str) -> None:
+    assert codes(heard[name]) == CASES[name][2]
+
+
+def test_a_serial_port_that_is_not_there_is_missing() -> None:
+    found = judged({"gone": Asked(SERIAL, path="/dev/ttyEXAMPLE")})["gone"]
+    assert codes(found) == ["FAIL device-missing"]
