@@ -41,14 +41,15 @@ def talk(twin: Twin, listen: Listen) -> Transcript:
     def heard_by(until_s: float, ends: bytes, since: int) -> Iterator[bool]:
         nonlocal now_s
         while True:
-            told, _ = talker.tell(now_s)
+            told, then_s = talker.tell(now_s)
             if told and not spec.silent:
                 chunks.append((now_s, told))
             so_far = b"".join(data for _, data in chunks)[since:]
             yield bool(ends) and re.search(ends, so_far) is not None
             if now_s >= until_s:
                 return
-            now_s += STEP_S
+            # Straight to when something comes.
+            now_s = until_s if then_s is None else min(until_s, max(then_s, now_s + STEP_S))
 
     answers = 0
     for say in listen.say:
