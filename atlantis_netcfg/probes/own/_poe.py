@@ -67,21 +67,23 @@ class _Poe:
     site: OwnSite
 
     def asks(self) -> tuple[Question, ...]:
+        """Each port by itself: one that cannot feed would take the answer for all others along."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        words = (("numbers", ",".join(_ports(self.site))), ("once", ""))
-        return (Ask("poe", self.site.router.name, Query("/interface/ethernet/poe", "monitor", words)),)
+        return tuple(self._monitor(self.site.router.name, port) for port in _ports(self.site))
+
+    @staticmethod
+    def _monitor(host: str, port: str) -> Ask:
+        return Ask(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        name = self.site.router.name
-        told = rows(heard["poe"], name, "the power on its ports", "name")
-        if isinstance(told, Finding):
-            return Judged((told,))
-        ports = {row["name"]: row for row in told if "name" in row}
-        fed = _fed(self.site)
-        wrong = [
-            finding for port in _ports(self.site) for finding in _judged(name, port, fed.get(port), ports.get(port))
-        ]
+        name, fed = self.site.router.name, _fed(self.site)
+        told = {port: rows(heard[port], name, "the power on its ports", "name") for port in _ports(self.site)}
+        silence = [one for one in told.values() if isinstance(one, Finding)]
+        if len(silence) == len(told):
+            return Judged((_board(name, told) or silence[0],))
+        ports = {port: row for port, found in told.items() if (row := _row_of(port, found)) is not None}
+        wrong = [finding for port in told for finding in _judged(name, port, fed.get(port), ports.get(port))]
         evidence = tuple(read(f"PoE on {port} of {name}", _worded(row)) for port, row in ports.items())
         return Judged(tuple(wrong) or (self._fine(ports, fed),), evidence)
 
@@ -90,6 +92,19 @@ class _Poe:
         if not drawn:
             return good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
         return good("powered", f"{listed(drawn)} {'draws' if len(drawn) == 1 else 'draw'} power from the router")
+
+
+def _board(name: str, told: Mapping[str, object]) -> Finding | None:
+    """A board without PoE knows neither the menu nor the ports."""
+    if any(not isinstance(one, Finding) or one.code != "refused" for one in told.values()):
+        return None
+    message = f"{name} tells nothing of PoE: it seems to have none, though {listed(told)} are declared to feed"
+    hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
+    return unknown("no-poe", message, hint)
+
+
+def _row_of(port: str, told: tuple[Mapping[str, str], ...] | Finding) -> Mapping[str, str] | None:
+    return None if isinstance(told, Finding) else next((row for row in told if row.get("name") == port), None)
 
 
 def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None) -> Iterator[Finding]:
