@@ -1,7 +1,7 @@
 """The program: all questions at once, each answered in a line of JSON as soon as it ends.
 
-Questions come in queues: those of one queue want the same port, and are asked one after the other. Whatever happens to
-one question, the others are answered, and at the deadline everything ends with what was heard so far.
+Some wait for others, which want the same end or share a medium with them. Whatever happens to one question, the others
+are answered, and at the deadline everything ends with what was heard so far.
 """
 
 from __future__ import annotations
@@ -24,47 +24,58 @@ __all__ = ["answer_all", "main"]
 
 _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""
+_GONE = ("silent", "unreachable")
 _STREAMS: dict[str, Callable[[dict[str, Any], Sound], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing}
 
 
-class _Queue(threading.Thread):
-    """Questions of which one waits for the other."""
+class _Asked(threading.Thread):
+    """A question, from its turn to its answer."""
 
-    def __init__(self, questions: list[dict[str, Any]], tell: Callable[[str, dict[str, Any]], None]) -> None:
+    def __init__(self, row: dict[str, Any], before: list[_Asked], tell: Callable[[str, dict[str, Any]], None]) -> None:
         super().__init__(daemon=True)
-        self._left, self._tell = list(questions), tell
+        self.over = threading.Event()
+        self.answer: dict[str, Any] = {}
+        self._row, self._before, self._tell = row, before, tell
         self._sound: Sound | None = None
         self._lock = threading.Lock()
 
     def run(self) -> None:
-        """Ask them all."""
-        while self._left:
-            asked, self._sound = self._left[0], None
-            said = self._answer(asked)
-            with self._lock:
-                if not self._left:
-                    return
-                del self._left[0]
-                self._tell(asked["key"], said)
-            if self._left:
-                time.sleep(_BREATH_S)
+        """Wait for its turn, and ask."""
+        for other in self._before:
+            other.over.wait()
+        if self.over.is_set():  # given up meanwhile
+            return
+        self._say(self._same_end() or self._ask(), {})
 
     def give_up(self) -> None:
-        """Tell what was heard so far, and of the rest that nothing was."""
-        with self._lock:
-            for asked in self._left:
-                heard = {} if self._sound is None else self._sound.as_answer()
-                self._sound = None
-                self._tell(asked["key"], {**heard, "trouble": "silent", "words": "it was not over in time"})
-            self._left = []
+        """Tell what was heard so far, if it has not ended."""
+        sound = self._sound
+        self._say({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "it was not over in time"})
 
-    def _answer(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def _say(self, answer: dict[str, Any], more: dict[str, Any]) -> None:
+        with self._lock:
+            if not self.over.is_set():
+                self.answer = {**answer, **more}
+                self._tell(self._row["key"], self.answer)
+                self.over.set()
+
+    def _same_end(self) -> dict[str, Any] | None:
+        """The answer of an end that was not there a moment ago: nobody knocks a second time."""
+        for other in self._before:
+            same = all(self._row.get(name) == other._row.get(name) for name in ("kind", "address", "port"))  # noqa: SLF001 - its like
+            if same and self._row["kind"] == "tcp" and other.answer.get("trouble") in _GONE:
+                return other.answer
+        return None
+
+    def _ask(self) -> dict[str, Any]:
+        if self._before:
+            time.sleep(_BREATH_S)
         try:
-            if asked["kind"] in _OTHERS:
-                return _OTHERS[asked["kind"]](asked)
-            self._sound = Sound(asked["max_bytes"])
-            _STREAMS[asked["kind"]](asked, self._sound)
+            if self._row["kind"] in _OTHERS:
+                return _OTHERS[self._row["kind"]](self._row)
+            self._sound = Sound(self._row["max_bytes"])
+            _STREAMS[self._row["kind"]](self._row, self._sound)
             return self._sound.as_answer()
         except NoAnswer as why:
             return {"trouble": why.trouble, "words": why.words}
@@ -73,15 +84,20 @@ class _Queue(threading.Thread):
 
 
 def answer_all(asked: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:
-    """Ask `queues` at once, and tell each answer by its key; after `deadline_s` what is missing is told as silent."""
+    """Ask all `questions`, each `after` some before it, and tell the answers by their keys.
+
+    After `deadline_s` what is missing is told as silent, with what was heard so far.
+    """
     ends = time.monotonic() + asked["deadline_s"]
-    queues = [_Queue(one, tell) for one in asked["queues"]]
-    for queue in queues:
-        queue.start()
-    for queue in queues:
-        queue.join(max(ends - time.monotonic(), 0.0))
-    for queue in queues:
-        queue.give_up()
+    work: list[_Asked] = []
+    for row in asked["questions"]:
+        work.append(_Asked(row, [work[number] for number in row["after"]], tell))
+    for one in work:
+        one.start()
+    for one in work:
+        one.over.wait(max(ends - time.monotonic(), 0.0))
+    for one in reversed(work):  # who waits for another one must not begin now
+        one.give_up()
     end_all()
 
 

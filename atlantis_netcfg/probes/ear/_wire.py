@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Batch", "batch", "heard"]
 
 _BREATH_S = 1.0
-"""Between two questions to the same port, and to spare."""
+"""Between two questions to the same end, and at the end of all: to spare."""
 _DHCP_EXTRA_S = 10.0
 """To find the interface that has an address."""
 
@@ -31,29 +31,22 @@ class Batch:
 
 
 def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
-    """Make the program's questions; those that want the same end or the same turn wait for each other, in this order.
+    """Make the program's questions; those that want the same end or share a turn wait for each other, in this order.
 
     ValueError for a question that is none of the program's.
     """
-    within_s = {key: _patience_s(question) for key, question in questions}
-    queues = _queues(questions)
-    longest_s = max((sum(within_s[key] + _BREATH_S for key, _ in queue) for queue in queues), default=0.0)
-    rows = [[_row(key, question) for key, question in queue] for queue in queues]
-    return Batch({"queues": rows, "deadline_s": longest_s}, tuple(within_s), longest_s)
-
-
-def _queues(questions: Sequence[tuple[str, Question]]) -> list[list[tuple[str, Question]]]:
-    """Put together what must not be asked at once; of questions that belong to two queues these become one."""
-    queues: list[tuple[set[object], list[str]]] = []
-    for key, question in questions:
-        wants, keys = _wants(key, question), [key]
-        for one in [one for one in queues if one[0] & wants]:
-            queues.remove(one)
-            wants, keys = wants | one[0], one[1] + keys
-        queues.append((wants, keys))
-    place = {key: number for number, (key, _) in enumerate(questions)}
-    by_key = dict(questions)
-    return [[(key, by_key[key]) for key in sorted(keys, key=place.__getitem__)] for _, keys in queues]
+    last: dict[object, int] = {}
+    over_s: list[float] = []
+    rows = []
+    for number, (key, question) in enumerate(questions):
+        wants = _wants(question)
+        after = sorted({last[one] for one in wants if one in last})
+        waits_s = max((over_s[one] + _BREATH_S for one in after), default=0.0)
+        over_s.append(waits_s + _patience_s(question))
+        last.update(dict.fromkeys(wants, number))
+        rows.append({"key": key, "after": after, **_row(question)})
+    within_s = max(over_s, default=0.0) + _BREATH_S
+    return Batch({"questions": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
 
 
 def heard(told: Mapping[str, Any], question: Question, asked: float, now: float) -> Answer:
@@ -82,10 +75,10 @@ def _bytes(packed: str | list[str]) -> bytes:
     return packed.encode("latin-1") if isinstance(packed, str) else b64decode(packed[0])
 
 
-def _wants(key: str, question: Question) -> set[object]:
+def _wants(question: Question) -> set[object]:
     """What only one question at a time can have; a port that serves one client would turn the second away."""
     if not isinstance(question, Listen):
-        return {key}
+        return set()
     turn: set[object] = {("turn", question.turn)} if question.turn else set()
     if question.transport == "serial":
         return {question.device, *turn}
@@ -103,10 +96,9 @@ def _patience_s(question: Question) -> float:
     raise ValueError(f"{type(question).__name__} is no question of the program that listens")
 
 
-def _row(key: str, question: Question) -> dict[str, Any]:
+def _row(question: Question) -> dict[str, Any]:
     if isinstance(question, Listen):
         return {
-            "key": key,
             "kind": question.transport,
             "address": question.address,
             "port": question.port,
@@ -119,6 +111,6 @@ def _row(key: str, question: Question) -> dict[str, Any]:
             "max_bytes": question.max_bytes,
         }
     if isinstance(question, Run):
-        return {"key": key, "kind": "run", "argv": list(question.argv), "within_s": question.within_s}
+        return {"kind": "run", "argv": list(question.argv), "within_s": question.within_s}
     assert isinstance(question, Probing)  # noqa: S101 - `_patience_s` has refused all others
-    return {"key": key, "kind": "dhcp", "interface": question.interface, "within_s": question.within_s}
+    return {"kind": "dhcp", "interface": question.interface, "within_s": question.within_s}

@@ -17,9 +17,12 @@ from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
 from atlantis_netcfg.probes import Ask, Look, Place, Probing, Ran, Run, Say, Transcript, Trouble
 from atlantis_netcfg.probes.ear import BOOT, _ear, batch, heard, program
 from atlantis_netcfg.probes.ear._program import MODULES, _sources
+from atlantis_netcfg.probes.ear._shared import NoAnswer
 
 if TYPE_CHECKING:
     import socket
+
+    from atlantis_netcfg.probes import Question
 
 MOST = 8_000
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
@@ -54,7 +57,7 @@ def test_what_travels_does_the_same_as_the_source(name: str, text: str) -> None:
 
 
 def test_it_is_small() -> None:
-    assert len(program({"queues": [], "deadline_s": 0})) < MOST
+    assert len(program({"questions": [], "deadline_s": 0})) < MOST
 
 
 def test_every_kind_of_question_by_the_program() -> None:
@@ -158,19 +161,43 @@ def test_nobody_reads_it_any_more() -> None:
     assert process.returncode == 1
 
 
-def test_the_deadline_is_that_of_the_longest_queue() -> None:
-    short, long = run("true", name="a", within_s=2), listen(1, name="b", connect_s=1, listen_s=5)
-    again = listen(1, name="c", connect_s=1, say=(Say(b"?", b".", 3),))
-    assert batch([("a", short), ("b", long)]).within_s == 7
-    assert batch([("a", short), ("b", long), ("c", again)]).within_s == 12
-    assert batch([]).within_s == 0
+def test_who_waits_for_whom_and_how_long_it_takes_at_most() -> None:
+    questions: dict[str, Question] = {
+        "runs": run("true", name="runs", within_s=2),
+        "a": listen(1, name="a", connect_s=1, listen_s=5),
+        "b": listen(2, name="b", connect_s=1, listen_s=5),
+        "a again": listen(1, name="a again", connect_s=1, say=(Say(b"?", b".", 3),), turn="water"),
+        "b again": listen(2, name="b again", connect_s=1, say=(Say(b"?", b".", 3),), turn="water"),
+        "apart": listen(3, name="apart", connect_s=1, turn="air"),
+    }
+    made = batch(list(questions.items()))
+    assert {row["key"]: row["after"] for row in made.asked["questions"]} == {
+        "runs": [],
+        "a": [],
+        "b": [],
+        "a again": [1],
+        "b again": [2, 3],
+        "apart": [],
+    }
+    assert made.within_s == 6 + 1 + 4 + 1 + 4 + 1
+    assert batch([]).within_s == 1
 
 
-def test_two_queues_with_a_common_member_are_one() -> None:
-    a, b = listen(1, name="a", turn="water"), listen(2, name="b")
-    c = listen(2, name="c", turn="water")
-    queues = batch([("a", a), ("b", b), ("r", run("true")), ("c", c)]).asked["queues"]
-    assert sorted([row["key"] for row in queue] for queue in queues) == [["a", "b", "c"], ["r"]]
+def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    knocks = []
+
+    def knock(row: dict[str, Any], _sound: object) -> None:
+        knocks.append(row["key"])
+        trouble = "unreachable" if row["port"] == 1 else "refused"
+        raise NoAnswer(trouble, f"port {row['port']}")
+
+    monkeypatch.setitem(_ear._STREAMS, "tcp", knock)
+    told = asked(*(listen(port, name=f"{port}{name}") for port in (1, 2) for name in "abc"))
+    assert sorted(knocks) == ["1a", "2a", "2b", "2c"]
+    assert {name: (one.trouble, one.words) for name, one in told.items()} == {
+        **{f"1{name}": (Trouble.UNREACHABLE, "port 1") for name in "abc"},
+        **{f"2{name}": (Trouble.REFUSED, "port 2") for name in "abc"},
+    }
 
 
 @pytest.mark.parametrize("question", [Look("l", "satellite"), Ask("a", "router", None)])  # type: ignore[arg-type]
