@@ -36,7 +36,7 @@ class _Duplicates:
     site: OwnSite
 
     def asks(self) -> tuple[Question, ...]:
-        arp = ("address", "mac-address", "interface", "complete", "disabled", "invalid")
+        arp = ("address", "mac-address", "interface", "complete", "status", "disabled", "invalid")
         return (
             *ask("arp", self.site, "/ip/arp", *arp),
             *ask("leases", self.site, "/ip/dhcp-server/lease", "address", "mac-address", "status", "disabled"),
@@ -60,19 +60,26 @@ class _Duplicates:
         return IPv4Address(one.address) in self.site.declared.lan.network
 
     def _twice(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
-        cards: dict[str, dict[str, str]] = {}
-        for one in seen:
-            cards.setdefault(one.address, {}).setdefault(one.mac, one.seen_by)
+        cards: dict[str, dict[str, Neighbour]] = {}
+        for one in sorted(seen, key=lambda one: not one.fresh):
+            cards.setdefault(one.address, {}).setdefault(one.mac, one)
         for address, macs in cards.items():
-            if len(macs) > 1:
-                told = listed(f"{mac} (seen by {who})" for mac, who in macs.items())
+            told = listed(f"{mac} (seen by {one.seen_by})" for mac, one in macs.items())
+            if len(macs) > 1 and all(one.fresh for one in macs.values()):
                 yield fail("address-twice", f"{address} is answered by two cards: {told}", _HINT)
+            elif len(macs) > 1:
+                message = f"{address} was answered by another card some time ago: {told}"
+                yield warn(
+                    "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
+                )
 
     def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
         lan = self.site.declared.lan
         by_address = {str(one.address): one for one in lan.reservations}
         by_card = {one.mac.lower(): one for one in lan.reservations}
-        for one in {(one.address, one.mac): one for one in seen}.values():
+        now = {one.address for one in seen if one.fresh}
+        current = [one for one in seen if one.fresh or one.address not in now]
+        for one in {(one.address, one.mac): one for one in current}.values():
             reserved, owner = by_address.get(one.address), by_card.get(one.mac)
             if reserved is not None and reserved.mac.lower() != one.mac:
                 there = f"{one.mac}{f', the card of {owner.name},' if owner else ''}"

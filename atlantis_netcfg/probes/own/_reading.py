@@ -21,6 +21,8 @@ __all__ = ["Held", "Neighbour", "addresses", "is_address", "look", "neighbours",
 
 _TRUE = frozenset({"true", "yes"})
 _GONE = frozenset({"FAILED", "INCOMPLETE"})
+_STALE = "STALE"
+"""The words of the kernel for an entry, which are RouterOS' `status` as well, there in small letters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,8 @@ class Neighbour:
     """In lower case."""
     interface: str
     seen_by: str
+    fresh: bool = True
+    """False: so it was some time ago, and nobody has asked since."""
 
 
 def yes(row: Mapping[str, str], flag: str) -> bool:
@@ -149,16 +153,17 @@ def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | Finding:
 def _arp(found: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
     for row in found:
         address, mac = row.get("address", ""), row.get("mac-address", "")
-        gone = yes(row, "disabled") or yes(row, "invalid") or row.get("complete") in {"false", "no"}
+        status = row.get("status", "").upper()
+        gone = yes(row, "disabled") or yes(row, "invalid") or row.get("complete") in {"false", "no"} or status in _GONE
         if mac and not gone and is_address(address):
-            yield Neighbour(address, mac.lower(), row.get("interface", "?"), who)
+            yield Neighbour(address, mac.lower(), row.get("interface", "?"), who, status != _STALE)
 
 
 def _neigh(told: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
     for one in told:
         address, mac, state = str(one.get("dst", "")), one.get("lladdr"), one.get("state") or ()
         if isinstance(mac, str) and is_address(address) and not _GONE & set(state):
-            yield Neighbour(address, mac.lower(), str(one.get("dev", "?")), who)
+            yield Neighbour(address, mac.lower(), str(one.get("dev", "?")), who, _STALE not in state)
 
 
 def offers(answer: Answer, who: str) -> tuple[Offer, ...] | Finding:

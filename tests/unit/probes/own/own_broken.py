@@ -70,6 +70,10 @@ def seen(address: str, mac: str) -> tuple[NeighbourSpec, ...]:
     return (*computer().neighbours, NeighbourSpec(address=address, dev="eth0", mac=mac))
 
 
+def stale(address: str, mac: str) -> tuple[NeighbourSpec, ...]:
+    return (NeighbourSpec(address=address, dev="eth0", mac=mac, state="STALE"),)
+
+
 def valid(name: str, since: int, until: int) -> World:
     """Of a certificate of the router; days from now."""
     dates = Validity(since=NOW + timedelta(days=since), until=NOW + timedelta(days=until))
@@ -173,6 +177,9 @@ BROKEN: dict[str, Callable[[], World]] = {
             NeighbourSpec(address="10.64.1.150", dev="eth0", mac="02:00:5E:AA:00:02"),
         )
     ),
+    "an address that another card had before": lambda: pc(neighbours=stale("10.64.1.24", "02:00:5E:AA:00:01")),
+    "an address that nobody has asked for lately": lambda: pc(neighbours=stale("10.64.1.151", "02:00:5E:AA:00:01")),
+    "a card at a reserved address, some time ago": lambda: pc(neighbours=stale("10.64.1.26", "02:00:5E:AA:00:01")),
     "another card at a reserved address": lambda: around(cards={**CARDS, "10.64.1.24": "02:00:5E:AA:00:09"}),
     "a robot took the address of another": lambda: around(cards={**CARDS, "10.64.1.24": "02:00:5E:00:01:23"}),
     "a robot has an address that is not its own": lambda: pc(neighbours=seen("10.64.1.150", "02:00:5E:00:01:26")),
