@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import _ledger
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist import Drawing
 
 __all__ = ["Found", "Head", "begin", "found", "runs"]
+
+_SAME_DAY = timedelta(hours=18)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Ca
         if document is None or document.scope != checklist.scope.as_dict() or _over(run, lines):
             continue
         if lines.damage:
-            words = words or f"the checklist {run.name} is damaged ({lines.damage}): a new one is begun"
+            words = words or f"the checklist {run.name} is damaged ({lines.damage})"
             continue
         if why := "it was to be begun anew" if anew else _other(document, head):
             with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
@@ -70,8 +73,17 @@ def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Ca
             return Found(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
         _go_on(run, document, checklist, head, now)
         torn = f"; {lines.torn}, and what it said is asked again" if lines.torn else ""
-        return Found(run, f"the checklist {run.name} is gone on with{torn}")
-    return Found(None, words)
+        gone_on = f"the checklist {run.name} is gone on with{torn}{_old(now() - document.started)}"
+        return Found(run, f"{words}; {gone_on}" if words else gone_on)
+    return Found(None, f"{words}: a new one is begun" if words else "")
+
+
+def _old(age: timedelta) -> str:
+    """What was seen on another day may be otherwise now."""
+    if age < _SAME_DAY:
+        return ""
+    ago = f"{age.days} days" if age.days > 1 else "a day"
+    return f"; it was begun {ago} ago, and what was seen then stands: `--anew` looks at all of it again"
 
 
 def _over(run: Path, lines: _ledger.Lines) -> bool:

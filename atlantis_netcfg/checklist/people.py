@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist._evidence import Copied
     from atlantis_netcfg.report.checklist import Item
 
-__all__ = ["OVERRIDABLE", "SAYABLE", "Confirmation", "confirmed", "overridden", "spoken"]
+__all__ = ["OVERRIDABLE", "SAYABLE", "Confirmation", "confirmed", "named", "overridden", "spoken"]
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
 """For these a person may take the responsibility; nothing else needs it."""

@@ -6,6 +6,7 @@ import json
 import os
 import stat
 from dataclasses import replace
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
@@ -54,6 +55,16 @@ def test_an_interrupted_checklist_goes_on(desk: Desk) -> None:
         assert (book.run, book.items) == (first, items)
         assert book.words == f"the checklist {first} is gone on with"
         assert [one.item.id for one in book.entries_open()] == [PING, USBL, DHCP]
+
+
+@pytest.mark.parametrize(("hours", "ago"), [(17, ""), (20, "a day"), (49, "2 days")])
+def test_what_was_seen_on_another_day_is_told(desk: Desk, hours: int, ago: str) -> None:
+    with desk.open() as book:
+        book.settle(found(WIFI))
+    desk.now.at += timedelta(hours=hours)
+    told = f"; it was begun {ago} ago, and what was seen then stands: `--anew` looks at all of it again"
+    with desk.open() as book:
+        assert book.words == f"the checklist {book.run} is gone on with{told if ago else ''}"
 
 
 def test_a_scope_has_its_own_book(desk: Desk) -> None:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Confirmation, KeyDamaged, verify, verify_report
+from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _key, verify, verify_report
 from atlantis_netcfg.checklist._canonical import canonical, parsed, written
 from atlantis_netcfg.checklist._key import Key
 from atlantis_netcfg.checklist._signing import digest, sealed
+from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -225,6 +226,18 @@ def test_the_key_is_made_once_and_private(desk: Desk) -> None:
     desk.signed(names=[DHCP])
     assert desk.key.read_bytes() == first
     assert [path.name for path in desk.state.iterdir() if path.is_file()] == ["checklist.key"]
+
+
+def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other, path = Key.made(tmp_path / "other"), tmp_path / "checklist.key"
+
+    def outrun(scratch: Path, data: bytes) -> None:
+        write_atomically(scratch, data)
+        write_atomically(path, (tmp_path / "other").read_bytes())
+
+    monkeypatch.setattr(_key, "write_atomically", outrun)
+    assert Key.made(path).fingerprint == other.fingerprint
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["checklist.key", "other"]
 
 
 def test_a_key_that_others_can_read(signed: Path, desk: Desk) -> None:
