@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.checklist import Answers, Book
+    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._checking.desk import Desk
     from atlantis_netcfg.errors import ExitCode, NetcfgError
     from atlantis_netcfg.report.checklist import Document
@@ -25,9 +26,15 @@ if TYPE_CHECKING:
 __all__ = ["again", "close", "greet", "note", "signer"]
 
 
-def again() -> str:
-    """What a person types to go on with the same checklist."""
-    return shlex.join(["provision", *(word for word in sys.argv[1:] if word != "--anew")])
+def again(arguments: Arguments) -> str:
+    """What a person types at a terminal to go on with the same checklist."""
+    words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
+    kept = {name: value for name, value in arguments.flags.items() if name not in _NOT_AGAIN}
+    flags = [part for name, value in kept.items() for part in (f"--{name}", value) if part is not None]
+    return shlex.join(["provision", arguments.command.name, *words, *flags])
+
+
+_NOT_AGAIN = frozenset({"anew", "answers", "json"})
 
 
 def greet(desk: Desk, book: Book) -> None:
@@ -60,7 +67,9 @@ def signer(book: Book, answers: Answers | None, typed: str | None, desk: Desk | 
         return None
 
 
-def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: bool, read: bool = False) -> ExitCode:
+def close(
+    arguments: Arguments, book: Book, by: str | None, leave: Mapping[str, str], *, read: bool = False
+) -> ExitCode:
     """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left.
 
     `read`: whoever is here has just read the lines, so that their end is enough.
@@ -68,12 +77,12 @@ def close(book: Book, by: str | None, leave: Mapping[str, str], *, as_program: b
     document, errors = _signed(book, by, leave)
     if document.signed is None:
         _draft(book, document)
-    if as_program:
+    if arguments.flag("json"):
         told = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json.dumps({**as_json(document), "errors": told}, ensure_ascii=False))
     else:
         told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
-        print("\n".join([told_again, *_where(book, document)]))
+        print("\n".join([told_again, *_where(arguments, book, document)]))
         tell(errors)
     return document.exit
 
@@ -94,12 +103,17 @@ def _draft(book: Book, document: Document) -> None:
             write_atomically(book.folder / name, data)
 
 
-def _where(book: Book, document: Document) -> Iterator[str]:
+def _where(arguments: Arguments, book: Book, document: Document) -> Iterator[str]:
     yield from pages_in(book.folder)
     if document.signed is None and document.items:
         waiting = sum(item.open and item.override is None for item in document.items)
-        what = f"{waiting} items are open; " if waiting else ""
-        yield f"{what}on a terminal, `{again()}` goes on with it and lets a person sign"
+        yield f"on a terminal, `{again(arguments)}` {_next(waiting)}"
+
+
+def _next(waiting: int) -> str:
+    if not waiting:
+        return "lets a person sign it"
+    return f"asks for what is open ({waiting} item{'s' if waiting > 1 else ''}), and lets a person sign it"
 
 
 def _pages(document: Document, book: Book) -> Mapping[str, bytes]:

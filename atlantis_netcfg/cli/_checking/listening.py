@@ -15,12 +15,12 @@ from atlantis_netcfg.probes import Place
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist import Checklist, Entry
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.checking import Ears
 
-__all__ = ["Listening", "asks_a_router", "listening", "not_rehearsed", "refuse_faults"]
+__all__ = ["Listening", "asks_a_router", "broken", "listening", "not_rehearsed", "refuse_absent", "refuse_faults"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +43,32 @@ def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
     for fault in faults:
         if fault not in FAULTS:
             near = nearest(fault, FAULTS)
-            known = f"it takes: {', '.join(FAULTS)}"
+            known = "\n".join(["it takes:", *(f"{name:<20} {one.words}" for name, one in FAULTS.items())])
             raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
+
+
+def refuse_absent(faults: Sequence[str], every: Checklist) -> None:
+    """Raise UsageError for a fault of something that this site does not have; `every`: its list, not narrowed."""
+    if not faults:
+        return
+    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+
+    here = {entry.item.id for entry in every.entries}
+    for fault in faults:
+        if not any(turn.replace("SITE", every.site) in here for turn in FAULTS[fault].turns):
+            what = f"`break={fault}`: {every.site} has nothing to break there ({FAULTS[fault].words})"
+            raise UsageError(
+                what, hint="faults are told for the coastal testbed of the shipped inventory: try site=coastal"
+            )
+
+
+def broken(faults: Sequence[str]) -> tuple[str, ...]:
+    """What is broken, in words."""
+    if not faults:
+        return ()
+    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+
+    return tuple(f"{fault}: {FAULTS[fault].words}" for fault in faults)
 
 
 def asks_a_router(entries: Sequence[Entry]) -> bool:

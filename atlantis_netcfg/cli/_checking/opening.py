@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist import Book, Head
 from atlantis_netcfg.checklist.drawing import drawing
-from atlantis_netcfg.cli._checking.listening import not_rehearsed
+from atlantis_netcfg.cli._checking.listening import broken, not_rehearsed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ def opened_book(opened: Session, checklist: Checklist, faults: Sequence[str], *,
         inventory=opened.declaration.revision,
         drawing=drawing(opened.declaration, checklist),
         not_rehearsed=not_rehearsed(opened, checklist.entries),
-        broken=tuple(faults),
+        broken=broken(faults),
     )
     command = shlex.join(["provision", *sys.argv[1:]])
     return Book.open(folder, checklist, head, anew=anew, command=command)

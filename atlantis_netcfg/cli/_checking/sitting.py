@@ -12,7 +12,7 @@ from atlantis_netcfg.checklist import Answers, Scope, plan
 from atlantis_netcfg.cli._checking import closing
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.flow import Round
-from atlantis_netcfg.cli._checking.listening import asks_a_router, listening, refuse_faults
+from atlantis_netcfg.cli._checking.listening import asks_a_router, listening, refuse_absent, refuse_faults
 from atlantis_netcfg.cli._checking.opening import opened_book
 from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.cli._checking.price import price_of
@@ -59,6 +59,7 @@ class Prepared:
         """Refuse what cannot be, work out the list, and say which hosts take part."""
         rehearse = self.arguments.flag("rehearse")
         self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
+        refuse_absent(self.arguments.many("break"), plan(declaration, self._checklist.site))
         hosts = taking_part(declaration, self._checklist, rehearse=rehearse)
         file = self.arguments.value("answers")
         self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
@@ -94,7 +95,7 @@ def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
         ) as opened:
             return _sit(opened, prepared, desk)
     except KeyboardInterrupt:
-        hint = f"go on with `{closing.again()}`"
+        hint = f"go on with `{closing.again(arguments)}`"
         raise Stopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
 
 
@@ -114,7 +115,7 @@ def _sit(opened: Session, prepared: Prepared, desk: Desk | None) -> ExitCode:
         by = closing.signer(book, prepared.answers, opened.arguments.value("sign-as"), desk)
         leave = prepared.answers.leave if prepared.answers is not None else {}
         read = desk is not None and by is not None and not opened.arguments.value("sign-as")
-        return closing.close(book, by, leave, as_program=opened.as_json, read=read)
+        return closing.close(opened.arguments, book, by, leave, read=read)
 
 
 def _look(opened: Session, prepared: Prepared, book: Book, desk: Desk | None) -> None:

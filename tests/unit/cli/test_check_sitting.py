@@ -127,17 +127,14 @@ def test_as_json_nobody_is_asked(ears: NobodyThere, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("ears")
-def test_without_a_terminal_people_are_told_how_to_go_on(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr("sys.argv", ["provision", "check", *ROV, "--anew"])
-    assert main(["check", *ROV]) == 6
+def test_without_a_terminal_people_are_told_how_to_go_on(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["check", *ROV, "--anew"]) == 6
     said = capsys.readouterr()
     assert "eca-rov/ethernet" in said.err
     (folder,) = (tmp_path / "state" / "rehearsal" / "coastal" / "checks").glob("2*")
     assert said.out.splitlines()[-2:] == [
         f"report: {folder}/report.html (report.pdf and junit.xml are beside it)",
-        f"1 items are open; on a terminal, `provision check {' '.join(ROV)}` goes on with it and lets a person sign",
+        f"on a terminal, `provision check {' '.join(ROV)}` asks for what is open (1 item), and lets a person sign it",
     ]
     assert (folder / "report.html").read_bytes() == b"<p>page</p>"
 
