@@ -6,6 +6,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.report.checklist._grid import grid
+from atlantis_netcfg.report.checklist._shapes import cut
 from atlantis_netcfg.report.checklist._states import ASCII, State, state
 from atlantis_netcfg.report.checklist._words import by_state, clock, closing, signed, title, visible
 
@@ -67,7 +68,7 @@ def _grid(document: Document) -> Iterator[str]:
     names = [_HEADS.get(column, title(column))[: _CELL - 1] for column in (*table.columns, *table.beside)]
     yield _line("", [*names[: len(table.columns)], "|", *names[len(table.columns) :]] if table.beside else names)
     for row in table.rows:
-        yield _line(visible(row.row.name), _marks(row, len(table.columns), beside=bool(table.beside)))
+        yield _line(cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(table.beside)))
     yield from _legend(document)
 
 
@@ -84,9 +85,8 @@ def _mark(cell: Cell) -> str:
 
 
 def _line(name: str, marks: list[str]) -> str:
-    kept = name if len(name) < _NAME else f"{name[: _NAME - 2]}~"
     words = "".join("| " if mark == "|" else f"{mark:<{_CELL}}" for mark in marks)
-    return f"{kept:<{_NAME}}{words}".rstrip()
+    return f"{name:<{_NAME}}{words}".rstrip()
 
 
 def _legend(document: Document) -> Iterator[str]:
@@ -94,14 +94,12 @@ def _legend(document: Document) -> Iterator[str]:
     told = []
     if any(not cell.table3 for cell in cells):
         told.append("( ) not part of Table 3")
-    words = {
-        State.INCONCLUSIVE: "? not to be told",
-        State.OVERRIDDEN: "FAIL* overridden",
-        State.NOT_CHECKED: ". left out",
-    }
-    told += [text for one, text in words.items() if any(cell.state is one for cell in cells)]
+    told += [text for one, text in _WORDS.items() if any(cell.state is one for cell in cells)]
     if told:
-        yield ", ".join(told)
+        yield from _wrapped("", ", ".join(told))
+    for row in document.rows:
+        if row.deviation is not None:
+            yield from _wrapped("", f"{row.name} differs from the report: {row.deviation}")
 
 
 def _item(item: Item) -> Iterator[str]:

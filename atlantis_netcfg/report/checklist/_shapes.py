@@ -86,8 +86,8 @@ def letters_of(text: str) -> float:
     return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
 
 
-def cut(text: str, room: float) -> str:
-    """Text in one line that has room; what is left out is shown by three dots."""
+def cut(text: str, room: float, dots: str = "…") -> str:
+    """Text in one line that has room; what is left out is shown by dots."""
     line = " ".join(visible(text).split())
     if letters_of(line) <= room:
         return line
@@ -96,4 +96,4 @@ def cut(text: str, room: float) -> str:
         if letters_of(kept + letter) > room - 1:
             break
         kept += letter
-    return f"{kept.rstrip()}…"
+    return f"{kept.rstrip()}{dots}"

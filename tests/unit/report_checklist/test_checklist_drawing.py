@@ -1,0 +1,166 @@
+"""Where things stand in the drawing, what it says in words, and that it is the site of the declaration."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import checklist_example as made
+import pytest
+from checklist_strategies import DRAWINGS, hostile
+from hypothesis import given, settings
+
+from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.checklist.drawing import drawing
+from atlantis_netcfg.report.checklist import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
+from atlantis_netcfg.report.checklist._layout import layout
+from atlantis_netcfg.report.checklist._svg import described
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.checklist import Checklist
+    from atlantis_netcfg.report.checklist._shapes import Badge, Box
+    from atlantis_netcfg.site import Declaration
+
+INVENTORY = Path(__file__).parents[3] / "inventory"
+TAGS = {"svg", "title", "desc", "g", "rect", "polyline", "text"}
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@cache
+def declaration() -> Declaration:
+    return load(INVENTORY)
+
+
+@cache
+def listed(site: str) -> Checklist:
+    return plan(declaration(), site)
+
+
+def drawn(site: str) -> Document:
+    checklist = listed(site)
+    items = tuple(entry.item for entry in checklist.entries)
+    return made.green(items=items, rows=checklist.rows, drawing=drawing(declaration(), checklist))
+
+
+def apart(one: Box | Badge, other: Box | Badge, heights: tuple[float, float]) -> bool:
+    return (
+        one.x + one.width <= other.x
+        or other.x + other.width <= one.x
+        or one.y + heights[0] <= other.y
+        or other.y + heights[1] <= one.y
+    )
+
+
+SITES = ["coastal", "te4sea", "scc"]
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_nothing_lies_on_another_thing(site: str) -> None:
+    shapes = layout(drawn(site))
+    sized = [(box, box.height) for box in shapes.boxes] + [(badge, 16.0) for badge in shapes.badges]
+    for (one, high), (other, low) in combinations(sized, 2):
+        assert apart(one, other, (high, low)), (one, other)
+    assert all(one.x >= 0 and one.x + one.width <= shapes.width and one.y >= 0 for one, _ in sized)
+    assert all(one.y + height <= shapes.height for one, height in sized)
+
+
+def _spoken_of(made_of: Drawing) -> list[tuple[str, ...]]:
+    return [node.items for node in made_of.nodes] + [link.items for link in made_of.links]
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_every_item_of_the_site_is_in_its_drawing(site: str) -> None:
+    made_of = drawn(site).drawing
+    told = {item for items in _spoken_of(made_of) for item in items}
+    assert told == {entry.item.id for entry in listed(site).entries}
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_every_link_has_its_ends(site: str) -> None:
+    made_of = drawn(site).drawing
+    keys = [node.key for node in made_of.nodes]
+    assert len(keys) == len(set(keys))
+    assert {end for link in made_of.links for end in (link.a, link.b)} == set(keys)
+
+
+def test_the_drawing_is_that_of_the_declaration() -> None:
+    made_of = drawn("coastal").drawing
+    assert [(node.key, node.kind) for node in made_of.nodes] == [
+        ("scc-vpn", "vpn_server"),
+        ("partners", "partner"),
+        ("scc", "site"),
+        ("coastal-router", "router"),
+        ("coastal-cpe", "cpe"),
+        ("coastal-4g", "lte_router"),
+        ("coastal-sat", "satellite_terminal"),
+        ("coastal-gateway", "gateway"),
+        *((key, "vehicle") for key in made.NAMES),
+    ]
+    ends = {(link.a, link.b, link.label) for link in made_of.links}
+    assert ends >= {
+        ("coastal-cpe", "scc", "Wi-Fi"),
+        ("coastal-4g", "scc", "4G"),
+        ("coastal-sat", "scc", "Satellite"),
+        ("coastal-router", "coastal-sat", "ether3, PoE"),
+        ("coastal-router", "coastal-gateway", "LAN"),
+        ("coastal-router", "scc-vpn", "VPN"),
+        ("sparus", "coastal-gateway", "Wi-Fi"),
+        ("zarco", "coastal-router", "Wi-Fi"),
+        ("stork", "coastal-gateway", "RC RF"),
+        ("eca-rov", "coastal-gateway", "USBL"),
+    }
+    assert drawing(declaration(), listed("coastal")) == made_of
+
+
+def test_it_is_told_in_words() -> None:
+    told = described(made.example())
+    assert "Control centre." in told
+    assert "Sparus to coastal-gateway: Wi-Fi, FAIL." in told
+    assert "coastal-router to scc-vpn: VPN, PASS." in told
+    assert described(made.empty()) == ["Nothing is declared."]
+
+
+def test_the_worst_item_gives_colour_and_sign() -> None:
+    node = DrawnNode(key="r", label="router", kind="router", items=("sparus/gps", "sparus/wifi", "nobody"))
+    other = DrawnNode(key="o", label="other", kind="gateway")
+    link = DrawnLink(a="r", b="o", label="LAN", kind="ethernet", items=("sparus/gps",))
+    document = made.example(drawing=Drawing(nodes=(node, other), links=(link,)))
+    root = ET.fromstring(drawing_svg(document))  # noqa: S314 - ours
+    groups = [(group.get("class"), "".join(group.itertext())) for group in root.iter(f"{SVG}g")]
+    assert groups == [
+        ("wire s-pass", ""),
+        ("box s-fail", "✗ routerrouter"),
+        ("box s-none", "othergateway"),
+        ("badge s-pass", "✓ LAN"),
+    ]
+
+
+@pytest.mark.parametrize("document", [made.example(), made.empty(), hostile()], ids=["example", "empty", "hostile"])
+def test_it_is_well_formed_and_asks_for_nothing(document: Document) -> None:
+    text = drawing_svg(document)
+    root = ET.fromstring(text)  # noqa: S314 - ours
+    assert {one.tag.removeprefix(SVG) for one in root.iter()} <= {
+        "svg",
+        "title",
+        "desc",
+        "g",
+        "rect",
+        "polyline",
+        "text",
+    }
+    assert {name for one in root.iter() for name in one.keys()}.isdisjoint({"href", "style", "onload"})  # noqa: SIM118
+    assert text == drawing_svg(document)
+
+
+@given(DRAWINGS)
+@settings(max_examples=60, deadline=None)
+def test_any_drawing_can_be_drawn(made_of: Drawing) -> None:
+    document = made.example(drawing=made_of)
+    shapes = layout(document)
+    assert len(shapes.boxes) == len({node.key for node in made_of.nodes})
+    assert all(one.y + 16 <= shapes.height for one in shapes.badges)
+    ET.fromstring(drawing_svg(document))  # noqa: S314 - ours
