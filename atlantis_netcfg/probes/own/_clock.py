@@ -98,7 +98,11 @@ class _Clock:
             yield from _synchronised(name, ntp.get("status", ""))
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known:
-            told = _pairs(heard["timedatectl"])
+            said, told = printed(heard["timedatectl"], gateway.name), _pairs(heard["timedatectl"])
+            if isinstance(said, Finding):
+                yield said
+            elif "NTPSynchronized" not in told:
+                yield unreadable(gateway.name, "the service that sets its clock")
             yield from _zone(gateway.name, told.get("Timezone", ""), zone)
             yield from _synchronised(gateway.name, _WORDS.get(told.get("NTPSynchronized", ""), ""))
 
@@ -145,7 +149,7 @@ def _synchronised(name: str, status: str) -> Iterator[Finding]:
     """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; another one is unknown, not wrong."""
     hint = f"can {name} reach the declared time servers? `provision links` tells whether any bearer is up"
     if status in {"waiting", "started"}:
-        yield warn("not-synchronised", f"the clock of {name} is right, but no time server has set it yet", hint)
+        yield warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
     elif status in {"stopped", "disabled"}:
         yield warn(
             "no-time-server", f"nothing sets the clock of {name}", "run the site, which switches the NTP client on"
@@ -182,11 +186,10 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
 
 
 def _of_computer(name: str, answer: Answer) -> Offset | Finding:
-    told = printed(answer, name)
-    if isinstance(told, Finding):
-        return told
-    if not isinstance(answer, Ran) or "NTPSynchronized" not in _pairs(answer) or not answer.began:
-        return unreadable(name, "its clock")
+    """Whatever the program says: when it was started, its clock was read."""
+    if not isinstance(answer, Ran) or answer.trouble is not None or not answer.began:
+        told = printed(answer, name)
+        return told if isinstance(told, Finding) else unreadable(name, "its clock")
     if not answer.heard:
         return _uncompared(name)
     return Offset(answer.began - answer.heard, answer.began - answer.asked)

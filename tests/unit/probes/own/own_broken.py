@@ -246,6 +246,10 @@ BROKEN: dict[str, Callable[[], World]] = {
     "this computer's clock is wrong": lambda: World(
         clock=NOW + timedelta(hours=1), pc=timed(computer(), offset_s=3600.4)
     ),
+    "timedatectl says something else": lambda: ran("timedatectl", out="Failed to query server\n"),
+    "the gateway's clock is behind, and timedatectl fails": lambda: ran(
+        "timedatectl", rc=1, out="", err="Failed to connect to bus: Host is down\n", began=NOW.timestamp() - 60
+    ),
     "time zones are others": lambda: World(
         pc=timed(computer(), zone="Etc/UTC"), script="/system clock set time-zone-name=Europe/Brussels"
     ),
