@@ -32,9 +32,13 @@ class Listener:
     """What the way there may take on top of the questions."""
     answers: dict[str, Answer] = field(default_factory=dict)
     _asked: float = 0.0
+    _faults: list[RuntimeError] = field(default_factory=list)
 
     async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, Answer]:
-        """Let the program run; `carry` blocks until it has ended, and gives the words for what was not answered."""
+        """Let the program run; `carry` blocks until it has ended, and gives the words for what was not answered.
+
+        Raises RuntimeError if the program itself has failed at a question, once all others are answered and told.
+        """
         made, loop = batch(self.questions), asyncio.get_running_loop()
         by_key, words = dict(self.questions), ["it did not answer"]
 
@@ -44,6 +48,8 @@ class Listener:
         carrier = Carrier(program(made.asked), line, made.within_s + self.grace_s)
         self._asked = time.time()
         await carrier.beside(lambda: words.append(carry(carrier)))
+        if self._faults:
+            raise self._faults[0]
         rest = {key: unanswered(by_key[key], words[-1]) for key in by_key if key not in self.answers}
         return {**self.answers, **rest}
 
@@ -55,7 +61,8 @@ class Listener:
             question = by_key[told["key"]]
             answer = heard(told, question, self._asked, now)
         except RuntimeError as fault:
-            answer = unanswered(question, str(fault))
+            self._faults.append(fault)
+            return
         except (ValueError, LookupError, TypeError):
             return
         self.answers[told["key"]] = answer

@@ -86,13 +86,14 @@ async def examine(
 ) -> tuple[Item, ...]:
     """Ask everything of all entries at once, judge each as soon as its own answers are there, and give the items.
 
-    Entries without a probe come back as they are. To hand over an active entry is to say that a person has consented.
+    Entries without a probe, and those that do not apply, come back as they are; one that is settled already is asked
+    again. To hand over an active entry is to say that a person has consented.
     `settled` is called once an item, in the order in which they are judged; `state` is the folder of the log file in
     which the traceback of a probe that crashes is kept: such an item is ERROR. Nothing is raised but what `settled`
     raises; the rest is given up then.
     """
     turn = _Turn(ears, now, state)
-    todo = [turn.opened(entry) for entry in entries if entry.step.probe is not None and entry.item.open]
+    todo = [turn.opened(entry) for entry in entries if entry.step.probe is not None and not entry.step.unless]
     found = {}
     work = [asyncio.create_task(turn.ask(batch)) for batch in _batches(todo)]
     try:
@@ -133,6 +134,7 @@ class _Turn:
         assert entry.step.probe is not None  # noqa: S101 - `examine` has looked
         try:
             one.questions = tuple(entry.step.probe.asks())
+            hash(one.questions)  # identical ones are found by it
             one.unfit = unfit(entry, one.questions)
         except Exception as fault:  # noqa: BLE001 - the other items go on
             one.fault = fault

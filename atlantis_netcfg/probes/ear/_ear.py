@@ -11,6 +11,7 @@ import os
 import sys
 import threading
 import time
+import traceback
 from typing import Any, Callable
 
 from atlantis_netcfg.probes.ear._datagrams import udp
@@ -80,7 +81,8 @@ class _Asked(threading.Thread):
         except NoAnswer as why:
             return {"trouble": why.trouble, "words": why.words}
         except Exception as fault:  # noqa: BLE001 - the other questions go on
-            return {"fault": f"{type(fault).__name__}: {fault}"}
+            last = traceback.extract_tb(fault.__traceback__)[-1]
+            return {"fault": f"{type(fault).__name__}: {fault} ({last.filename}, line {last.lineno})"}
 
 
 def answer_all(asked: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:

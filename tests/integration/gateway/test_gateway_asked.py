@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from gateway_stand import NETWORK, ROUTER, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
 
 from atlantis_netcfg.operations.checking import RealEars
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.probes import Listen, Offered, Place, Probing, Ran, Run, Say, Transcript, Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from gateway_stand import Key, Start
 
@@ -51,14 +51,20 @@ def asked(ears: RealEars, *questions: Listen | Run | Probing) -> Mapping[str, An
     return asyncio.run(ears.ask(Place.GATEWAY, None, [(one.name, one) for one in questions], lambda *_: None))
 
 
-def test_a_gateway_is_asked_in_one_command(ears: RealEars, ground: Yard, tmp_path: Path) -> None:  # noqa: F811
+def test_a_gateway_is_asked_in_one_command(
+    ears: RealEars,
+    ground: Yard,  # noqa: F811 - as above
+    technician: Key,  # noqa: F811
+    tmp_path: Path,
+) -> None:
     def tcp(name: str, address: str, port: int, *say: Say) -> Listen:
         return Listen(name, Place.GATEWAY, "tcp", address, port, say=say, listen_s=0.1, connect_s=5)
 
     def run(name: str, *argv: str) -> Run:
         return Run(name, Place.GATEWAY, argv)
 
-    traffic = ground.machines[NAME].traffic
+    gateway, known = ground.machines[NAME], str(tmp_path / "known")
+    traffic = gateway.traffic
     before = replace(traffic)
     with ground.listen() as door:
         found = asked(
@@ -89,7 +95,11 @@ def test_a_gateway_is_asked_in_one_command(ears: RealEars, ground: Yard, tmp_pat
     assert found["held"].words.startswith(f"{CONSOLE} is held by ")
     assert found["dhcp"] == Offered(None)
 
-    (tmp_path / "known").write_text(f"{NAME} {OTHER_KEY}\n")
+    target = Target(host="127.0.0.1", port=gateway.port, known_hosts=known, identity=str(technician.file))
+    rehearsed = Request(state=tmp_path / "state", rehearsed=True, targets={NAME: target})
+    assert asked(RealEars(SHIPPED, "coastal", rehearsed), run("who", "id", "-u"))["who"].trouble is None
+
+    Path(known).write_text(f"{NAME} {OTHER_KEY}\n")
     changed = asked(ears, run("who", "id", "-u"))["who"]
     assert changed.trouble is Trouble.NO_PLACE
     assert changed.words == (

@@ -261,11 +261,24 @@ def test_a_probe_that_asks_nothing_is_judged_at_once(tmp_path: Path) -> None:
     assert (item.verdict, ears.asked) == (Verdict.PASS, [])
 
 
-def test_persons_and_what_is_settled_come_back_as_they_are(tmp_path: Path) -> None:
-    entries = [entry("person", None), entry("settled", Fake(), is_open=False)]
+def test_persons_and_what_does_not_apply_come_back_as_they_are(tmp_path: Path) -> None:
+    apart = entry("apart", Fake(), is_open=False)
+    entries = [entry("person", None), replace(apart, step=replace(apart.step, unless="nobody has one"))]
     told: list[Item] = []
     assert examined(entries, Ears(), tmp_path, told.append) == tuple(one.item for one in entries)
     assert told == []
+
+
+def test_what_is_settled_already_is_asked_again(tmp_path: Path) -> None:
+    (item,) = examined([entry("settled", Fake(), is_open=False)], Ears(), tmp_path)
+    assert (item.verdict, item.message) == (Verdict.PASS, "all is well")
+
+
+def test_a_question_that_cannot_be_compared_is_a_fault_of_its_probe(tmp_path: Path) -> None:
+    listed = replace(DISCOVER, argv=["ip", "-j", "addr"])  # type: ignore[arg-type]
+    bad, good = examined([entry("bad", Fake((listed,))), entry("good", Fake())], Ears(), tmp_path)
+    assert (bad.verdict, good.verdict) == (Verdict.ERROR, Verdict.PASS)
+    assert "TypeError" in bad.message
 
 
 def test_who_cannot_keep_an_item_ends_the_turn(tmp_path: Path) -> None:

@@ -112,6 +112,14 @@ def test_what_a_login_prints_besides_does_no_harm(stand: Stand) -> None:
     assert stand.ask(run("one", "true"))["one"].trouble is None
 
 
+def test_a_fault_of_the_program_is_told_after_all_else(stand: Stand) -> None:
+    well = '{"key":"two","trouble":null,"words":"","rc":0,"out":"","err":"","began":1.0}'
+    stand.behaves(f"""cat >/dev/null; echo '{{"key":"one","fault":"ZeroDivisionError: x"}}'; echo '{well}'""")
+    with pytest.raises(RuntimeError, match="the program that listens failed: ZeroDivisionError: x"):
+        stand.ask(run("one", "true"), run("two", "true"))
+    assert [key for key, _ in stand.told] == ["two"]
+
+
 AWAY = "coastal-gateway was not reached: "
 FORGET = "`ssh-keygen -R coastal-gateway`, then let `provision` pin its key"
 LOOK = "look at its power and its cable, then type the same again"
