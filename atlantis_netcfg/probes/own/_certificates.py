@@ -32,6 +32,9 @@ SOON = timedelta(days=30)
 _MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "private-key", "authority")
 _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
 _DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
+_API = "make another one on the router under the same name (docs/adopt.md), and confirm it at the next contact"
+_ROUTER = "`provision vpn renew` makes another one, and `provision vpn install` brings it to the router"
+_COMPUTER = "`provision vpn renew` makes another one, `provision vpn accept` takes it, and a run of the site brings it"
 _STAMP = "%b %d %H:%M:%S %Y GMT"
 
 
@@ -46,6 +49,8 @@ class _Certificate:
     """The declaration says what for; an authority is always used."""
     expired: bool = False
     """The device itself says so."""
+    renew: str = ""
+    """How another one gets there."""
 
     @property
     def called(self) -> str:
@@ -106,9 +111,13 @@ class _Certificates:
         for name, reason in self._wanted.items():
             if name not in there:
                 message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
-                yield fail(
-                    "certificate-missing", message, "`provision vpn install` and `provision adopt` bring certificates"
-                )
+                yield fail("certificate-missing", message, self._renewal(name))
+
+    def _renewal(self, name: str) -> str:
+        """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
+        tunnel = self.site.view.tunnel if self.site.view is not None else None
+        of_the_vpn = name not in self._wanted or (tunnel is not None and name == tunnel.certificate)
+        return _ROUTER if of_the_vpn else _API
 
     def _of_router(self, told: Sequence[Mapping[str, str]]) -> Iterator[_Certificate]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -117,7 +126,8 @@ class _Certificates:
             name = row.get("name", "?")
             used = name in self._wanted or yes(row, "authority")
             if until is not None or name in self._wanted:
-                yield _Certificate(self.site.router.name, name, since, until, used=used, expired=yes(row, "expired"))
+                renew, expired = self._renewal(name), yes(row, "expired")
+                yield _Certificate(self.site.router.name, name, since, until, used=used, expired=expired, renew=renew)
 
 
 def _now(heard: Mapping[str, Answer]) -> datetime:
@@ -139,10 +149,10 @@ def _of_identity(name: str, answer: Answer) -> list[_Certificate] | Finding:
         return silent(name, answer.trouble, answer.words)
     names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
     if not dates or len(names) != len(dates):
-        hint = f"`provision vpn install` brings {name} its identity; read it as root"
+        hint = f"`provision vpn accept` and a run of the site bring {name} its identity; only root may read it"
         return unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
     return [
-        _Certificate(name, subject.strip(), _stamp(since), _stamp(until))
+        _Certificate(name, subject.strip(), _stamp(since), _stamp(until), renew=_COMPUTER)
         for subject, (since, until) in zip(names, dates, strict=True)
     ]
 
@@ -155,7 +165,6 @@ def _stamp(text: str) -> datetime | None:
 
 
 def _judged(one: _Certificate, now: datetime) -> Iterator[Finding]:
-    renew = "renew it: `provision vpn install` for the VPN's, `provision adopt` for that of api-ssl"
     if one.until is None:
         yield unknown(
             "no-date", f"nobody can tell until when the {one.called} is valid", f"look at {one.holder} by hand"
@@ -165,7 +174,7 @@ def _judged(one: _Certificate, now: datetime) -> Iterator[Finding]:
             message = f"the {one.called} expired on {one.until:%Y-%m-%d}, and nothing that is declared uses it"
             yield warn("old-certificate", message, f"remove it from {one.holder}")
     elif one.until < now:
-        yield fail("expired", f"the {one.called} expired on {one.until:%Y-%m-%d}", renew)
+        yield fail("expired", f"the {one.called} expired on {one.until:%Y-%m-%d}", one.renew)
     elif one.expired:
         message = f"{one.holder} takes its certificate `{one.name}` for expired, though it is valid until"
         yield fail("clock-expired", f"{message} {one.until:%Y-%m-%d}", f"set the clock of {one.holder} first")
@@ -176,7 +185,7 @@ def _judged(one: _Certificate, now: datetime) -> Iterator[Finding]:
         )
     elif one.until < now + SOON:
         days = (one.until - now).days
-        yield warn("expires-soon", f"the {one.called} expires in {days} days, on {one.until:%Y-%m-%d}", renew)
+        yield warn("expires-soon", f"the {one.called} expires in {days} days, on {one.until:%Y-%m-%d}", one.renew)
 
 
 def _fine(certificates: Sequence[_Certificate]) -> Finding:

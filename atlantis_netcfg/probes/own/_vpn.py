@@ -175,6 +175,4 @@ def _compared(code: str, what: str, wanted: str, there: list[str]) -> Finding:
         return good(f"{code}-tunnel", f"{what} is up, with its declared address {wanted}")
     has = there[0] if there else "no address"
     message = f"{what} is up with {has}, and {wanted} is declared"
-    return fail(
-        f"{code}-tunnel-address", message, "run the VPN server's part of the site: it gives each member its address"
-    )
+    return fail(f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 import trees
 from own_world import declaration, own_steps
 
+from atlantis_netcfg import cli
 from atlantis_netcfg.gateway import network
-from atlantis_netcfg.probes import Ask, Look, Probing, Run
+from atlantis_netcfg.probes import Ask, Look, Probing, Run, own
 from atlantis_netcfg.probes.own import _certificates, _static
 from atlantis_netcfg.probes.programs import allowed
 from atlantis_netcfg.twin import supplement
@@ -87,3 +91,11 @@ def test_pings_go_to_nobody_outside_the_site() -> None:
     targets = {one.argv[-1] for one in EVERY if isinstance(one, Run) and one.argv[0] == "ping"}
     server = declaration().hosts[declaration().pilot.vpn.server].device
     assert targets == {str(getattr(server, "vpn_address", None))}
+
+
+def test_hints_name_commands_that_there_are() -> None:
+    text = "".join(path.read_text(encoding="utf-8") for path in Path(own.__path__[0]).glob("*.py"))
+    named = set(re.findall(r"`provision ((?:vpn )?[a-z]+)`", text))
+    assert "vpn renew" in named
+    commands = Path(cli.__path__[0])
+    assert [one for one in named if not (commands / f"{one.replace(' ', '_')}.py").exists()] == []
