@@ -214,25 +214,28 @@ class RunningNmeaPort(_Running):
     def _run(self) -> None:
         source = Source(self.spec)
         while not select.select([self._stop], [], [], self.spec.every_s)[0]:
+            if not self._opened():
+                # Bytes of a receiver are lost where nobody has the port open; its mood begins anew with the next one.
+                source = Source(self.spec)
+                continue
             self._hear()
             if source.speaks:
                 self._send(source.next(sentences=True))
 
+    def _opened(self) -> bool:
+        poll = select.poll()
+        poll.register(self._ours, 0)
+        return not any(event & select.POLLHUP for _, event in poll.poll(0))
+
     def _hear(self) -> None:
-        try:
+        with suppress(OSError):
             data = os.read(self._ours, _AT_MOST)
-        except OSError:
-            # Nobody has the far end open, or nothing came.
-            return
-        self.heard.append(data)
-        self.forbidden.append(data.decode("ascii", "replace"))
+            self.heard.append(data)
+            self.forbidden.append(data.decode("ascii", "replace"))
 
     def _send(self, data: bytes) -> None:
-        """Bytes of a receiver are lost where nobody has the port open, or reads too slowly."""
-        poll = select.poll()
-        poll.register(self._ours, select.POLLOUT)
+        """Bytes are lost as well where whoever has the port open reads too slowly."""
         size = 1 if self.spec.piecewise else len(data)
-        if not any(event & select.POLLHUP for _, event in poll.poll(0)):
-            with suppress(BlockingIOError):
-                for place in range(0, len(data), size):
-                    os.write(self._ours, data[place : place + size])
+        with suppress(OSError):
+            for place in range(0, len(data), size):
+                os.write(self._ours, data[place : place + size])

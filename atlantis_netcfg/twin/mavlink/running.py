@@ -20,12 +20,15 @@ if TYPE_CHECKING:
 __all__ = ["RunningAutopilot"]
 
 _LONGEST = 65535
+_IP_RECVERR = 11
+"""ip(7); the socket module has no name for it before Python 3.14."""
 
 
 class RunningAutopilot:
     """Sends to `host` and `port` while the context lasts, whether anybody listens there or not.
 
-    Port 0: one that is free when the context begins. It is not held, for whoever listens needs it.
+    Port 0: one that is free when the context begins. It is not held, for whoever listens needs it. What the
+    specification counts in rounds begins anew with whoever comes to listen.
     """
 
     host = "127.0.0.1"
@@ -44,6 +47,8 @@ class RunningAutopilot:
         self._stop, self._stopper = os.pipe()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((self.host, 0))
+        # Without it the system does not tell a socket that is not connected that nobody listens.
+        self._socket.setsockopt(socket.IPPROTO_IP, _IP_RECVERR, 1)
         self._thread.start()
         return self
 
@@ -84,13 +89,18 @@ class RunningAutopilot:
         return [whole[place : place + 16] for place in range(0, cut, 16)]
 
     def _hear(self) -> None:
-        # The system tells here as well that nobody listened to an earlier datagram.
+        """Take what was sent, and clear away what the system says of earlier datagrams."""
+        with suppress(BlockingIOError):
+            while True:
+                self._socket.recvmsg(0, _LONGEST, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
         with suppress(OSError):
-            self.forbidden.append(self._socket.recv(_LONGEST))
+            self.forbidden.append(self._socket.recv(_LONGEST, socket.MSG_DONTWAIT))
 
     def _send(self, datagram: bytes) -> None:
-        with suppress(OSError):
+        try:
             self._socket.sendto(datagram, (self.host, self.port))
+        except ConnectionRefusedError:
+            self._rounds = Rounds(self.spec)
 
 
 def _free_port(host: str) -> int:

@@ -105,7 +105,10 @@ class Asked:
     def question(self) -> Listen:
         (question,) = self.probe.asks()
         assert isinstance(question, Listen)
-        return question if self.listen_s is None else replace(question, listen_s=self.listen_s)
+        if self.listen_s is None:
+            return question
+        say = tuple(replace(one, within_s=self.listen_s) for one in question.say)
+        return replace(question, listen_s=self.listen_s, say=say)
 
 
 def judged(sources: Mapping[str, Asked]) -> dict[str, Judged]:

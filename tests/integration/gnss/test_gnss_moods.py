@@ -49,11 +49,12 @@ CASES: dict[str, tuple[GpsDriver, GnssSpec, list[str]]] = {
     "serial, byte by byte": (SERIAL, GnssSpec(piecewise=True), ["PASS fix"]),
     "serial, no fix": (SERIAL, GnssSpec(mode=1), ["FAIL no-fix"]),
     "serial, wrong rate": (SERIAL, GnssSpec(speech=Speech.GARBAGE), ["FAIL not-nmea"]),
+    "serial, stops": (SERIAL, GnssSpec(silent_after=3), ["FAIL fix-stale"]),
     "serial, silent": (SERIAL, GnssSpec(speech=Speech.NOTHING), ["FAIL no-data"]),
 }
-STOPS_S = 4.5
+STOPS_S = 4.0
 """Longer than the oldest position that passes."""
-SHORT_S = 1.0
+SHORT_S = 0.8
 
 
 def listened(name: str, spec: GnssSpec) -> float | None:
