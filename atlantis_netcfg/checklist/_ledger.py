@@ -146,23 +146,25 @@ class Ledger:
         if self._failure is not None:
             raise self._failure
         line = self._line(record)
-        size = os.fstat(self._descriptor).st_size
+        size, last = os.fstat(self._descriptor).st_size, self._last
         try:
             with translated("the checklist", self._path):
                 write_all(self._descriptor, line + b"\n")
                 os.fsync(self._descriptor)
-        except JournalFailed as failure:
-            self._failure = failure
-            self._take_back(size, failure)
+            self._last = hashlib.sha256(line).hexdigest()
+        except BaseException as error:
+            # Ctrl+C as well: a record of which nobody knows would break the chain for the next one.
+            self._last = last
+            self._failure = error if isinstance(error, JournalFailed) else None
+            self._take_back(size, error)
             raise
-        self._last = hashlib.sha256(line).hexdigest()
 
     def _line(self, record: Begun | GoneOn | Result | Superseded) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
-    def _take_back(self, size: int, failure: JournalFailed) -> None:
+    def _take_back(self, size: int, failure: BaseException) -> None:
         """Half a record is worse than none; if even this fails, reading cuts the torn line off."""
         try:
             os.ftruncate(self._descriptor, size)

@@ -5,6 +5,7 @@ manifest by a signature of its own, the records also by their chain. What this c
 the computer (whoever can read its state directory) can write another checklist and sign that; and a checklist of which
 nobody else has the fingerprint or a copy can be removed whole. Against the first, send the report, or the digest that
 it prints, to somebody else when it is signed; the second is seen as a gap in the history only by who remembers it.
+Before it is signed nobody vouches for anything: the chain finds accidents then, and not who writes it anew.
 """
 
 from __future__ import annotations

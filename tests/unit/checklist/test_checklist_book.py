@@ -359,6 +359,22 @@ def test_a_full_disk_is_told_and_nothing_is_half_written(desk: Desk, monkeypatch
             book.settle(found(DHCP))
 
 
+def test_a_write_that_was_interrupted_is_taken_back(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with desk.open() as book:
+        book.settle(found(WIFI))
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                book.settle(found(DHCP))
+        assert book.item(DHCP).open
+        book.settle(found(DHCP, Verdict.WARN))
+    with desk.open() as book:
+        assert (book.item(WIFI).verdict, book.item(DHCP).verdict) == (Verdict.PASS, Verdict.WARN)
+
+
 def _log(desk: Desk) -> Path:
     (path,) = desk.folder.glob("*/records.jsonl")
     return path
