@@ -35,6 +35,8 @@ class Round:
     """Called with each result as soon as it is in the book."""
     price: Callable[[Entry], Price | None]
     """What an active step costs on a metered link. Raises CostRefused."""
+    at_once: bool = False
+    """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
 
     def alone(self, answers: Answers | None) -> tuple[str, ...]:
         """Look at all that needs no person, and at what the answers consent to; then write the answers down.
@@ -48,14 +50,20 @@ class Round:
 
     def with_a_person(self, desk: Desk) -> None:
         """Go through what is not green, phase by phase. Raises Later."""
+        if self.at_once:
+            self._examine(self._unseen(self.entries), {})
+        before = None
         for phase in Phase:
             entries = [one for one in self.entries if one.item.phase is phase and not self._green(one)]
-            if entries:
-                desk.say(f"\n{str(phase).upper()}")
+            if not entries:
+                continue
+            desk.say(f"\n{str(phase).upper()}")
+            if before is None or not self._unseen(entries) or people.ready(desk, phase):
                 self._phase(desk, entries)
+            before = phase
 
     def _phase(self, desk: Desk, entries: Sequence[Entry]) -> None:
-        self._examine([one for one in entries if one.item.kind is Kind.AUTOMATIC and self._open(one)], {})
+        self._examine(self._unseen(entries), {})
         for entry in entries:
             if entry.item.kind is Kind.PERSON and self._open(entry):
                 people.confirm(self.book, desk, entry)
@@ -63,6 +71,9 @@ class Round:
                 self._act(desk, entry)
             if not self._open(entry):
                 people.mend(self.book, desk, entry, lambda one: self._again(desk, one))
+
+    def _unseen(self, entries: Sequence[Entry]) -> list[Entry]:
+        return [one for one in entries if one.item.kind is Kind.AUTOMATIC and self._open(one)]
 
     def _again(self, desk: Desk, entry: Entry) -> None:
         if entry.item.kind is Kind.ACTIVE:

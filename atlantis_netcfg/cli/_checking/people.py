@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Confirmation, Refused
-from atlantis_netcfg.report.checklist import Kind
+from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._checking.price import Price
     from atlantis_netcfg.report.checklist import Item
 
-__all__ = ["GREEN", "confirm", "consent", "mend", "otherwise", "shown"]
+__all__ = ["GREEN", "confirm", "consent", "mend", "otherwise", "ready", "shown"]
 
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
 _PAY = "pay"
@@ -40,6 +40,18 @@ def shown(item: Item) -> str:
     """Tell a result, and what to do about it."""
     hint = f"\n  {'':<12} {item.hint}" if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else ""
     return f"  {item.verdict:<12} {item.id}: {item.message}{hint}"
+
+
+def ready(desk: Desk, phase: Phase) -> bool:
+    """Whether things are where the next phase looks at them; otherwise it is left open. Raises Later."""
+    return desk.choose(f"Is everything {_WHERE[phase]} and switched on?", {"yes": True, "skip": False})
+
+
+_WHERE: Mapping[Phase, str] = {
+    Phase.BENCH: "on the bench",
+    Phase.QUAY: "at the quay",
+    Phase.WATER: "in the water",
+}
 
 
 def confirm(book: Book, desk: Desk, entry: Entry) -> None:

@@ -125,7 +125,7 @@ def _look(opened: Session, prepared: Prepared, book: Book, desk: Desk | None) ->
         progress(quiet=opened.as_json) if desk is None else nullcontext(ignore) as notify,
         listening(opened, faults, notify) as ears,
     ):
-        turn = Round(book, entries, ears, _told(notify, desk), lambda entry: price_of(opened, entry))
+        turn = Round(book, entries, ears, _told(notify, desk), lambda entry: price_of(opened, entry), opened.rehearsed)
         if desk is None:
             for words in turn.alone(prepared.answers):
                 closing.note(words)

@@ -133,6 +133,7 @@ class Sitting:
     words: Mapping[str, list[str]] = field(default_factory=dict)
     price: Callable[[Entry], Price | None] = lambda _entry: None
     said: list[str] = field(default_factory=list)
+    at_once: bool = False
 
     def __post_init__(self) -> None:
         self.ears = ScriptedEars(self.words)
@@ -157,7 +158,7 @@ class Sitting:
 
     def turn(self, book: Book) -> Round:
         ears = Listening(self.ears, self.ears)
-        return Round(book, self.entries, ears, lambda item: self.desk.say(shown(item)), self.price)
+        return Round(book, self.entries, ears, lambda item: self.desk.say(shown(item)), self.price, self.at_once)
 
     def sit(self) -> tuple[Item, ...]:
         """Go through it; give the items as they are then."""

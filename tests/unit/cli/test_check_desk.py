@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from check_desk import LAMP, PING, RADIO, Sitting
+from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.price import Price
+from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -136,6 +137,24 @@ def test_without_the_whole_word_nothing_is_sent(typed: list[str], verdict: str, 
     (item,) = sitting.sit()
     assert ("open" if item.open and item.override is None else str(item.counts)) == verdict
     assert sitting.ears.asked == []
+
+
+SHIP = entry("sparus/acoustic", Kind.AUTOMATIC, Phase.WATER)
+
+
+@pytest.mark.parametrize(("typed", "asked"), [("yes", 2), ("skip", 1)])
+def test_the_next_phase_waits_until_things_are_there(typed: str, asked: int, tmp_path: Path) -> None:
+    words = {"sparus/wifi": [WELL], "sparus/acoustic": [WELL]}
+    sitting = Sitting(tmp_path, [typed], (RADIO, SHIP), words)
+    assert [item.open for item in sitting.sit()] == [False, asked == 1]
+    assert "Is everything in the water and switched on? [yes, skip, later] " in sitting.text
+    assert len(sitting.ears.asked) == asked
+
+
+def test_in_a_rehearsal_all_is_looked_at_together(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, [], (RADIO, SHIP), {"sparus/wifi": [WELL], "sparus/acoustic": [WELL]}, at_once=True)
+    assert [item.open for item in sitting.sit()] == [False, False]
+    assert len(sitting.ears.asked) == 1
 
 
 def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 from check_desk import pilot
 
+from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.cli import _session, main
 from atlantis_netcfg.cli._checking import sitting
 from atlantis_netcfg.cli._checking.desk import Desk
 from atlantis_netcfg.cli._checking.listening import Listening
+from atlantis_netcfg.cli._checking.price import price_of
 from atlantis_netcfg.cli._checking.sitting import Stopped, sit
 from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli.check import COMMAND
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.operations.checking import Heard
     from atlantis_netcfg.probes import Answer, Place, Question
 
@@ -207,3 +212,20 @@ def test_after_ctrl_c_it_goes_on(kept: int) -> None:
     code, said = at_desk(*rest)
     assert code == 0
     assert " is gone on with\n" in said
+
+
+def test_a_proof_over_the_satellite_has_its_price_in_money() -> None:
+    (entry,) = [one for one in plan(pilot(), "coastal").entries if one.item.id == "coastal/satellite/allow-list"]
+    rows = [
+        (["site=coastal"], False, True),
+        (["site=coastal", "--accept-cost"], False, False),
+        (["site=coastal", "--rehearse"], True, False),
+    ]
+    for words, rehearsed, due in rows:
+        opened = SimpleNamespace(
+            declaration=pilot(), site="coastal", rehearsed=rehearsed, arguments=parse(COMMAND, words)
+        )
+        price = price_of(cast("Session", opened), entry)
+        assert price is not None
+        assert price.due is due
+        assert re.fullmatch(r"over satellite.* \d+\.\d\d EUR.*", price.words), price.words
