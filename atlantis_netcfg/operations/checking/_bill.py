@@ -33,7 +33,7 @@ _RATE: Final = {"tcp": 1_500, "udp": 3_000}
 """Bytes a second of a stream that is listened to: NMEA at 9600 baud or gpsd, a telemetry link of MAVLink."""
 _LEAST: Final = 4_096
 """For what a device answers when it is asked."""
-_RAN: Final = 3_000
+_RAN: Final = 1_500
 """What a reading program prints."""
 _ROUND_TRIPS: Final = 8
 _PACKED: Final = 1.4
@@ -64,7 +64,8 @@ def _of_gateway(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
     host = next(filter(is_gateway, declaration.site_hosts(site)), None)
-    asked = [(str(place), one) for place, one in enumerate(questions) if one.place is Place.GATEWAY]
+    alike = dict.fromkeys(replace(one, name="") for one in questions if one.place is Place.GATEWAY)
+    asked = [(str(number), one) for number, one in enumerate(alike)]  # identical ones are asked once
     if host is not None and asked:
         carrier = bearer_of(declaration, host, request.via.get(host.name))
         yield expected(declaration, site, carrier, within_budget(asked))
@@ -107,8 +108,7 @@ def refuse_unpaid(declaration: Declaration, site: str, carrier: Bearer, question
 
 def _most(listen: Listen) -> int:
     rate = listen.baud / 10 if listen.transport == "serial" else _RATE[listen.transport]
-    seconds = listen.listen_s + sum(say.within_s for say in listen.say) * bool(listen.listen_s)
-    return min(listen.max_bytes, _LEAST + round(rate * seconds))
+    return min(listen.max_bytes, _LEAST + round(rate * listen.listen_s))
 
 
 def _answer(question: object) -> int:

@@ -57,6 +57,9 @@ def _there(way: WayIn, carrier: Carrier) -> str:
         return f"{way.name} did not answer in time"
     if ended.rc == _NO_SUCH:
         return f"{way.name} has no python3; on it: `apt-get install python3`"
+    if way.sudo and b"sudo" in ended.err:
+        rule = "`echo '%sudo ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`"
+        return f"whoever logs in on {way.name} does not become root without a password; on it, as root: {rule}"
     return f"the program that listens has ended on {way.name}: {last_line(ended.err) or f'exit {ended.rc}'}"
 
 

@@ -65,6 +65,8 @@ class WayIn:
 
     name: str
     spec: str
+    login: str
+    """What a person types after `ssh`."""
     ssh_config: str | None
     options: str
     connect_s: int
@@ -94,7 +96,9 @@ class WayIn:
 
     def _not_reached(self, said: str, ended: Ended | None) -> NotReached:
         hint = "look at its power and its cable, then type the same again"
-        if any(word in said for word in _KEYS):
+        if "Permission denied" in said:
+            hint = f"bring your key there: `ssh-copy-id {self.login}`"
+        elif any(word in said for word in _KEYS):
             hint = (
                 f"if it is a new computer or a new card: `ssh-keygen -R {self.name}`, then let `provision` pin its key"
             )
@@ -120,6 +124,7 @@ def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: s
     return WayIn(
         name=host.name,
         spec=host.name if ssh_config else f"{access['user']}@{access['host']}:{access['port']}",
+        login=host.name if ssh_config else f"-p {access['port']} {access['user']}@{access['host']}",
         ssh_config=ssh_config,
         options=" ".join(options),
         connect_s=_CONNECT_SLOWLY_S if slow else _CONNECT_S,

@@ -13,8 +13,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.checking import NotReached, RealEars, _bill, _router, _way_in, ask_here, way_in
+from atlantis_netcfg.operations.checking import (
+    NotReached,
+    RealEars,
+    _bill,
+    _gateway,
+    _router,
+    _way_in,
+    ask_here,
+    way_in,
+)
 from atlantis_netcfg.operations.proving import Proof
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
@@ -106,6 +116,15 @@ def test_who_is_not_root_becomes_it(stand: Stand) -> None:
     assert " coastal-gateway sudo /bin/sh -c 'echo " in stand.calls[0]
 
 
+def test_who_may_not_become_root(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+    way = replace(way_in(SHIPPED, GATEWAY, Request(), "config"), sudo=True)
+    monkeypatch.setattr(_gateway, "way_in", lambda *_: way)
+    stand.behaves("cat >/dev/null; echo 'sudo: a password is required' >&2; exit 1")
+    assert stand.ask(run("one", "true"))["one"].words.startswith(
+        "whoever logs in on coastal-gateway does not become root without a password; on it, as root: `echo"
+    )
+
+
 def test_what_a_login_prints_besides_does_no_harm(stand: Stand) -> None:
     noise = 'echo "Welcome to Ubuntu"; echo \'{"key": "unknown", "trouble": null}\'; echo 7; echo; '
     stand.behaves(noise + RUNS)
@@ -122,6 +141,7 @@ def test_a_fault_of_the_program_is_told_after_all_else(stand: Stand) -> None:
 
 AWAY = "coastal-gateway was not reached: "
 FORGET = "`ssh-keygen -R coastal-gateway`, then let `provision` pin its key"
+BRING = "bring your key there: `ssh-copy-id coastal-gateway`"
 LOOK = "look at its power and its cable, then type the same again"
 NOBODY: Mapping[str, tuple[str, str]] = {
     "another host key": (
@@ -131,6 +151,10 @@ NOBODY: Mapping[str, tuple[str, str]] = {
     "no way": (
         "echo 'ssh: connect to host 10.64.1.10 port 22: No route to host' >&2; exit 255",
         f"{AWAY}ssh: connect to host 10.64.1.10 port 22: No route to host; {LOOK}",
+    ),
+    "no key": (
+        "echo 'root@10.64.1.10: Permission denied (publickey,password).' >&2; exit 255",
+        f"{AWAY}root@10.64.1.10: Permission denied (publickey,password).; {BRING}",
     ),
     "not a word": (
         "exit 255",
@@ -159,7 +183,7 @@ def test_a_gateway_that_is_not_reached_answers_so(stand: Stand, case: str) -> No
 
 def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_way_in, "_CONNECT_S", 0)
-    monkeypatch.setattr(_way_in, "_GRACE_S", 0.3)
+    monkeypatch.setattr(_way_in, "_GRACE_S", 0.7)
     first = '{"key":"one","trouble":null,"words":"","rc":0,"out":"early","err":"","began":1.0}'
     stand.behaves(f"cat >/dev/null; echo '{first}'; exec sleep 600")
     found = stand.ask(run("one", "true", within_s=0), run("two", "true", within_s=0))
@@ -227,7 +251,7 @@ def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
             assert found.trouble is Trouble.NO_PLACE
             assert found.words.startswith(
                 "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal, which is paid by "
-                "the byte: up to 19 kB, 0.16 EUR; type the same with `--accept-cost`"
+                "the byte: up to 17 kB, 0.14 EUR; type the same with `--accept-cost`"
             )
 
 
@@ -245,6 +269,18 @@ def test_a_stream_is_cut_where_its_estimate_ends() -> None:
     assert cut.max_bytes == 34_096
     carrier = bearer_of(SHIPPED, GATEWAY, "satellite")
     assert _bill.expected(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(63_000, 0.03)
+
+
+def test_what_a_whole_checklist_costs_is_told_before() -> None:
+    entries = plan(SHIPPED, "coastal").entries
+    assert _bill.previews(SHIPPED, "coastal", entries, Request())[0].words.startswith("over satellite"), "the proof"
+    asked = Request(via={"coastal-gateway": "satellite", "coastal-router": "4g"})
+    gateway, router, proof_ = _bill.previews(SHIPPED, "coastal", entries, asked)
+    assert [one.link.name for one in (gateway, router, proof_)] == ["satellite", "4g", "satellite"]
+    assert gateway.at_most
+    assert 100_000 < gateway.bill.payload_bytes < 1_500_000
+    assert router.bill.payload_bytes < 200_000
+    assert proof_.bill.payload_bytes <= 20_000
 
 
 def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
