@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS", "TwinRefused", "obey"]
 
 
+_AIR = "air"
+"""The one command that is about two twins."""
+
+
 class TwinRefused(UsageError, ValueError):
     """A command that twins do not know, or that makes no sense to them."""
 
@@ -37,13 +41,23 @@ async def obey(site: Site, twin: str, do: str, arguments: Mapping[str, Any]) -> 
     """Carry out one command; the result is JSON-able. Raises TwinRefused."""
     if twin not in site.routers:
         raise TwinRefused(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
-    if do not in COMMANDS:
-        raise TwinRefused(f"twins do not know {do!r}", hint=f"they know: {', '.join(sorted(COMMANDS))}")
+    if do not in {*COMMANDS, _AIR}:
+        raise TwinRefused(f"twins do not know {do!r}", hint=f"they know: {', '.join(sorted([*COMMANDS, _AIR]))}")
     try:
+        if do == _AIR:
+            return _air(site, twin, arguments)
         bound = inspect.signature(COMMANDS[do]).bind(site.routers[twin], **arguments)
         return await COMMANDS[do](*bound.args, **bound.kwargs)
     except (LookupError, TypeError, ValidationError, Trap) as refused:
         raise TwinRefused(f"{do}: {refused}") from refused
+
+
+def _air(site: Site, twin: str, changes: Mapping[str, Any]) -> None:
+    """Change what lies between an end of a radio link and the other one; what is not named stays."""
+    link = next((one for one in site.links if site.routers[twin] in {one.near.router, one.far.router}), None)
+    if link is None:
+        raise LookupError(f"{twin} is at no end of a radio link")
+    link.change(type(link.air).model_validate({**link.air.model_dump(), **changes}))
 
 
 async def _info(router: Router) -> dict[str, Any]:

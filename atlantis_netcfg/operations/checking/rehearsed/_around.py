@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
@@ -11,6 +11,7 @@ from atlantis_netcfg.events import ignore
 from atlantis_netcfg.operations.checking._real import RealEars
 from atlantis_netcfg.operations.checking.rehearsed._ears import RehearsedEars
 from atlantis_netcfg.operations.checking.rehearsed._faults import FAULTS
+from atlantis_netcfg.operations.checking.rehearsed._routers import clock_words
 from atlantis_netcfg.operations.checking.rehearsed._stands import standing
 from atlantis_netcfg.operations.checking.rehearsed._world import healthy
 from atlantis_netcfg.operations.request import Mode, Request
@@ -44,23 +45,12 @@ def rehearsed_ears(
 @contextmanager
 def _routers(declaration: Declaration, world: World, rehearsal: Rehearsal) -> Iterator[None]:
     """Put the routers into their place, and do to them what faults ask for; taken back at the end."""
+    zone = ZoneInfo(declaration.pilot.time_zone)
     emulated = [name for name in world.routers if name in rehearsal.targets]
     for name in emulated:
         rehearsal.twins.do(name, "around", **world.routers[name])
-        rehearsal.twins.do(name, "console", words=_now(declaration))
-    done = []
-    try:
+        rehearsal.twins.do(name, "console", words=clock_words(datetime.now(zone)))
+    with ExitStack() as back:
         for act in world.acts:
-            if act.twin in rehearsal.targets:
-                rehearsal.twins.do(act.twin, act.do, **act.arguments)
-                done.append(act)
+            back.callback(act(rehearsal.twins.do))
         yield
-    finally:
-        for act in reversed(done):
-            rehearsal.twins.do(act.twin, act.back[0], **act.back[1])
-
-
-def _now(declaration: Declaration) -> list[str]:
-    """What a time server does to a router's clock."""
-    local = datetime.now(ZoneInfo(declaration.pilot.time_zone))
-    return ["/system/clock/set", f"=date={local:%Y-%m-%d}", f"=time={local:%H:%M:%S}"]

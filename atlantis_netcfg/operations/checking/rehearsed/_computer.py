@@ -55,7 +55,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
             "interfaces": (*computer.interfaces, *radios),
             "files": {**computer.files, **_network(declaration, host)},
             "udp": tuple(_participants(declaration)),
-            "certificates": _identity(declaration, host),
+            "certificates": _identity(host),
             "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), EchoSpec(rtt_ms=2.4))},
         }
     )
@@ -67,9 +67,8 @@ def _network(declaration: Declaration, host: Host) -> dict[str, str]:
     if promised is not None:
         return {promised.path: promised.content}
     prefix = declaration.sites[host.site].lan.network.prefixlen
-    return {
-        _OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{host.device.address}/{prefix}]}}}}}}\n"
-    }
+    address = f"{host.device.address}/{prefix}"
+    return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
 
 
 def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
@@ -79,7 +78,7 @@ def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
         yield from (UdpSpec(port=first + offset) for offset in (0, 1, 10, 11))
 
 
-def _identity(declaration: Declaration, host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
+def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
     assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
     if host.device.vpn_address is None:
         return {}

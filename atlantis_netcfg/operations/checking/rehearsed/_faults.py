@@ -1,27 +1,14 @@
-"""What can be broken in a rehearsal, one thing at a time."""
+"""What can be broken in a rehearsal, by name: one thing each, and the items of the checklist that have to notice.
+
+The things are those of the shipped inventory's coastal testbed; of another declaration only what it has is offered.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.operations.checking.rehearsed._world import World
+from atlantis_netcfg.operations.checking.rehearsed import _of_routers, _of_the_gateway, _of_vehicles
+from atlantis_netcfg.operations.checking.rehearsed._fault import Fault
 
 __all__ = ["FAULTS", "Fault"]
 
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """One thing that is broken."""
-
-    words: str
-    """What is so, for who trains with it."""
-    turns: tuple[str, ...]
-    """Items that have to notice, `SITE` for the site's name; all others stay as they are."""
-    spoil: Callable[[World], None]
-
-
-FAULTS: Mapping[str, Fault] = {}
+FAULTS = {**_of_vehicles.FAULTS, **_of_the_gateway.FAULTS, **_of_routers.FAULTS}
+"""Name to fault; they may be put together."""

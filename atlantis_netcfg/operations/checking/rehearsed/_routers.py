@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.checking.rehearsed._computer import ROUTER_MAC
@@ -11,20 +12,121 @@ from atlantis_netcfg.site.model import Gateway, Router
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from datetime import datetime
 
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["Act", "surroundings"]
+__all__ = ["Act", "added", "apart", "changed", "clock_words", "hushed", "refitted", "set_clock", "surroundings"]
 
 
-@dataclass(frozen=True, slots=True)
-class Act:
-    """One command to a twin, and the one that takes it back."""
+Do = Callable[..., Any]
+"""Command a twin: its name, the word, arguments."""
+Act = Callable[[Do], Callable[[], object]]
+"""Done to a twin when all stands; what it returns takes it back."""
 
-    twin: str
-    do: str
-    arguments: Mapping[str, Any]
-    back: tuple[str, Mapping[str, Any]]
+
+def refitted(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
+    """Change card or network of a 4G unit; `before` is what it has when all is well."""
+
+    def act(do: Do) -> Callable[[], object]:
+        do(twin, "modem", **after)
+        return lambda: do(twin, "modem", **before)
+
+    return act
+
+
+def hushed(twin: str, addresses: list[str]) -> Act:
+    """Let these addresses answer nothing that the router asks."""
+
+    def act(do: Do) -> Callable[[], object]:
+        do(twin, "silence", addresses=addresses)
+        return lambda: do(twin, "silence", addresses=[])
+
+    return act
+
+
+def added(twin: str, menu: str, **row: str) -> Act:
+    """Add a row, as somebody does who means well."""
+
+    def act(do: Do) -> Callable[[], object]:
+        number = _returned(do(twin, "console", words=[f"{menu}/add", *_words(row)]))
+        return lambda: do(twin, "console", words=[f"{menu}/remove", f"=numbers={number}"])
+
+    return act
+
+
+def changed(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
+    """Set values of the rows that have these values now."""
+
+    def act(do: Do) -> Callable[[], object]:
+        rows = [row for row in _rows(do(twin, "console", words=[f"{menu}/print"])) if where.items() <= row.items()]
+        if not rows:
+            raise LookupError(f"{twin} has no row of {menu} with {dict(where)}")
+        numbers = ",".join(row[".id"] for row in rows)
+        before = {name: rows[0].get(name, "") for name in values}
+        _refused(do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
+        return lambda: do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(before)])
+
+    return act
+
+
+def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float]) -> Act:
+    """Put other air between the ends of a bridge, which find each other again before anything is asked."""
+
+    def put(do: Do, air: Mapping[str, float]) -> None:
+        do(near, "air", **air)
+        _registered(do, near)
+
+    def act(do: Do) -> Callable[[], object]:
+        put(do, after)
+        return lambda: put(do, before)
+
+    return act
+
+
+def _registered(do: Do, near: str) -> None:
+    """Wait until an end of a bridge has registered the other. Raises LookupError if it does not in half a minute."""
+    until = time.monotonic() + 30
+    while not _rows(do(near, "console", words=["/interface/wireless/registration-table/print"])):
+        if time.monotonic() > until:
+            raise LookupError(f"{near} does not find the other end again")
+        time.sleep(0.05)
+
+
+def set_clock(twin: str, moment: datetime) -> Act:
+    """Set a router's clock, by its own time zone; it is set right when a world is made around it."""
+
+    def act(do: Do) -> Callable[[], object]:
+        _refused(do(twin, "console", words=clock_words(moment)))
+        return lambda: None
+
+    return act
+
+
+def clock_words(moment: datetime) -> list[str]:
+    """The sentence that sets a router's clock."""
+    return ["/system/clock/set", f"=date={moment:%Y-%m-%d}", f"=time={moment:%H:%M:%S}"]
+
+
+def _words(values: Mapping[str, str]) -> list[str]:
+    return [f"={name.replace('_', '-')}={value}" for name, value in values.items()]
+
+
+def _rows(answers: list[list[str]]) -> list[dict[str, str]]:
+    return [dict(word[1:].split("=", 1) for word in words) for kind, *words in answers if kind == "!re"]
+
+
+def _refused(answers: list[list[str]]) -> list[list[str]]:
+    """Raise LookupError for what the twin did not take: a fault that breaks nothing would be no fault."""
+    for kind, *words in answers:
+        if kind == "!trap":
+            raise LookupError(" ".join(words))
+    return answers
+
+
+def _returned(answers: list[list[str]]) -> str:
+    done = next(words for kind, *words in _refused(answers) if kind == "!done")
+    return next(word.removeprefix("=ret=") for word in done if word.startswith("=ret="))
 
 
 def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
@@ -36,10 +138,12 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
         tunnels[tunnel.interface] = f"{client.address}/{declaration.pilot.vpn.network.prefixlen}"
     return {
         "cards": _cards(declaration, host.site) | {str(site.lan.gateway): ROUTER_MAC},
-        "loads": dict.fromkeys(_fed(declaration, host.name), {}),
+        "loads": {port: {} for port in _fed(declaration, host.name)},
         "leases": {str(one.address): "bound" for one in site.lan.reservations},
         "tunnels": tunnels,
         "time_server": str(declaration.pilot.time_servers[0].address),
+        "called": [],
+        "validity": {},
     }
 
 

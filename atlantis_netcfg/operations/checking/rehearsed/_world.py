@@ -1,4 +1,4 @@
-"""What stands for a site in a rehearsal, as specifications: healthy from the declaration, until a fault changes them."""
+"""What stands for a site in a rehearsal, as specifications: healthy as declared, until a fault changes them."""
 
 from __future__ import annotations
 
