@@ -10,7 +10,6 @@ import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-import pytest
 from gnss_stand import Asked, codes, environment, free_port, gpsd, judged, program, started, until_it_listens
 
 from atlantis_netcfg.site.model import GpsDriver
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.probes import Judged
 
 VIANA = (
     "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63",
@@ -103,23 +101,18 @@ EXPECTED = {
 }
 
 
-@pytest.fixture(scope="module")
-def both() -> dict[str, Judged]:
-    """Each mood of a receiver behind the real gpsd, and the same behind its twin, all listened to at once."""
+def test_receivers_are_judged_alike_behind_gpsd_and_behind_its_twin() -> None:
+    """Each mood behind the real gpsd, and the same behind the twin, all listened to at once."""
     with ExitStack() as stack:
-        asked = {}
+        real, twin = {}, {}
         for mood, spec in MOODS.items():
             receiver = stack.enter_context(RunningNmea(spec))
             port = stack.enter_context(gpsd(f"tcp://127.0.0.1:{receiver.port}"))
-            asked[f"real {mood}"] = Asked(GpsDriver.GPSD, port)
-            asked[f"twin {mood}"] = Asked(GpsDriver.GPSD, stack.enter_context(RunningGpsd(spec)).port)
-        return judged(asked)
-
-
-@pytest.mark.parametrize("mood", MOODS)
-def test_a_receiver_is_judged_alike_behind_gpsd_and_behind_its_twin(both: dict[str, Judged], mood: str) -> None:
-    assert codes(both[f"real {mood}"]) == EXPECTED[mood]
-    assert codes(both[f"twin {mood}"]) == EXPECTED[mood]
+            real[mood] = Asked(GpsDriver.GPSD, port)
+            twin[f"{mood}, twin"] = Asked(GpsDriver.GPSD, stack.enter_context(RunningGpsd(spec)).port)
+        found = judged({**real, **twin})
+    assert {mood: codes(found[mood]) for mood in MOODS} == EXPECTED
+    assert {mood: codes(found[f"{mood}, twin"]) for mood in MOODS} == EXPECTED
 
 
 def test_a_gpsd_without_its_receiver_says_so() -> None:

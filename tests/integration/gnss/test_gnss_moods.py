@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
-import pytest
 from gnss_stand import Asked, codes, judged
 
 from atlantis_netcfg.site.model import GpsDriver
 from atlantis_netcfg.twin.gnss import Access, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Judged
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 
@@ -64,8 +59,7 @@ def listened(name: str, spec: GnssSpec) -> float | None:
     return None if talks and "no date" not in name and not spec.damaged else SHORT_S if not talks else 3.0
 
 
-@pytest.fixture(scope="module")
-def heard() -> dict[str, Judged]:
+def test_every_mood_is_told_as_what_it_is() -> None:
     """All of them at once; none is sent what a receiver must not be sent."""
     running: list[RunningGpsd | RunningNmea | RunningNmeaPort] = []
     asked = {}
@@ -83,12 +77,7 @@ def heard() -> dict[str, Judged]:
             running.append(server)
         found = judged(asked)
         assert [twin.forbidden for twin in running if twin.forbidden] == []
-    return found
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_mood_is_told_as_what_it_is(heard: dict[str, Judged], name: str) -> None:
-    assert codes(heard[name]) == CASES[name][2]
+    assert {name: codes(one) for name, one in found.items()} == {name: case[2] for name, case in CASES.items()}
 
 
 def test_a_serial_port_that_is_not_there_is_missing() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import socket
 import threading
 import time
@@ -56,7 +55,14 @@ def free_port() -> int:
 
 
 @pytest.fixture
-def sender() -> Iterator[int]:
+def environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of pymavlink, which writes into it as well."""
+    monkeypatch.setenv("MAVLINK20", "1")
+    monkeypatch.setenv("MAVLINK_DIALECT", "common")
+
+
+@pytest.fixture
+def sender(environment: None) -> Iterator[int]:  # noqa: ARG001
     """An autopilot on pymavlink's own UDP link, which moves its sticks; gives the port to which it sends."""
     port, over = free_port(), threading.Event()
     link = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", source_system=1, dialect="common")
@@ -87,11 +93,12 @@ def test_pymavlinks_own_stream_is_understood(sender: int) -> None:
     }
     found = judged(probes)
     assert {name: codes(one) for name, one in found.items()} == {"heard": ["PASS rc-heard"], "sticks": ["PASS moved"]}
+    assert found["heard"].evidence[0].value.startswith("MAVLink 2, ")
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_pymavlinks_own_receiver_reads_the_twin(version: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "environ", {**os.environ, "MAVLINK20": "1"})
+@pytest.mark.usefixtures("environment")
+def test_pymavlinks_own_receiver_reads_the_twin(version: int) -> None:
     with RunningAutopilot(AutopilotSpec(version=version, rssi=77, armed=True, every_s=0.02)) as twin:
         link: Any = mavutil.mavlink_connection(f"udpin:127.0.0.1:{twin.port}", dialect="common")
         with closing(link):
@@ -141,8 +148,7 @@ STOPS_S = 3.8
 """Longer than the oldest message that passes."""
 
 
-@pytest.fixture(scope="module")
-def heard() -> dict[str, Judged]:
+def test_every_mood_is_told_as_what_it_is() -> None:
     """All of them at once; nothing is sent to any."""
     probes: dict[str, tuple[Probe, float | None]] = {}
     twins = []
@@ -155,12 +161,7 @@ def heard() -> dict[str, Judged]:
             twins.append(twin)
         found = judged(probes)
         assert [twin.forbidden for twin in twins if twin.forbidden] == []
-    return found
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_mood_is_told_as_what_it_is(heard: dict[str, Judged], name: str) -> None:
-    assert codes(heard[name]) == CASES[name][2]
+    assert {name: codes(one) for name, one in found.items()} == {name: case[2] for name, case in CASES.items()}
 
 
 def test_a_port_that_a_ground_station_has_is_in_use() -> None:
