@@ -7,7 +7,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
@@ -112,6 +112,7 @@ def _thinned(declaration: Declaration, gone: dict[str, set[str]]) -> Declaration
 VEHICLES = ("girona500", "sparus", "zarco", "stork", "mares", "eca-rov")
 
 
+@settings(max_examples=40, deadline=None)
 @given(
     gone=st.dictionaries(st.sampled_from(VEHICLES), st.sets(st.sampled_from(sorted(Endpoints.model_fields)))),
     mute=st.sets(st.sampled_from(list(columns.TITLES))),
