@@ -20,12 +20,15 @@ if TYPE_CHECKING:
 
 __all__ = ["lan_computer"]
 
+_CARD = "02:00:5E:00:FA:01"
+"""Of no real device."""
+
 
 def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
     name: str,
     *,
     address: str,
-    mac: str,
+    mac: str | None,
     router: tuple[str, str],
     others: Mapping[str, str],
     tunnel: str | None = None,
@@ -34,10 +37,10 @@ def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
 ) -> ComputerSpec:
     """`address` with its prefix length; `router` and `others`: address and MAC; `tunnel`: own address in the VPN.
 
-    `server`: address of the VPN's server in the tunnel. Everybody answers pings, and the router alone offers addresses.
+    `mac`: None where nobody has declared it. `server`: address of the VPN's server in the tunnel. Everybody answers pings, and the router alone offers addresses.
     """
     there = {router[0]: router[1], **others}
-    interfaces = [InterfaceSpec(name=interface, mac=mac, addresses=(AddressSpec(address=address),))]
+    interfaces = [InterfaceSpec(name=interface, mac=mac or _CARD, addresses=(AddressSpec(address=address),))]
     echoes = dict.fromkeys(there, EchoSpec())
     if tunnel is not None:
         interfaces.append(InterfaceSpec(name="tun0", addresses=(AddressSpec(address=tunnel),)))
