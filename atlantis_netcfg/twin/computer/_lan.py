@@ -37,7 +37,8 @@ def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
 ) -> ComputerSpec:
     """`address` with its prefix length; `router` and `others`: address and MAC; `tunnel`: own address in the VPN.
 
-    `mac`: None where nobody has declared it. `server`: address of the VPN's server in the tunnel. Everybody answers pings, and the router alone offers addresses.
+    `mac`: None where nobody has declared it; `server`: address of the VPN's server in the tunnel. Everybody answers
+    pings, and the router alone offers addresses.
     """
     there = {router[0]: router[1], **others}
     interfaces = [InterfaceSpec(name=interface, mac=mac or _CARD, addresses=(AddressSpec(address=address),))]
