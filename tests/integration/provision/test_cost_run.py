@@ -98,7 +98,7 @@ def test_over_the_cable_nobody_is_asked(at: Quay) -> None:
 
 
 def test_a_run_over_the_dear_link_because_the_better_one_is_down_says_so_and_stops(at: Quay) -> None:
-    at.provision(*HERE, "--yes", code=0)
+    at.configure()
     hide(at, "wifi-ptp")
     at.do("console", words=["/system/identity/set", "=name=changed"])
     over = (*HERE, "via=wifi-ptp")

@@ -100,7 +100,7 @@ def test_what_a_stranger_did_is_told_and_put_right(at: Quay, tmp_path: Path) -> 
 
 
 def test_no_secret_is_told_or_kept(at: Quay, tmp_path: Path) -> None:
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     types(at, "/interface/ovpn-client/set", "=.id=ovpn-scc", "=password=guessed")
     said = at.provision("drift", "site=coastal", f"--junit={tmp_path / 'drift.xml'}", code=6).stdout
     said += json.dumps(at.json("drift", "site=coastal", code=6)) + (tmp_path / "drift.xml").read_text(encoding="utf-8")
@@ -112,7 +112,7 @@ def test_no_secret_is_told_or_kept(at: Quay, tmp_path: Path) -> None:
 
 
 def test_a_newer_declaration_is_told_from_a_changed_device(at: Quay) -> None:
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     site = at.inventory / "group_vars/coastal.yml"
     text = site.read_text(encoding="utf-8")
     site.write_text(text.replace("last: 10.64.1.199", "last: 10.64.1.180"), encoding="utf-8")
@@ -147,7 +147,7 @@ def test_drift_does_not_wait_for_a_run(at: Quay) -> None:
 
 
 def test_ansible_in_check_mode_shows_the_same(at: Quay) -> None:
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     types(at, "/ip/dns/static/add", "=name=printer", "=address=10.64.1.77")
     types(at, "/ip/dns/set", "=servers=10.9.9.1")
     shown = at.provision("drift", "site=coastal", code=6).stdout

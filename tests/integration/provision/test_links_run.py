@@ -23,7 +23,7 @@ ONLY = ("site=coastal", f"only={ROUTER}")
 def berth(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Quay]:
     """A router as declared."""
     with quay(tmp_path_factory.mktemp("quay")) as opened:
-        opened.provision(*ONLY, "--yes", code=0)
+        opened.configure()
         yield opened
 
 

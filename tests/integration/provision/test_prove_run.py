@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from quay import ROUTER, Quay, quay
+from quay import Quay, quay
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
         (twin,) = opened.spec.twins
         opened.replace("beyond", neighbours=(*twin.router.neighbours, STRANGER))
         opened.adopt()
-        opened.provision("site=coastal", f"only={ROUTER}", "--yes", code=0)
+        opened.configure()
         yield opened
 
 

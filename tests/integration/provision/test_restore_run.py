@@ -36,9 +36,9 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 
 def provisioned(at: Quay) -> str:
     """A run, and a row of a technician that the next run has seen and left alone; what the router is then."""
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     at.do("console", words=["/ip/dns/static/add", "=name=printer", "=address=10.64.1.77", "=ttl=5m"])
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     return of_any_box(at.export())
 
 
@@ -100,10 +100,10 @@ def test_a_box_without_the_ports_is_refused_with_all_of_them(at: Quay) -> None:
 
 
 def test_an_older_routeros_is_refused_with_what_it_lacks(at: Quay) -> None:
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     words = ["=name=siem", "=target=remote", "=remote=10.99.1.9", "=remote-log-format=cef"]
     at.do("console", words=["/system/logging/action/add", *words])
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     at.replace("old", version="7.16")
     at.adopt()
     before = at.export()
@@ -129,10 +129,10 @@ def test_a_person_agrees_to_what_is_put_on_the_box(at: Quay) -> None:
 
 
 def test_a_secret_that_nobody_declares_is_named(at: Quay) -> None:
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     words = ["=name=own", "=connect-to=10.99.1.9", "=user=bob", "=password=his own"]
     at.do("console", words=["/interface/ovpn-client/add", *words])
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     at.replace("spare")
     at.adopt()
     told = at.json("restore", f"device={ROUTER}", "to=latest", "--yes", code=0)["devices"][ROUTER]
@@ -187,7 +187,7 @@ def test_a_killed_restore_is_resumed_towards_the_same_state(at: Quay) -> None:
 
 def test_a_killed_rollback_is_resumed_backwards(at: Quay) -> None:
     before = at.export()
-    at.provision("site=coastal", "--yes", code=0)
+    at.configure()
     (run,) = at.runs()
     at.do("link", delay_s=0.15)
     killed(at, ["rollback", "site=coastal", f"to={run['run']}", "--yes"], run=1)
