@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["perform"]
 
 _FINE = (ExitCode.DONE, ExitCode.CHANGES)
+_REHEARSED_GRACE_S = 0.5
+"""An emulated radio changes at once: either its answer is here by then, or it is heard when the link is back."""
 
 
 def perform(
@@ -114,7 +116,8 @@ def _waiting(
         for site in sorted({host.site for host in member.hosts}):
             turns[site].begin()
         near, far = (job_of(host) for host in member.bridge.ends)
-        return pair_of(member.bridge, near, replace(far, bearer=far_bearer(costs.declaration, member.bridge, near)))
+        pair = pair_of(member.bridge, near, replace(far, bearer=far_bearer(costs.declaration, member.bridge, near)))
+        return replace(pair, grace_s=_REHEARSED_GRACE_S) if costs.request.rehearsed else pair
 
     alone = len({host.site for member in members if member.bridge is None for host in member.hosts}) == 1
     ordered = sorted(members, key=lambda member: member.hosts[0].site)
