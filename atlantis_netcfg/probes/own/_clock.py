@@ -46,11 +46,18 @@ class Offset:
 
     @property
     def words(self) -> str:
-        """`3600 s behind`."""
+        """`60 min behind`."""
         middle = (self.least_s + self.most_s) / 2
         if self.least_s <= 0 <= self.most_s:
             return f"the same within {max(self.most_s, -self.least_s):.1f} s"
-        return f"{abs(middle):.0f} s {'ahead of' if middle > 0 else 'behind'}"
+        return f"{_span(abs(middle))} {'ahead of' if middle > 0 else 'behind'}"
+
+
+def _span(seconds: float) -> str:
+    """In the unit that a person would say: 45 s, 60 min, 30 h, 690 days."""
+    units = ((86_400, "days", 172_800), (3_600, "h", 7_200), (60, "min", 300), (1, "s", 0))
+    length, name = next((length, name) for length, name, least in units if seconds >= least)
+    return f"{seconds / length:.0f} {name}"
 
 
 def of(site: OwnSite) -> Step:
@@ -126,8 +133,8 @@ def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
     if len(wrong) == len(known) > 1 and _together(list(wrong.values())):
         turned = next(iter(wrong.values()))
         behind = "behind" if turned.least_s > 0 else "ahead"
-        seconds = abs(turned.least_s + turned.most_s) / 2
-        message = f"this computer's clock is {seconds:.0f} s {behind} those of {listed(wrong)}"
+        span = _span(abs(turned.least_s + turned.most_s) / 2)
+        message = f"this computer's clock is {span} {behind} those of {listed(wrong)}"
         yield fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
         return
     for name, one in wrong.items():
