@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pytest
@@ -16,6 +17,9 @@ from atlantis_netcfg.probes import columns
 from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.site import Declaration, load
 from atlantis_netcfg.site.model import Column, Endpoints
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 ROOT = Path(__file__).parents[3]
 ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"
@@ -194,3 +198,46 @@ def test_the_shipped_answers_are_whole(coastal: Checklist) -> None:
             agreed = answers.consents(name) or answers.confirmation(name)
             assert agreed is not None, f"no consent to {name} in {ANSWERS.name}"
     assert answers.sign_by == "A. Technician"
+
+
+_DECLARED: Mapping[str, tuple[dict[str, object], ...]] = {
+    "wifi": ({"role": "station"}, {"role": "access_point"}, {"role": "station", "seen_by": "coastal-router"}),
+    "acoustic": (
+        {"driver": "evologics", "acoustic_address": 3, "partner": 4},
+        {"driver": "seatrac", "device": "/dev/ttyUSB0"},
+    ),
+    "usbl": ({"driver": "evologics", "hears": [3]}, {"driver": "seatrac", "device": "/dev/ttyUSB0", "ping": 4}),
+    "rc_rf": ({}, {"seen_from": "laptop"}),
+    "gps": (
+        {"driver": "gpsd"},
+        {"driver": "nmea_tcp", "seen_from": "laptop"},
+        {"driver": "nmea_serial", "device": "/dev/ttyS0"},
+        {"driver": "routeros"},
+    ),
+    "ethernet": ({}, {"router_port": "ether3"}),
+}
+
+
+@pytest.mark.parametrize("bare", [False, True], ids=["as shipped", "no reservation and no gateway"])
+@pytest.mark.parametrize("name", _DECLARED)
+def test_whatever_is_declared_the_list_is_whole_and_can_be_asked(
+    declaration: Declaration, name: str, *, bare: bool
+) -> None:
+    """Of vehicles and of the location alike; what misses an address is an item as well."""
+    for one in _DECLARED[name]:
+        endpoints = Endpoints.model_validate({name: one})
+        everything = {"endpoints": endpoints, "table3": tuple(Column), "ethernet": True}
+        vehicles = {key: vehicle.model_copy(update=everything) for key, vehicle in declaration.vehicles.items()}
+        site = declaration.sites["coastal"]
+        lan = site.lan.model_copy(update={"reservations": ()} if bare else {})
+        site = site.model_copy(update={"lan": lan, "location": site.location.model_copy(update=everything)})
+        hosts = {key: host for key, host in declaration.hosts.items() if not bare or key != "coastal-gateway"}
+        sites = {**declaration.sites, "coastal": site}
+        listed = plan(replace(declaration, vehicles=vehicles, sites=sites, hosts=hosts), "coastal")
+        ids = [each.item.id for each in listed.entries]
+        assert len(set(ids)) == len(ids)
+        cells = {(each.item.vehicle, each.item.endpoint) for each in listed.entries}
+        assert len(cells) == len(vehicles) * 8 + 9
+        for each in listed.entries:
+            asked = each.step.probe.asks() if each.step.probe is not None else ()
+            assert len({question.name for question in asked}) == len(asked)
