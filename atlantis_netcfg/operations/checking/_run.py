@@ -146,18 +146,18 @@ class _Turn:
         """Have a place answer; at the end every question of it has an answer, or its item a fault."""
         questions = batch.questions
         try:
-            async with asyncio.timeout(LIMIT_S):
+            async with asyncio.timeout(LIMIT_S) as limit:
                 answers = await self.ears.ask(
                     batch.place, batch.host, questions, lambda key, answer: self._take(batch, {key: answer})
                 )
-            words = "nothing came back"
-        except TimeoutError:
-            answers, words = {}, f"nothing came back within {LIMIT_S:g} s"
         except Exception as fault:  # noqa: BLE001 - the other places go on
+            if limit.expired():
+                late = f"nothing came back within {LIMIT_S:g} s"
+                self._take(batch, {key: unanswered(question, late) for key, question in questions})
             for one, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
                 self._fail(one, fault)
             return
-        rest = {key: unanswered(question, words) for key, question in questions if key not in answers}
+        rest = {key: unanswered(question, "nothing came back") for key, question in questions if key not in answers}
         self._take(batch, {**rest, **answers})
 
     def judged(self, one: _Open) -> Item:
