@@ -191,4 +191,6 @@ def _judged(one: _Certificate, now: datetime) -> Iterator[Finding]:
 def _fine(certificates: Sequence[_Certificate]) -> Finding:
     """Of those that are used: a declared one that is not there has been told of."""
     until = [one.until for one in certificates if one.used and one.until is not None]
+    if len(until) == 1:
+        return good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")
     return good("valid", f"{len(until)} certificates are valid, the first to expire on {min(until):%Y-%m-%d}")

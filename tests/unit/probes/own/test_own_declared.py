@@ -103,3 +103,9 @@ def test_ports_that_feed_nobody_who_is_declared() -> None:
     )
     world.steps = own(replace(whole, hosts=hosts))
     assert of(world, "poe") == ["PASS no-fault: no port that feeds has a fault; no box is declared to be fed by one"]
+
+
+def test_a_site_with_one_certificate() -> None:
+    world = lines_of("/certificate", {"name": "atlantis-api", "invalid-after": "2036-11-18 10:00:00"})
+    world.steps = tuple(one for one in steps(Cell(declaration(), "scc", None, "site")) if one.name == "certificates")
+    assert of(world, "certificates") == ["PASS valid: the one certificate is valid until 2036-11-18"]
