@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import http.server
 import json
 import os
-import subprocess
+import signal
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 FLAGS = (
@@ -44,9 +45,13 @@ class Counting:
         class Handler(http.server.BaseHTTPRequestHandler):
             def _refuse(self) -> None:
                 asked.append(self.requestline)
-                self.send_error(403)
+                with suppress(OSError):  # it may have hung up
+                    self.send_error(403)
 
-            do_GET = do_POST = do_CONNECT = do_HEAD = _refuse
+            def __getattr__(self, name: str) -> Callable[[], None]:
+                if name.startswith("do_"):
+                    return self._refuse
+                raise AttributeError(name)
 
             def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - named by the standard library
                 pass
@@ -145,18 +150,24 @@ def chromium(profile: Path) -> Iterator[Chromium]:
     with Counting() as proxy:
         proxied = f"--proxy-server=http://127.0.0.1:{proxy.server.server_port}"
         # Without this even names and addresses of this machine would go past the proxy.
-        words = ["chromium", *FLAGS, proxied, "--proxy-bypass-list=<-loopback>", f"--user-data-dir={profile}"]
-        # The pipe's ends are to be 3 and 4 in Chromium; a shell moves them there, whatever their numbers are here.
-        moved = ["sh", "-c", f'exec 3<&{ask} 4>&{answer}; exec "$@"', "sh", *words]
-        with subprocess.Popen(
-            moved, pass_fds=(ask, answer), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        ) as process:
-            os.close(ask)
-            os.close(answer)
-            try:
-                yield Chromium(say, hear, proxy)
-            finally:
-                os.close(say)
-                process.terminate()
-                process.wait(20)
-                os.close(hear)
+        words = [*FLAGS, proxied, "--proxy-bypass-list=<-loopback>", f"--user-data-dir={profile}"]
+        process = _started(words, ask, answer)
+        try:
+            yield Chromium(say, hear, proxy)
+        finally:
+            os.close(say)
+            os.kill(process, signal.SIGTERM)
+            os.waitpid(process, 0)
+            os.close(hear)
+
+
+def _started(words: Sequence[str], ask: int, answer: int) -> int:
+    """It reads what it is told from its file 3 and answers on its file 4."""
+    # Out of the way first: one of them may be 3 or 4 here.
+    high = [fcntl.fcntl(one, fcntl.F_DUPFD_CLOEXEC, 20) for one in (ask, answer)]
+    quiet = [(os.POSIX_SPAWN_OPEN, one, os.devnull, os.O_RDWR, 0) for one in (0, 1, 2)]
+    moved = [(os.POSIX_SPAWN_DUP2, one, number) for one, number in zip(high, (3, 4), strict=True)]
+    process = os.posix_spawnp("chromium", ["chromium", *words], os.environ, file_actions=[*quiet, *moved])
+    for one in (*high, ask, answer):
+        os.close(one)
+    return process

@@ -1,0 +1,13 @@
+"""The examples of the unit tests are what is looked at here as well; they are taken from where they stand."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "report_checklist"))
+
+import checklist_example as made
+from checklist_strategies import SHORT, documents, hostile
+
+__all__ = ["SHORT", "documents", "hostile", "made"]

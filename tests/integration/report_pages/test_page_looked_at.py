@@ -1,0 +1,143 @@
+"""The page in a real browser: as a telephone, a desktop, in the dark, and printed; one start of Chromium for all.
+
+What is measured: nothing is wider than the screen, nothing is asked for, nobody's words run, and axe-core finds nothing
+serious. The pictures are kept in the folder of the test, for people.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from chromium_pipe import Chromium, chromium
+from pages_example import SHORT, hostile, made
+
+from atlantis_netcfg.report.checklist._html import html
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+AXE = Path(__file__).parents[3] / ".venv-strangers" / "node_modules" / "axe-core" / "axe.min.js"
+RULES = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
+COLOURS = {"type": "rule", "values": ["color-contrast"]}
+"""In the dark nothing else is otherwise."""
+WIDEST = (
+    "[...document.querySelectorAll('body *')].map(e => e.getBoundingClientRect().right).reduce((a, b) => a > b ? a : b)"
+)
+HOSTILE = hostile((*SHORT, "x" * 2_000))
+DOCUMENTS = {"example": made.example(), "green": made.green(), "empty": made.empty(), "hostile": HOSTILE}
+
+
+@dataclass(frozen=True, slots=True)
+class Screen:
+    width: int
+    height: int
+    dark: bool = False
+
+
+SCREENS = {
+    "telephone": Screen(360, 800),
+    "desktop": Screen(1280, 900),
+    "telephone-dark": Screen(360, 800, dark=True),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pages")
+    for name, document in DOCUMENTS.items():
+        (folder / f"{name}.html").write_bytes(html(document, made.files()))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    with chromium(tmp_path_factory.mktemp("profile")) as one:
+        yield one
+
+
+def show(browser: Chromium, folder: Path, name: str, screen: Screen) -> None:
+    page = folder / f"{name}.html"
+    browser.open(page, width=screen.width, height=screen.height, dark=screen.dark)
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("screen", ["telephone", "desktop"])
+def test_the_page_fits_and_asks_for_nothing(browser: Chromium, folder: Path, name: str, screen: str) -> None:
+    size = SCREENS[screen]
+    show(browser, folder, name, size)
+    asked = [address for address in browser.requests() if not address.startswith("data:image/")]
+    assert asked == [(folder / f"{name}.html").as_uri()]
+    assert [event for event in browser.events if event["method"] in {"Log.entryAdded", "Runtime.exceptionThrown"}] == []
+    assert browser.run("document.documentElement.scrollWidth") <= size.width
+    assert browser.run(WIDEST) <= size.width
+    assert [event for event in browser.events if event["method"] == "Page.javascriptDialogOpening"] == []
+    # Chromium asks for things of its own; nobody's words make it ask for more.
+    assert [line for line in browser.proxy.asked if "evil" in line or "example" in line] == []
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="no .venv-strangers here: `tools/strangers` makes it")
+@pytest.mark.parametrize("screen", SCREENS)
+def test_nothing_serious_keeps_people_from_reading_it(browser: Chromium, folder: Path, screen: str) -> None:
+    size = SCREENS[screen]
+    show(browser, folder, "example", size)
+    browser.picture(folder / f"{screen}.png")
+    told = judged(browser, COLOURS if size.dark else RULES)
+    serious = [one for one in told["violations"] if one["impact"] in {"serious", "critical"}]
+    assert [(one["id"], one["help"], one["nodes"]) for one in serious] == []
+    assert told["passes"] >= (1 if size.dark else 25)
+
+
+def judged(browser: Chromium, rules: Mapping[str, object]) -> Any:  # noqa: ANN401 - axe-core's JSON
+    """What axe-core says of the page; DevTools may run it though the page's own policy forbids scripts."""
+    browser.run(AXE.read_text(encoding="utf-8") + "; null")
+    return browser.run(
+        f"axe.run(document, {{runOnly: {json.dumps(rules)}}}).then(told => ({{passes: told.passes.length, violations: "
+        "told.violations.map(one => ({id: one.id, impact: one.impact, help: one.help, "
+        "nodes: one.nodes.slice(0, 3).map(node => node.html + ' ' + node.failureSummary)}))}))"
+    )
+
+
+def test_all_of_the_grid_is_on_a_telephone(browser: Chromium, folder: Path) -> None:
+    show(browser, folder, "example", SCREENS["telephone"])
+    cells = browser.run(
+        "[...document.querySelectorAll('.grid td a')].map(cell => [cell.getBoundingClientRect().width, "
+        "cell.getBoundingClientRect().height])"
+    )
+    assert len(cells) == 25
+    # 24 pixels are the least that a finger is asked to hit (WCAG 2.2, 2.5.8).
+    assert all(width >= 24 and height >= 24 for width, height in cells)
+    assert browser.run("document.querySelector('.scroll').scrollWidth <= document.querySelector('.scroll').clientWidth")
+
+
+def test_the_print_is_black_and_white_and_whole(browser: Chromium, folder: Path) -> None:
+    show(browser, folder, "example", SCREENS["desktop"])
+    browser.look(media="print")
+    browser.printed(folder / "example-print.pdf")
+    words = text(folder / "example-print.pdf")
+    for item in made.example().items:
+        assert "".join(item.id.split()) in words
+        assert "".join(item.message.split()) in words
+    for row in ("Girona 500", "Coastal testbed", "Satellite", "INCONCLUSIVE", "(✓)"):
+        assert "".join(row.split()) in words
+    inks = browser.run(
+        "[...new Set([...document.querySelectorAll('.grid a')].map(one => getComputedStyle(one).color))]"
+    )
+    assert inks == ["rgb(0, 0, 0)"]
+    # On paper as wide as A4 between its margins nothing is cut off, and no word of the grid leaves its cell.
+    browser("Emulation.setDeviceMetricsOverride", width=703, height=1000, deviceScaleFactor=1, mobile=False)
+    assert browser.run(WIDEST) <= 703
+    wide = (
+        "[...document.querySelectorAll('.grid td a')].filter(cell => cell.querySelector('.word')"
+        ".getBoundingClientRect().width > cell.getBoundingClientRect().width).map(cell => cell.textContent)"
+    )
+    assert browser.run(wide) == []
+
+
+def text(path: Path) -> str:
+    told = subprocess.run(["pdftotext", "-layout", path, "-"], check=True, capture_output=True, text=True)
+    return "".join(told.stdout.split())

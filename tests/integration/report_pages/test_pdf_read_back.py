@@ -1,0 +1,107 @@
+"""The words of the PDF, as poppler's pdftotext reads them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from pages_example import SHORT, documents, hostile, made
+
+from atlantis_netcfg.report.checklist._pdf import pdf
+from atlantis_netcfg.report.checklist._pdf._sheet import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.report.checklist import Document
+
+
+def read(document: Document, files: Mapping[str, bytes]) -> list[str]:
+    """Its pages, without blanks."""
+    told = subprocess.run(["pdftotext", "-raw", "-", "-"], input=pdf(document, files), check=True, capture_output=True)
+    assert told.stderr == b""
+    return ["".join(page.split()) for page in told.stdout.decode().split("\f")[:-1]]
+
+
+def plain(text: str) -> str:
+    return "".join(printable(text).split())
+
+
+def holds(document: Document, files: Mapping[str, bytes]) -> list[str]:
+    """No item is left out, nor what is said of it, though a page ends in the middle of it."""
+    pages = read(document, files)
+    head = plain(f"{document.site}, run {document.run};")
+    bodies = [re.sub(r"page\d+of\d+$", "", page) for page in pages]
+    assert all(page.startswith(head) for page in bodies)
+    assert [page for page in pages if not page.endswith(f"page{pages.index(page) + 1}of{len(pages)}")] == []
+    words = "".join(bodies)
+    for item in document.items:
+        assert plain(item.id) in words
+        assert plain(item.message) in words
+    return bodies
+
+
+@pytest.mark.parametrize("document", [made.example(), made.green(), made.empty()], ids=["example", "green", "empty"])
+def test_the_examples_are_whole(document: Document) -> None:
+    holds(document, made.files())
+
+
+def test_what_counts_stands_on_the_first_page() -> None:
+    first = read(made.example(), made.files())[0]
+    for words in (
+        "Pre-test checklist: Coastal testbed",
+        "REHEARSAL: nothing real was checked.",
+        "Broken on purpose: a second DHCP server at 10.64.1.77",
+        "The checklist has not passed",
+        "1 ERROR, 2 FAIL, 1 INCONCLUSIVE, 2 OPEN, 1 OVERRIDDEN, 1 WARN, 25 PASS, 1 SKIP",
+        "Signed by A. Technician, 2026-05-04 10:12:00 UTC",
+        made.signature().digest,
+        made.signature().key,
+        "not in Table 3",
+        "INCONCLUSIVE",
+    ):
+        assert plain(words) in first
+
+
+def test_evidence_overrides_and_hashes_are_in_it() -> None:
+    words = "".join(read(made.example(), made.files()))
+    for one in (
+        "signal at coastal-gateway, wlan1: -22 dBm (read from the device, 2026-05-04 09:30:00 UTC)",
+        "Overridden by A. Technician, 2026-05-04 09:30:00 UTC:",
+        "Zarco stays ashore today; its crew replaces the radio",
+        f"failsafe.png: SHA-256 {made.sha256(made.photo())}",
+        "sparus/wifi: ✓ PASS → ✗ FAIL: -22 dBm, was -50 dBm",
+        "Mares: Acoustic: left out by `phase=bench`",
+        "radio waves: the signal is what the twin is told to say",
+        made.sha256(b"the example inventory"),
+    ):
+        assert plain(one) in words
+
+
+def test_a_photo_is_in_it() -> None:
+    with_photo, without = (pdf(made.example(), files) for files in (made.files(), {}))
+    assert with_photo.count(b"/Subtype /Image") > without.count(b"/Subtype /Image")
+
+
+def test_hostile_words_are_words() -> None:
+    document = hostile(SHORT)
+    words = "".join(read(document, {}))
+    assert [one for one in SHORT if plain(one) not in words] == []
+
+
+def test_ten_thousand_letters_are_all_there() -> None:
+    long = "".join(f"{number:04d}" for number in range(2_500))
+    document = made.green(items=(made.item("sparus/gps", message=long),))
+    pages = read(document, {})
+    told = "".join(re.sub(r"[^0-9]", "", page) for page in pages)
+    lost = [number for number in range(2_500) if f"{number:04d}" not in told]
+    assert len(lost) < len(pages), "more than those through which a page's end goes"
+
+
+@given(document=documents())
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_any_document_can_be_printed(document: Document) -> None:
+    read(document, made.files())
