@@ -119,6 +119,7 @@ class Line:
         if not self._line.refuses:
             # A port that is bound and does not listen refuses, and nobody else gets it meanwhile.
             self._listener.listen()
+            self._listener.setblocking(False)
             self._selector.register(self._listener, selectors.EVENT_READ)
 
     def _run(self) -> None:
@@ -127,15 +128,18 @@ class Line:
             ready = {key.fd for key, _ in self._selector.select(pause)}
             if self._stop in ready:
                 return
-            for handle in ready:
-                if handle in self._clients:
-                    self._read(handle)
-                else:
-                    self._accept()
+            # Who leaves makes room for who comes at the same moment.
+            for handle in [one for one in self._clients if one in ready]:
+                self._read(handle)
+            if not self._line.serial and self._listener.fileno() in ready:
+                self._accept()
             pause = self._tell()
 
     def _accept(self) -> None:
-        sock, _ = self._listener.accept()
+        try:
+            sock, _ = self._listener.accept()
+        except OSError:
+            return
         self.met += 1
         if self._line.held or (self._line.seats is not None and len(self._clients) >= self._line.seats):
             sock.close()
@@ -147,20 +151,27 @@ class Line:
         self._selector.register(sock.fileno(), selectors.EVENT_READ)
 
     def _read(self, handle: int) -> None:
+        """Take all that has come, and notice whoever has gone."""
+        while handle in self._clients:
+            try:
+                data = os.read(handle, 4096)
+            except BlockingIOError:
+                return
+            except OSError:
+                data = b""
+            if not data:
+                self._gone(handle)
+                return
+            self._hear(handle, data)
+
+    def _hear(self, handle: int, data: bytes) -> None:
         client = self._clients[handle]
-        try:
-            data = os.read(handle, 4096)
-        except OSError:
-            data = b""
-        if not data:
-            self._gone(handle)
-            return
         client.since = client.since or time.monotonic()
         answers, client.waiting = client.talker.hear(client.waiting + data)
         for answer in answers:
             client.said += 1
             mute = self._line.mute_after is not None and client.said > self._line.mute_after
-            if not self._line.silent and not mute:
+            if not self._line.silent and not mute and handle in self._clients:
                 self._write(handle, answer if self._line.noise is None else self._line.noise)
 
     def _gone(self, handle: int) -> None:
@@ -186,10 +197,10 @@ class Line:
         return min(pauses, default=None)
 
     def _write(self, handle: int, data: bytes) -> None:
-        pieces = [data[at : at + 1] for at in range(len(data))] if self._line.piecewise else [data]
+        step = 1 if self._line.piecewise else len(data)
         try:
-            for piece in pieces:
-                os.write(handle, piece)
+            while data:
+                data = data[os.write(handle, data[:step]) :]
                 if self._line.piecewise and self._line.byte_s:
                     time.sleep(self._line.byte_s)
         except OSError:

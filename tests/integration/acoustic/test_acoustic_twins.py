@@ -5,20 +5,25 @@ from __future__ import annotations
 import asyncio
 import struct
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from second_client import AtClient, BeaconClient, Wire
 
-from atlantis_netcfg.operations.checking import ask_here
-from atlantis_netcfg.probes import Cell, Listen, Probe, acoustic, usbl
+from atlantis_netcfg.checklist import Scope, plan
+from atlantis_netcfg.operations.checking import ask_here, examine
+from atlantis_netcfg.probes import Cell, Listen, Place, Probe, acoustic, usbl
 from atlantis_netcfg.site.loading import load
 from atlantis_netcfg.twin.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Judged
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.operations.checking import Heard
+    from atlantis_netcfg.operations.checking._ears import Asked
+    from atlantis_netcfg.probes import Answer, Judged
     from atlantis_netcfg.site import Declaration
 
 Twin = RunningEvologics | RunningSeatrac
@@ -187,3 +192,59 @@ def _codes(name: str, probe: Probe, answers: object) -> list[str]:
     assert isinstance(answers, dict)
     judged: Judged = probe.judge({one.name: answers[f"{name}#{one.name}"] for one in probe.asks()})
     return [finding.code for finding in judged.findings]
+
+
+@dataclass(frozen=True)
+class Ears:
+    """The real program, led to twins."""
+
+    twins: dict[str, Twin]
+
+    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+        assert (place, host) == (Place.GATEWAY, None)
+        led = []
+        for key, question in questions:
+            assert isinstance(question, Listen)
+            led.append((key, _at(question, self.twins[question.address])))
+        return await ask_here(led, heard)
+
+
+def test_a_modem_with_one_seat_serves_all_who_want_to_know(tmp_path: Path) -> None:
+    """Both columns, the fleet and what transmits: no twin is ever opened by two at a time, and each is read once."""
+    declaration = load(ROOT / "inventory")
+    twins: dict[str, Twin] = {
+        "10.64.1.21": RunningEvologics(WATER_1),
+        "10.64.1.22": RunningEvologics(WATER_2),
+        "10.64.1.23": RunningSeatrac(SeatracSpec(in_water=True)),
+        "10.64.1.25": RunningSeatrac(SeatracSpec(in_water=True, beacon=2, hears=(1,))),
+    }
+    scope = Scope(vehicles=("girona500", "sparus", "zarco", "mares"), endpoints=("acoustic", "usbl"))
+    entries = plan(declaration, "coastal", scope).entries
+    with ExitStack() as running:
+        for twin in twins.values():
+            running.enter_context(twin)
+        items = asyncio.run(examine(entries, Ears(twins), lambda _: None, state=lambda: tmp_path))
+    assert {item.id: str(item.verdict) for item in items} == {
+        f"{row}/{item}": "PASS"
+        for row, its in {
+            "girona500": ("acoustic", "acoustic/fleet", "acoustic/message", "usbl"),
+            "sparus": ("acoustic", "acoustic/message", "usbl"),
+            "zarco": ("acoustic", "acoustic/fleet", "usbl", "usbl/ping"),
+            "mares": ("acoustic", "usbl"),
+        }.items()
+        for item in its
+    }
+    assert [twin.met for twin in twins.values()] == [2, 2, 2, 1]
+    assert [(twin.forbidden, len(twin.transmitted)) for twin in twins.values()] == [([], 1), ([], 1), ([], 1), ([], 0)]
+
+
+def test_who_leaves_makes_room_for_who_comes() -> None:
+    """Also one who leaves in the middle of an answer: nobody is turned away, and the twin goes on."""
+    with RunningEvologics(EvologicsSpec(fix_every_s=0.001)) as twin:
+        for _ in range(20):
+            with AtClient(twin.host, twin.port) as client:
+                client.send(b"+++AT?S\n+++AT&V\n+++AT?E\n")
+                assert client.byte() == b"+"
+        with AtClient(twin.host, twin.port) as client:
+            assert client.ask("AT?AL") == b"1"
+        assert twin.met == 21
