@@ -61,7 +61,7 @@ class _Reading:
             take(at_s, said)
 
     def _version(self, _: float, said: Mapping[str, Any]) -> None:
-        self.version = str(said.get("release", ""))
+        self.version = _words(said, "release")
 
     def _devices(self, at_s: float, said: Mapping[str, Any]) -> None:
         listed = said.get("devices")
@@ -72,10 +72,10 @@ class _Reading:
 
     def _device(self, _: float, said: Mapping[str, Any]) -> None:
         self.opened = self.opened or {}
-        self.opened[str(said.get("path", ""))] = said.get("activated") != 0
+        self.opened[_words(said, "path")] = said.get("activated") != 0
 
     def _tpv(self, at_s: float, said: Mapping[str, Any]) -> None:
-        self.reports.setdefault(str(said.get("device", "")), []).append(_report(at_s, said))
+        self.reports.setdefault(_words(said, "device"), []).append(_report(at_s, said))
 
     def _sky(self, _: float, said: Mapping[str, Any]) -> None:
         used, hdop = _number(said.get("uSat")), _number(said.get("hdop"))
@@ -86,10 +86,11 @@ class _Reading:
         self.hdop = hdop if hdop is not None else self.hdop
 
     def _error(self, _: float, said: Mapping[str, Any]) -> None:
-        self.complaints.append(str(said.get("message", "")))
+        self.complaints.append(_words(said, "message") or "an error without words")
 
 
 _MANY = 1000
+_LONGEST = 120
 _CLASSES = frozenset({"VERSION", "DEVICES", "DEVICE", "TPV", "SKY", "ERROR"})
 
 
@@ -108,7 +109,7 @@ def read(heard: Transcript) -> Reception:
         good=reading.good,
         bad=reading.bad,
         devices=None if opened is None else tuple(path for path, is_open in opened.items() if is_open),
-        others=tuple(path for path in reading.reports if path != device),
+        others=tuple(path or "one without a name" for path in reading.reports if path != device),
         device=device,
         version=reading.version,
         satellites=reading.satellites,
@@ -138,6 +139,12 @@ def _report(at_s: float, said: Mapping[str, Any]) -> Report:
         nature=_STATUS.get(status, Nature.MEASURED) if isinstance(status, int) else Nature.MEASURED,
         eph_m=_number(said.get("eph")),
     )
+
+
+def _words(said: Mapping[str, Any], name: str) -> str:
+    """A text that is to be shown: of what a foreign program may send, so much and nothing that a terminal obeys."""
+    value = said.get(name)
+    return "".join(one if one.isprintable() else "?" for one in value[:_LONGEST]) if isinstance(value, str) else ""
 
 
 def _number(value: object) -> float | None:

@@ -1,0 +1,105 @@
+"""gpsd's JSON: whatever stands in it, something is said and nothing fails."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from gps_said import DEVICE, NO_FIX, PATH, SKY, VERSION, WANTED, fixes, gpsd, greeting, heard, said, tpv
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from atlantis_netcfg.probes import Place
+from atlantis_netcfg.probes.gps import StreamGps
+from atlantis_netcfg.probes.gps.gpsd import read
+from atlantis_netcfg.probes.gps.record import Nature
+from atlantis_netcfg.site.model import GpsDriver
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.probes import Judged, Transcript
+
+
+def judged(transcript: Transcript) -> Judged:
+    return StreamGps(WANTED[GpsDriver.GPSD], Place.GATEWAY).judge({"positions": transcript})
+
+
+VALUES: some.SearchStrategy[Any] = some.recursive(
+    some.one_of(
+        some.none(),
+        some.booleans(),
+        some.integers(),
+        some.floats(),
+        some.text(max_size=8),
+        some.sampled_from([PATH, 0, 1, 2, 3, 41.68, -8.83, "2026-11-20T10:15:01.000Z", 10**400, -(10**400)]),
+    ),
+    lambda inner: some.lists(inner, max_size=3) | some.dictionaries(some.text(max_size=4), inner, max_size=3),
+    max_leaves=4,
+)
+NAMES = ("device", "mode", "time", "lat", "lon", "eph", "status", "devices", "path", "activated", "hdop", "uSat")
+CLASSES = ("TPV", "SKY", "DEVICES", "DEVICE", "VERSION", "ERROR", "WATCH", "AIS")
+OBJECTS = some.dictionaries(some.sampled_from((*NAMES, "satellites", "message", "release")), VALUES, max_size=6)
+
+
+@settings(deadline=None)
+@given(some.lists(some.tuples(some.sampled_from(CLASSES), OBJECTS), max_size=6), some.binary(max_size=30))
+def test_whatever_comes_something_is_said(objects: list[tuple[str, dict[str, Any]]], noise: bytes) -> None:
+    pieces = [said({"class": kind, **values}) for kind, values in objects]
+    transcript = heard([(0.5 * place, piece) for place, piece in enumerate([*pieces, noise])])
+    found = judged(transcript)
+    assert found.findings
+    assert all(one.value for one in found.evidence)
+
+
+def test_of_several_receivers_the_one_with_a_fix_is_judged() -> None:
+    other = {**NO_FIX, "device": "/dev/ttyS9"}
+    found = read(heard(gpsd(*[one for second in range(5) for one in (other, tpv(second))])))
+    assert (found.device, found.others, len(found.fixes)) == (PATH, ("/dev/ttyS9",), 5)
+
+
+@pytest.mark.parametrize(
+    ("status", "nature"),
+    [
+        (None, Nature.MEASURED),
+        (1, Nature.MEASURED),
+        (2, Nature.MEASURED),
+        (3, Nature.MEASURED),
+        (4, Nature.MEASURED),
+        (5, Nature.DEAD_RECKONING),
+        (6, Nature.MEASURED),
+        (7, Nature.MANUAL),
+        (8, Nature.SIMULATED),
+        (9, Nature.MEASURED),
+        (77, Nature.MEASURED),
+    ],
+)
+def test_status_tells_how_a_position_came_about_and_its_absence_nothing(status: int | None, nature: Nature) -> None:
+    (report,) = read(heard(gpsd(tpv(0, status=status)))).reports
+    assert report.nature is nature
+
+
+def test_satellites_are_counted_where_they_are_not_told() -> None:
+    sky = {
+        "class": "SKY",
+        "satellites": [{"PRN": 1, "used": True}, {"PRN": 2, "used": False}, {"PRN": 3, "used": True}],
+    }
+    found = read(heard(gpsd(*fixes(1), sky=sky)))
+    assert (found.satellites, found.hdop) == (2, None)
+
+
+def test_its_own_complaints_are_kept_in_its_own_words() -> None:
+    error = {"class": "ERROR", "message": "Unrecognized request '?FOO;'"}
+    found = judged(heard([(0.05, greeting(DEVICE)), (0.1, said(error))], 15.0))
+    assert [one.value for one in found.evidence if one.what == "complaint of the source"] == [error["message"]]
+
+
+def test_of_foreign_words_little_is_shown_and_nothing_that_a_terminal_obeys() -> None:
+    error = {"class": "ERROR", "message": "\x1b[2J\n" + "x" * 100_000}
+    (complaint,) = read(heard([(0.05, said(error))])).complaints
+    assert complaint == "?[2J?" + "x" * 115
+
+
+def test_an_object_whose_end_has_not_come_is_left_out() -> None:
+    cut = json.dumps(tpv(1)).encode()[:-3]
+    found = read(heard([(0.05, greeting(DEVICE)), (0.2, said(VERSION, tpv(0), SKY) + cut)]))
+    assert (len(found.reports), found.bad) == (1, 0)
