@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import errno
 import json
-from typing import Any, NoReturn
+import os
+from typing import TYPE_CHECKING, Any, NoReturn
 
-__all__ = ["canonical", "parsed", "written"]
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["canonical", "content", "parsed", "written"]
+
+
+def content(path: Path) -> bytes:
+    """The bytes of a file. Raises OSError; a pipe in a file's place is an error too, and does not keep us waiting."""
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(path))
+    return path.read_bytes()
 
 
 def canonical(data: object) -> bytes:

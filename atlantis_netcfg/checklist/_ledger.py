@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from atlantis_netcfg.checklist._canonical import parsed
+from atlantis_netcfg.checklist._canonical import content, parsed
 from atlantis_netcfg.journal import JournalFailed, translated, utc_now, write_all
 from atlantis_netcfg.report.checklist import Document, Item
 
@@ -89,7 +89,7 @@ class Lines:
 def read(path: Path) -> Lines:
     """Every record up to the first line that is not as it was written."""
     try:
-        *lines, rest = path.read_bytes().split(b"\n")
+        *lines, rest = content(path).split(b"\n")
     except OSError as error:
         return Lines(damage=f"cannot be read: {error.strerror}")
     records: list[Recorded] = []

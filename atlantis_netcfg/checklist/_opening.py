@@ -50,10 +50,10 @@ class Found:
 
 
 def runs(folder: Path) -> list[Path]:
-    """The books of a site, oldest first; a folder that was made and nothing more is none."""
+    """The books of a site, oldest first, whatever is left of each; a folder that was made and nothing more is none."""
     if not folder.is_dir():
         return []
-    return sorted(path for path in folder.iterdir() if (path / _ledger.FILE).is_file())
+    return sorted(path for path in folder.iterdir() if path.is_dir() and any(path.iterdir()))
 
 
 def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Callable[[], datetime]) -> Found:

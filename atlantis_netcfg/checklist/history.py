@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import _ledger
-from atlantis_netcfg.checklist._canonical import parsed
+from atlantis_netcfg.checklist._canonical import content, parsed
 from atlantis_netcfg.checklist._opening import runs
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report
 from atlantis_netcfg.errors import ExitCode
@@ -61,8 +61,11 @@ def _kept(run: Path) -> Kept | None:
         return _signed(run)
     lines = _ledger.read(run / _ledger.FILE)
     document = _ledger.replayed(lines)
-    if lines.damage or document is None:
-        return Kept(run, State.DAMAGED, document, lines.damage) if lines.damage else None
+    if lines.damage:
+        return Kept(run, State.DAMAGED, document, f"{_ledger.FILE} {lines.damage}")
+    if document is None:
+        begun = [path.name for path in run.iterdir()] == [_ledger.FILE]  # killed before the first record
+        return None if begun else Kept(run, State.DAMAGED, None, f"{_ledger.FILE} is empty")
     left = [one.record.why for one in lines.records if isinstance(one.record, _ledger.Superseded)]
     return Kept(run, State.UNFINISHED if left else State.OPEN, document, left[-1] if left else "")
 
@@ -70,7 +73,7 @@ def _kept(run: Path) -> Kept | None:
 def _signed(run: Path) -> Kept:
     """A signed one by its report, which has to fit its own digest and signature, whosesoever the key is."""
     try:
-        data = (run / REPORT).read_bytes()
+        data = content(run / REPORT)
         key = str((parsed(data)["signed"] or {}).get("key"))
         troubles = list(check_report(data, {key}))
         document = Document.model_validate(parsed(data))

@@ -14,7 +14,7 @@ import hashlib
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist import _ledger
-from atlantis_netcfg.checklist._canonical import parsed, written
+from atlantis_netcfg.checklist._canonical import content, parsed, written
 from atlantis_netcfg.checklist._closing import listed
 from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._key import Key
@@ -54,7 +54,7 @@ def _trusted(key: Path, known: Collection[str]) -> set[str]:
 
 def _manifest(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
     try:
-        data = (folder / MANIFEST).read_bytes()
+        data = content(folder / MANIFEST)
     except OSError:
         hint = "the checklist was never signed, or the file was removed; ask whoever signed for the original"
         yield Trouble(MANIFEST, "is missing: nobody vouches for what is here", hint)
@@ -92,14 +92,14 @@ def _files(folder: Path, files: dict[str, Any]) -> Iterator[Trouble]:
 
 def _hash(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return hashlib.sha256(content(path)).hexdigest()
     except OSError:
         return ""
 
 
 def _report(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
     try:
-        data = (folder / REPORT).read_bytes()
+        data = content(folder / REPORT)
     except OSError:
         if not (folder / MANIFEST).exists():
             return  # it was never signed, and that is told
@@ -116,7 +116,7 @@ def _records(folder: Path) -> Iterator[Trouble]:
         return
     document = _ledger.replayed(lines)
     try:
-        items = Document.model_validate(parsed((folder / REPORT).read_bytes())).items
+        items = Document.model_validate(parsed(content(folder / REPORT))).items
     except (OSError, ValueError):
         return  # that is told
     if document is None or document.items != items:

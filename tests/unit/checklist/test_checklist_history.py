@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Scope, State, books, changes, last_green
+from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -110,3 +110,29 @@ def test_a_green_one_that_was_changed_does_not_count(desk: Desk) -> None:
     ]
     report.write_bytes(b"{}")
     assert books(desk.folder)[1].state is State.DAMAGED
+
+
+def test_what_is_left_of_a_book_is_not_hidden(desk: Desk) -> None:
+    signed = desk.signed()
+    for gone, why in (
+        ("records.jsonl", ""),
+        ("report.json", "its report.json cannot be read"),
+        ("manifest.json", "records.jsonl cannot be read: No such file or directory"),
+    ):
+        (signed / gone).unlink()
+        (kept,) = books(desk.folder)
+        assert (kept.state, kept.why) == (State.DAMAGED if why else State.SIGNED, why)
+        assert verify(kept.folder)
+    (signed / "records.jsonl").touch()
+    assert [(one.state, one.why) for one in books(desk.folder)] == [(State.DAMAGED, "records.jsonl is empty")]
+    with desk.open() as book:
+        assert (book.words, len(books(desk.folder))) == ("", 2)
+
+
+def test_a_book_that_was_killed_before_its_first_record_is_none(desk: Desk) -> None:
+    for name in ("20260101T000000Z", "20260102T000000Z"):
+        (desk.folder / name).mkdir(parents=True)
+    (desk.folder / "20260102T000000Z" / "records.jsonl").touch()
+    assert books(desk.folder) == ()
+    desk.open().close()
+    assert len(books(desk.folder)) == 1

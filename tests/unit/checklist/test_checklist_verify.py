@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _key, verify, verify_report
+from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _key, books, verify, verify_report
 from atlantis_netcfg.checklist._canonical import canonical, parsed, written
 from atlantis_netcfg.checklist._key import Key
 from atlantis_netcfg.checklist._signing import digest, sealed
@@ -19,7 +21,6 @@ from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 
 @pytest.fixture
@@ -102,6 +103,24 @@ def test_a_link_in_a_files_place(signed: Path, tmp_path: Path) -> None:
     (signed / "report.html").unlink()
     (signed / "report.html").symlink_to(tmp_path / "report.html")
     assert [one.file for one in verify(signed)] == ["report.html"]
+
+
+def test_a_pipe_or_a_folder_in_a_files_place(signed: Path) -> None:
+    for path in _files(signed):
+        whole, name = path.read_bytes(), path.relative_to(signed).as_posix()
+        for make, unmake in ((os.mkfifo, Path.unlink), (Path.mkdir, Path.rmdir)):
+            path.unlink()
+            make(path)
+            assert name in {one.file for one in verify(signed)}
+            books(signed.parent)
+            unmake(path)
+            path.write_bytes(whole)
+
+
+def test_a_link_in_a_folders_place(signed: Path, tmp_path: Path) -> None:
+    (signed / "files").rename(tmp_path / "files")
+    (signed / "files").symlink_to(tmp_path / "files")
+    assert "files" in {one.file for one in verify(signed)}
 
 
 def _edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
