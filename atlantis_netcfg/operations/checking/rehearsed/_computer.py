@@ -66,6 +66,7 @@ def _network(declaration: Declaration, host: Host) -> dict[str, str]:
     promised = gateway_network(declaration, host)
     if promised is not None:
         return {promised.path: promised.content}
+    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
     prefix = declaration.sites[host.site].lan.network.prefixlen
     address = f"{host.device.address}/{prefix}"
     return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
