@@ -72,14 +72,20 @@ class AllowListProbe:
             hint = "try again while the satellite carries the traffic: unplug the other links"
             yield Finding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
-            message = f"{len(seen)} of {len(aimed)} targets were proved over {self.bearer}"
-            yield Finding(Verdict.PASS, "proved", message)
+            yield self._proved(len(seen), len(aimed), sum(one.code == _NOT_TRIED for one in aimed))
         for one in proved.findings:
             weaker = Verdict.WARN if seen and one.code == _NOT_TRIED else one.verdict
             yield replace(one, verdict=weaker, hint=one.hint or _HINTS.get(one.code))
 
+    def _proved(self, seen: int, aimed: int, untried: int) -> Finding:
+        message = f"{seen} of {aimed} targets were proved over {self.bearer}"
+        if not untried:
+            return Finding(Verdict.PASS, "proved", message)
+        message = f"{message}, {untried} could not be tried"
+        return Finding(Verdict.WARN, "proved-in-part", message, _HINTS[_NOT_TRIED])
+
     def _evidence(self, proved: Proved) -> Iterator[Evidence]:
-        yield measured("longest time that a silent target was asked", proved.seconds, "s")
+        yield measured(f"proof over {self.bearer} took", round(proved.seconds, 1), "s")
         if proved.bill:
             yield measured(f"cost over {self.bearer}", proved.bill)
 
