@@ -20,7 +20,16 @@ if TYPE_CHECKING:
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.operations.checking import Ears
 
-__all__ = ["Listening", "asks_a_router", "broken", "listening", "not_rehearsed", "refuse_absent", "refuse_faults"]
+__all__ = [
+    "Listening",
+    "asks_a_router",
+    "breaks_a_site",
+    "broken",
+    "listening",
+    "not_rehearsed",
+    "refuse_absent",
+    "refuse_faults",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +78,15 @@ def broken(faults: Sequence[str]) -> tuple[str, ...]:
     from atlantis_netcfg.operations.checking.rehearsed import FAULTS
 
     return tuple(f"{fault}: {FAULTS[fault].words}" for fault in faults)
+
+
+def breaks_a_site(faults: Sequence[str]) -> bool:
+    """Whether something beside vehicles is broken, which may be a router."""
+    if not faults:
+        return False
+    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+
+    return any(turn.startswith("SITE/") for fault in faults for turn in FAULTS[fault].turns)
 
 
 def asks_a_router(entries: Sequence[Entry]) -> bool:

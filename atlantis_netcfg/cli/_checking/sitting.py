@@ -12,7 +12,13 @@ from atlantis_netcfg.checklist import Answers, Scope, plan
 from atlantis_netcfg.cli._checking import closing
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.flow import Round
-from atlantis_netcfg.cli._checking.listening import asks_a_router, listening, refuse_absent, refuse_faults
+from atlantis_netcfg.cli._checking.listening import (
+    asks_a_router,
+    breaks_a_site,
+    listening,
+    refuse_absent,
+    refuse_faults,
+)
 from atlantis_netcfg.cli._checking.opening import opened_book
 from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.cli._checking.price import price_of
@@ -25,7 +31,7 @@ from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.report.checklist import Phase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.checklist import Book, Checklist
     from atlantis_netcfg.cli._arguments import Arguments
@@ -59,24 +65,28 @@ class Prepared:
         """Refuse what cannot be, work out the list, and say which hosts take part."""
         rehearse = self.arguments.flag("rehearse")
         self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
-        refuse_absent(self.arguments.many("break"), plan(declaration, self._checklist.site))
-        hosts = taking_part(declaration, self._checklist, rehearse=rehearse)
+        faults = self.arguments.many("break")
+        hosts = taking_part(declaration, self._checklist, rehearse=rehearse, faults=faults)
+        refuse_absent(faults, plan(declaration, self._checklist.site))
         file = self.arguments.value("answers")
         self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
         return hosts
 
 
-def taking_part(declaration: Declaration, checklist: Checklist, *, rehearse: bool) -> tuple[Host, ...]:
+def taking_part(
+    declaration: Declaration, checklist: Checklist, *, rehearse: bool, faults: Sequence[str] = ()
+) -> tuple[Host, ...]:
     """The hosts that a checklist asks. Raises UsageError where example values would be contacted.
 
     The gateway of a rehearsal is emulated as far as the checklist asks it, so no machine is started for it; and no
-    router where none is asked.
+    router where none is asked or broken.
     """
     refuse_examples(declaration, rehearsed=rehearse)
     hosts = tuple(declaration.site_hosts(checklist.site))
     if not rehearse:
         return hosts
-    return tuple(host for host in hosts if not is_computer(host)) if asks_a_router(checklist.entries) else ()
+    routers = asks_a_router(checklist.entries) or breaks_a_site(faults)
+    return tuple(host for host in hosts if routers and not is_computer(host))
 
 
 def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
