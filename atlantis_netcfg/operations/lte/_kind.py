@@ -1,0 +1,17 @@
+"""Which hosts are units: asked by every command, so nothing heavy stands here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.site.model import LteDriver, LteRouter
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site import Host
+
+__all__ = ["is_unit"]
+
+
+def is_unit(host: Host) -> bool:
+    """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
+    return isinstance(host.device, LteRouter) and host.device.driver is not LteDriver.ROUTEROS
