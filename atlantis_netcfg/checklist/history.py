@@ -12,6 +12,7 @@ from atlantis_netcfg.checklist._opening import runs
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report
 from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.report.checklist import Change, Document, SinceGreen
+from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -125,7 +126,7 @@ def since(green: Document | None, now: Document) -> SinceGreen | None:
 
 
 def changes(green: Document, now: Document) -> tuple[Change, ...]:
-    """Every item that is otherwise now: another verdict, overridden or no longer, new, open, or gone."""
+    """Every item that is otherwise now: another verdict or reason, overridden or no longer, new, open, or gone."""
     before = {item.id: item for item in narrowed(green, now.scope).items}
     after = {item.id: item for item in now.items}
     return (*_of_now(before, after), *_gone(before, after))
@@ -146,7 +147,9 @@ def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[C
 
 
 def _state(item: Item) -> tuple[object, ...]:
-    return item.verdict, item.open, item.override is not None
+    """What has to be the same: figures differ each time, the reason for a warning is by its code."""
+    reasons = {one.code for one in item.findings if one.verdict not in {Verdict.PASS, Verdict.SKIP}}
+    return item.verdict, item.open, item.override is not None, reasons
 
 
 def _override(item: Item) -> str:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
 from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
+from atlantis_netcfg.report.checklist import Finding
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.report.checklist import Change
+    from atlantis_netcfg.report.checklist import Change, Item
 
 SPARUS = Scope(vehicles=("sparus",))
 
@@ -71,6 +72,21 @@ def test_an_override_alone_is_a_change(desk: Desk) -> None:
         book.settle(found(WIFI, Verdict.FAIL, "no association"))
         assert _told(changes(green, book.document())) == [(WIFI, "FAIL", "FAIL", "no association")]
     assert changes(green, green) == ()
+
+
+def test_a_warning_for_another_reason_is_a_change(desk: Desk) -> None:
+    def warned(code: str, message: str) -> Item:
+        finding = Finding(verdict=Verdict.WARN, code=code, message=message)
+        return found(WIFI, Verdict.WARN, message).model_copy(update={"findings": (finding,)})
+
+    with desk.open([WIFI]) as book:
+        book.settle(warned("weak", "-78 dBm"))
+        green = book.sign(NAME, pages)
+    with desk.open([WIFI]) as book:
+        book.settle(warned("weak", "-79 dBm"))
+        assert changes(green, book.document()) == ()
+        book.settle(warned("loss", "3 % are lost"))
+        assert _told(changes(green, book.document())) == [(WIFI, "WARN", "WARN", "3 % are lost")]
 
 
 def test_a_vehicle_was_green_where_another_failed(desk: Desk) -> None:
