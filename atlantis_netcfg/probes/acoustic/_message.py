@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["EvologicsMessage", "message_consent"]
 
 TEXT = "ATLANTIS"
-_TEXT_ONLY = rb"\A(?:[\w,.:-]*\r?\n)?(?:\+\+\+AT:\d+:(?!RECV(?!START|END|FAILED))[A-Z]+[^\r\n]*\r\n)*"
+_TEXT_ONLY = rb"\A(?:\+{0,2}[\w,.:-]*\r?\n)?(?:\+\+\+AT:\d+:(?!RECV(?!START|END|FAILED))[A-Z]+[^\r\n]*\r\n)*"
 """The rest of a notification that was cut by the last answer, and whole ones; nothing with a message inside."""
 _LISTENS = _TEXT_ONLY + rb"\+\+\+AT\?S:\d+:INITIATION LISTEN[^\r\n]*\r\n"
 _LEVELS = (1, 2, 3)
