@@ -1,7 +1,8 @@
 """gpsd's JSON (protocol 3, gpsd_json(5)): one object a line, of which TPV, SKY, DEVICES, VERSION and ERROR are read.
 
-A TPV without a fix has neither time nor position; after a lone GGA it has a position and no time; `status` is left out
-for a plain fix, so its absence means nothing (seen with gpsd 3.22).
+A TPV without a fix has neither time nor position; after a lone GGA it has a position and no time, and after a lone GSA,
+where the listening begins in the middle of an epoch, a mode and neither of them; `status` is left out for a plain fix,
+so its absence means nothing (all seen with gpsd 3.22).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from atlantis_netcfg.probes.gps.lines import lines
 from atlantis_netcfg.probes.gps.record import Nature, Reception, Report
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from atlantis_netcfg.probes.answers import Transcript
 
@@ -103,7 +104,7 @@ def read(heard: Transcript) -> Reception:
     device, reports = max(reading.reports.items(), key=lambda one: sum(r.fixed for r in one[1]), default=("", []))
     opened = reading.opened
     return Reception(
-        reports=tuple(reports),
+        reports=_told(reports),
         understood=reading.understood,
         heard_bytes=len(heard.data),
         good=reading.good,
@@ -118,6 +119,12 @@ def read(heard: Transcript) -> Reception:
         began=heard.began,
         ended_s=heard.ended_s,
     )
+
+
+def _told(reports: Sequence[Report]) -> tuple[Report, ...]:
+    """Leave out those that are not whole yet, unless there are no others."""
+    whole = tuple(one for one in reports if not one.fixed or one.latitude is not None or one.time is not None)
+    return whole if any(one.fixed for one in whole) else tuple(reports)
 
 
 def _parsed(line: bytes) -> dict[str, Any] | None:

@@ -77,8 +77,7 @@ class RunningAutopilot:
                 self._hear()
             if time.monotonic() >= due:
                 due += self.spec.every_s
-                for datagram in self._datagrams(self._rounds.next()):
-                    self._send(datagram)
+                self._send(self._datagrams(self._rounds.next()))
 
     def _datagrams(self, frames: list[bytes]) -> list[bytes]:
         if not self.spec.split:
@@ -89,18 +88,23 @@ class RunningAutopilot:
         return [whole[place : place + 16] for place in range(0, cut, 16)]
 
     def _hear(self) -> None:
-        """Take what was sent, and clear away what the system says of earlier datagrams."""
+        """Take what was sent, and what the system says of earlier datagrams: that nobody listened."""
         with suppress(BlockingIOError):
             while True:
                 self._socket.recvmsg(0, _LONGEST, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
+                self._begin_anew()
         with suppress(OSError):
             self.forbidden.append(self._socket.recv(_LONGEST, socket.MSG_DONTWAIT))
 
-    def _send(self, datagram: bytes) -> None:
+    def _send(self, datagrams: list[bytes]) -> None:
         try:
-            self._socket.sendto(datagram, (self.host, self.port))
+            for datagram in datagrams:
+                self._socket.sendto(datagram, (self.host, self.port))
         except ConnectionRefusedError:
-            self._rounds = Rounds(self.spec)
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self._rounds, self._rest = Rounds(self.spec), b""
 
 
 def _free_port(host: str) -> int:

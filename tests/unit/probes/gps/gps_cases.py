@@ -78,6 +78,12 @@ CASES = (
         ("PASS fix: Sparus has a 3D fix of 9 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence",),
     ),
     Case(
+        "gpsd, listened to from the middle of an epoch on",
+        GPSD,
+        heard(gpsd({"class": "TPV", "device": say.PATH, "mode": 3, "eph": 17.1}, *fixes(5))),
+        (("PASS fix: Sparus has a 3D fix of 9 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"),),
+    ),
+    Case(
         "gpsd, one epoch told three times",
         GPSD,
         heard(gpsd(tpv(0, time=None), tpv(0), tpv(0), tpv(1), tpv(2), every_s=0.5)),
