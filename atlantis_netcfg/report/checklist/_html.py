@@ -14,13 +14,13 @@ from atlantis_netcfg.report._xml import clean
 from atlantis_netcfg.report.checklist._colours import DARK, TINTS, css_class
 from atlantis_netcfg.report.checklist._grid import grid
 from atlantis_netcfg.report.checklist._photos import attached
-from atlantis_netcfg.report.checklist._states import GREEN, SYMBOLS, State, state
+from atlantis_netcfg.report.checklist._states import SYMBOLS, State, state
 from atlantis_netcfg.report.checklist._svg import drawing_svg
 from atlantis_netcfg.report.checklist._words import (
-    by_state,
     clock,
     counts,
-    evidence_type,
+    evidence_groups,
+    first,
     headline,
     scope,
     title,
@@ -52,7 +52,7 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
             counts=counts(document.items),
             scope=scope(document),
             anchors={id(item): f"i{number}" for number, item in enumerate(document.items, start=1)},
-            first=[item for item in by_state(document.items) if state(item) not in GREEN],
+            first=first(document),
             overridden=[item for item in document.items if item.override is not None],
             unsettled=[item for item in document.items if state(item) in {State.OPEN, State.INCONCLUSIVE}],
             attached=attached(document, files),
@@ -80,8 +80,8 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(title_of=title, clock=clock, css=css_class, kept_as=evidence_type, data_uri=_data_uri)
-    made.globals.update(state=state, symbols=SYMBOLS, ident=id)
+    made.filters.update(title_of=title, clock=clock, css=css_class, data_uri=_data_uri)
+    made.globals.update(state=state, symbols=SYMBOLS, ident=id, evidence_groups=evidence_groups)
     return made
 
 

@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.report.checklist._states import State, state
+from atlantis_netcfg.report.checklist._states import GREEN, State, state
 from atlantis_netcfg.report.checklist.document import EvidenceType
 
 if TYPE_CHECKING:
@@ -20,8 +20,9 @@ __all__ = [
     "clock",
     "closing",
     "counts",
-    "evidence_type",
+    "evidence_groups",
     "evidence_words",
+    "first",
     "headline",
     "scope",
     "signed",
@@ -72,6 +73,16 @@ def by_state(items: Iterable[Item]) -> list[Item]:
     """The worst first; those of one state in the order of the list."""
     order = tuple(reversed(State))
     return sorted(items, key=lambda item: order.index(state(item)))
+
+
+def first(document: Document) -> tuple[str, list[Item]]:
+    """What somebody has to look at, the worst first, and a heading for it."""
+    every = [item for item in by_state(document.items) if state(item) not in _SETTLED]
+    grave = any(state(item) not in GREEN for item in every)
+    return "What to mend first" if grave else "What to look at", every
+
+
+_SETTLED = frozenset({State.PASS, State.SKIP, State.OVERRIDDEN})
 
 
 def headline(document: Document) -> tuple[State, str]:
@@ -125,6 +136,18 @@ def evidence_type(evidence: Evidence) -> str:
     by = f", {evidence.by}" if evidence.by is not None else ""
     at = f", {clock(evidence.at)}" if evidence.at is not None else ""
     return f"{_EVIDENCE[evidence.type]}{by}{at}"
+
+
+def evidence_groups(item: Item) -> list[tuple[str, list[Evidence]]]:
+    """Evidence that lies side by side and is of one kind, person and time, under its words; a file is on its own."""
+    told: list[tuple[str, list[Evidence]]] = []
+    for one in item.evidence:
+        words = evidence_type(one)
+        if told and told[-1][0] == words and one.file is None and told[-1][1][-1].file is None:
+            told[-1][1].append(one)
+        else:
+            told.append((words, [one]))
+    return told
 
 
 def evidence_words(evidence: Evidence) -> str:

@@ -10,7 +10,7 @@ import checklist_example as made
 import pytest
 from checklist_html import Page, holds, parsed, safe
 
-from atlantis_netcfg.report.checklist import Row, lines
+from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Row, lines
 from atlantis_netcfg.report.checklist._html import html
 from atlantis_netcfg.report.checklist._junit import junit
 from atlantis_netcfg.verdicts import Verdict
@@ -127,6 +127,24 @@ def test_a_row_that_differs_from_the_report_says_why() -> None:
     row = Row(key="stork", name="Stork", kind="uav", table3=("wifi",), deviation="its GPS is on the ground")
     words = parsed(html(made.green(rows=(row,)), {})).text
     assert "Stork differs from the report: its GPS is on the ground" in words
+
+
+def test_warnings_are_shown_where_nothing_is_to_be_mended() -> None:
+    warned = made.item("sparus/gps", Verdict.WARN, "few satellites", hint="wait for a clear sky")
+    words = parsed(html(made.green(items=(warned, made.item("sparus/wifi"))), {})).text
+    assert "The checklist has passed, with warnings 1 WARN, 1 PASS" in words
+    assert "What to look at ! WARN GPS of Sparus few satellites wait for a clear sky" in words
+    assert "What to mend" not in words
+
+
+def test_evidence_of_one_kind_stands_together() -> None:
+    told = [("firmware", "1.7"), ("battery", "24 V")]
+    read = tuple(Evidence(type=EvidenceType.READ, what=what, value=value) for what, value in told)
+    declared = Evidence(type=EvidenceType.DECLARED, what="address", value="3")
+    item = made.item("sparus/acoustic", evidence=(*read, declared))
+    words = parsed(html(made.green(items=(item,)), {})).text
+    assert "firmware: 1.7; battery: 24 V (read from the device)" in words
+    assert "address: 3 (declared in the inventory)" in words
 
 
 def test_what_changed_is_told(page: Page) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import checklist_example as made
 import pytest
@@ -12,7 +13,7 @@ from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.report.checklist import Item, Kind, Override, lines
 from atlantis_netcfg.report.checklist._html import html
 from atlantis_netcfg.report.checklist._junit import junit
-from atlantis_netcfg.report.checklist._states import GREEN, SYMBOLS, State, state, worst_state
+from atlantis_netcfg.report.checklist._states import ASCII, GREEN, SYMBOLS, State, state, worst_state
 from atlantis_netcfg.verdicts import Verdict
 
 OVERRIDE = Override(reason="the crew stands beside it", by="B. Captain", at=made.AT)
@@ -34,44 +35,49 @@ NAMES = {
     (Verdict.SKIP, False, True): State.SKIP,
 }
 """Verdict, open, overridden; whatever is not here is overridden."""
-CASES = [(*how, kind) for how in product(Verdict, (False, True), (False, True)) for kind in Kind]
+CASES = list(product(Verdict, (False, True), (False, True)))
+ROWS = dict(zip(("girona500", "sparus", "zarco"), Kind, strict=True))
 
 
-def one(verdict: Verdict, kind: Kind, *, is_open: bool, taken: bool) -> Item:
-    return made.item("sparus/wifi", verdict, "as it is", open=is_open, kind=kind, override=OVERRIDE if taken else None)
+def alike(verdict: Verdict, *, is_open: bool, taken: bool) -> list[Item]:
+    """One of each kind."""
+    given: dict[str, Any] = {"open": is_open, "override": OVERRIDE if taken else None}
+    return [made.item(f"{row}/wifi", verdict, "as it is", kind=kind, **given) for row, kind in ROWS.items()]
 
 
 @pytest.mark.parametrize(
-    ("verdict", "is_open", "taken", "kind"),
+    ("verdict", "is_open", "taken"),
     CASES,
     ids=[
-        f"{verdict}-{'open' if is_open else 'settled'}-{'taken' if taken else 'left'}-{kind}"
-        for verdict, is_open, taken, kind in CASES
+        f"{verdict}-{'open' if is_open else 'settled'}-{'taken' if taken else 'left'}"
+        for verdict, is_open, taken in CASES
     ],
 )
-def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool, kind: Kind) -> None:  # noqa: FBT001 - cases
-    item = one(verdict, kind, is_open=is_open, taken=taken)
-    document = made.green(items=(item, made.item("sparus/gps")))
+def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) -> None:  # noqa: FBT001 - cases
+    items = alike(verdict, is_open=is_open, taken=taken)
+    document = made.green(items=(*items, made.item("sparus/gps")))
     shown = NAMES.get((verdict, is_open, taken), State.OVERRIDDEN)
-    assert state(item) is shown
+    assert {state(item) for item in items} == {shown}
     assert (document.exit is ExitCode.DONE) == (shown in GREEN)
 
     page = parsed(html(document, {}))
-    cell = page.cell("Sparus", "Wi-Fi")
-    assert cell.words.startswith(SYMBOLS[shown] + shown)
-    assert f"s-{shown.lower()}" in cell.classes
+    for row in ROWS:
+        cell = page.cell(made.NAMES[row][0], "Wi-Fi")
+        assert cell.words.startswith(SYMBOLS[shown] + shown)
+        assert f"s-{shown.lower()}" in cell.classes
     assert ("Overridden by B. Captain" in page.text) == taken
     assert ("the crew stands beside it" in page.text) == taken
+    assert all(f"{kind}, bench" in page.text for kind in Kind)
 
-    bad = b"<failure" in (xml := junit(document)) or b"<error" in xml
-    assert bad == (shown not in GREEN)
-    assert (b"<skipped" in xml) == (shown is State.SKIP)
-    assert (b"OVERRIDDEN by B. Captain: the crew stands beside it" in xml) == taken
+    xml = junit(document)
+    assert xml.count(b"<failure") + xml.count(b"<error") == (0 if shown in GREEN else 3)
+    assert xml.count(b"<skipped") == (3 if shown is State.SKIP else 0)
+    assert xml.count(b"OVERRIDDEN by B. Captain: the crew stands beside it") == (3 if taken else 0)
 
     told = lines(document)
     assert f"(exit {int(document.exit)}): " in told
-    assert "sparus/wifi" in told
-    assert shown is State.PASS or f" {shown} " in told
+    assert all(item.id in told for item in items)
+    assert shown is State.PASS or told.count(f"\n{ASCII[shown]} {shown}") == 3
 
 
 def test_the_worst_of_none_is_that_nothing_was_checked() -> None:

@@ -10,7 +10,7 @@ from atlantis_netcfg.report.checklist._pdf._lists import responsible
 from atlantis_netcfg.report.checklist._pdf._sheet import SMALL
 from atlantis_netcfg.report.checklist._photos import attached
 from atlantis_netcfg.report.checklist._states import SYMBOLS, State, state
-from atlantis_netcfg.report.checklist._words import clock, evidence_type
+from atlantis_netcfg.report.checklist._words import clock, evidence_groups
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,10 +69,12 @@ def _findings(sheet: Sheet, item: Item) -> None:
 
 
 def _evidence(sheet: Sheet, item: Item, kept: _Kept) -> None:
-    for one in item.evidence:
-        sheet.tell(f"{one.what}: {one.value} ({evidence_type(one)})", size=SMALL, indent=_INDENT + 3)
-        if one.file is not None:
-            file = kept[one.file, one.sha256]
+    for words, every in evidence_groups(item):
+        told = "; ".join(f"{one.what}: {one.value}" for one in every)
+        sheet.tell(f"{told} ({words})", size=SMALL, indent=_INDENT + 3)
+        last = every[-1]
+        if last.file is not None:
+            file = kept[last.file, last.sha256]
             sheet.tell(f"{file.name}: {file.words}", size=SMALL, bold=file.amiss, indent=_INDENT + 3)
             if file.photo is not None:
                 _photo(sheet, file.photo)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.report.checklist._states import GREEN, SYMBOLS, State, state
-from atlantis_netcfg.report.checklist._words import by_state, clock
+from atlantis_netcfg.report.checklist import _words as words
+from atlantis_netcfg.report.checklist._states import SYMBOLS, State, state
+from atlantis_netcfg.report.checklist._words import clock
 
 if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist._pdf._sheet import Sheet
@@ -18,11 +19,10 @@ _INDENT = 5.0
 
 
 def first(sheet: Sheet, document: Document) -> None:
-    """What keeps it from being green, the worst first, with what to do."""
-    every = [item for item in by_state(document.items) if state(item) not in GREEN]
-    if not every:
-        return
-    sheet.head("What to mend first")
+    """What somebody has to look at, the worst first, with what to do."""
+    heading, every = words.first(document)
+    if every:
+        sheet.head(heading)
     for item in every:
         sheet.room(20)
         shown = state(item)
