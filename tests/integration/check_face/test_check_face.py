@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from atlantis_netcfg.cli import main
 from atlantis_netcfg.paths import checkout
 
 if TYPE_CHECKING:
@@ -24,15 +25,10 @@ def checks(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=checkout(), capture_output=True, text=True, check=False)
 
 
-def provision(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "atlantis_netcfg", *words]
-    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-
-
 def test_items_are_tests(tmp_path: Path) -> None:
     junit, answers = tmp_path / "checks.xml", tmp_path / "answers.yml"
     answers.write_text("name: A. Technician\nanswers:\n  eca-rov/usbl: {verdict: WARN, note: it jumps}\n")
-    assert provision(*ROV, "--answers", str(answers)).returncode == 0
+    assert main([*ROV, "--answers", str(answers)]) == 0
     done = checks(
         "--vehicle", "stork,eca-rov", "--endpoint=gps,ethernet,usbl,rc_rf", "--rehearse", f"--junitxml={junit}"
     )
