@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -114,6 +115,28 @@ def test_the_drawing_is_that_of_the_declaration() -> None:
         ("eca-rov", "coastal-gateway", "USBL"),
     }
     assert drawing(declaration(), listed("coastal")) == made_of
+
+
+GONE = [
+    (),
+    ("coastal-router",),
+    ("coastal-gateway",),
+    ("coastal-cpe", "coastal-4g"),
+    ("coastal-router", "coastal-gateway"),
+]
+
+
+@pytest.mark.parametrize("gone", GONE, ids=lambda gone: "+".join(gone) or "none")
+def test_a_site_that_lacks_a_box_is_drawn_as_well(gone: tuple[str, ...]) -> None:
+    hosts = {name: host for name, host in declaration().hosts.items() if name not in gone}
+    smaller = replace(declaration(), hosts=hosts)
+    checklist = plan(smaller, "coastal")
+    made_of = drawing(smaller, checklist)
+    keys = {node.key for node in made_of.nodes}
+    assert keys.isdisjoint(gone)
+    assert {link.a for link in made_of.links} >= set(made.NAMES)
+    assert {end for link in made_of.links for end in (link.a, link.b)} <= keys
+    assert layout(made.green(items=(), drawing=made_of)).height > 0
 
 
 def test_it_is_told_in_words() -> None:

@@ -29,7 +29,7 @@ _Kept = dict[tuple[str, str | None], "Attached"]
 
 def items(sheet: Sheet, document: Document, files: Mapping[str, bytes]) -> None:
     """Write all of them."""
-    sheet.head("All items")
+    sheet.head("All items", room=56)
     kept = attached(document, files)
     for row in grid(document).rows:
         if row.items:

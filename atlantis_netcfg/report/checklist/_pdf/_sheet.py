@@ -126,9 +126,9 @@ class Sheet(FPDF):
         self.plain(size, bold=bold, faint=faint)
         self.say(text, indent=indent)
 
-    def head(self, text: str, *, size: float = 13.0) -> None:
+    def head(self, text: str, *, size: float = 13.0, room: float = 40.0) -> None:
         """A heading; it does not stand alone at the end of a page."""
-        self.room(28)
+        self.room(room)
         self.set_y(self.y + 4)
         self.tell(text, size=size, bold=True)
         self.set_draw_color(150)
