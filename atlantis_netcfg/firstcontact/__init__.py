@@ -7,22 +7,22 @@ reads before it types, a run that was cut anywhere is simply repeated. Trust beg
 pinned before a password is sent, the certificate by the fingerprint that the console prints, never by what TLS shows.
 """
 
-from atlantis_netcfg.firstcontact._adopted import Adopted, Status
-from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, Unfinished
-from atlantis_netcfg.firstcontact._preflight import Objection, features_of, objections
-from atlantis_netcfg.firstcontact._read import look
-from atlantis_netcfg.firstcontact._recognise import foreign, recognise
-from atlantis_netcfg.firstcontact._run import FirstContact
-from atlantis_netcfg.firstcontact._steps import Line, Step, clear, close_door, prepare
-from atlantis_netcfg.firstcontact._ways import Doorway, Way
-from atlantis_netcfg.firstcontact._wish import (
-    CERTIFICATE,
-    FACTORY_ADDRESS,
-    FACTORY_USER,
-    Facts,
-    Standing,
-    Wish,
-)
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.lazy import homes
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.firstcontact._adopted import Adopted, Status
+    from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, Unfinished
+    from atlantis_netcfg.firstcontact._preflight import Objection, features_of, objections
+    from atlantis_netcfg.firstcontact._read import look
+    from atlantis_netcfg.firstcontact._recognise import foreign, recognise
+    from atlantis_netcfg.firstcontact._run import FirstContact
+    from atlantis_netcfg.firstcontact._steps import Line, Step, clear, close_door, prepare
+    from atlantis_netcfg.firstcontact._ways import Doorway, Way
+    from atlantis_netcfg.firstcontact._wish import CERTIFICATE, FACTORY_ADDRESS, FACTORY_USER, Facts, Standing, Wish
 
 __all__ = [
     "CERTIFICATE",
@@ -53,3 +53,18 @@ __all__ = [
     "prepare",
     "recognise",
 ]
+
+__getattr__ = homes(
+    __name__,
+    {
+        "_adopted": ("Adopted", "Status"),
+        "_errors": ("CutOff", "NotFactoryFresh", "PreflightRefused", "StillToMove", "Unfinished"),
+        "_preflight": ("Objection", "features_of", "objections"),
+        "_read": ("look",),
+        "_recognise": ("foreign", "recognise"),
+        "_run": ("FirstContact",),
+        "_steps": ("Line", "Step", "clear", "close_door", "prepare"),
+        "_ways": ("Doorway", "Way"),
+        "_wish": ("CERTIFICATE", "FACTORY_ADDRESS", "FACTORY_USER", "Facts", "Standing", "Wish"),
+    },
+)

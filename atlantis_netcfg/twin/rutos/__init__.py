@@ -4,7 +4,22 @@ It stands for the protocol and the settings, not for radio: signal figures are c
 there, and everything else is refused: the twin is a subset of the device and never laxer.
 """
 
-from atlantis_netcfg.twin.rutos._spec import RutosNetwork, RutosSim, RutosSpec
-from atlantis_netcfg.twin.rutos._unit import NOT_REHEARSED, RunningRutos, Rutos
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.lazy import homes
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.twin.rutos._spec import NOT_REHEARSED, RutosNetwork, RutosSim, RutosSpec
+    from atlantis_netcfg.twin.rutos._unit import RunningRutos, Rutos
 
 __all__ = ["NOT_REHEARSED", "RunningRutos", "Rutos", "RutosNetwork", "RutosSim", "RutosSpec"]
+
+__getattr__ = homes(
+    __name__,
+    {
+        "_spec": ("NOT_REHEARSED", "RutosNetwork", "RutosSim", "RutosSpec"),
+        "_unit": ("RunningRutos", "Rutos"),
+    },
+)

@@ -28,11 +28,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.twin.rutos._spec import RutosSpec
 
-__all__ = ["NOT_REHEARSED", "RunningRutos", "Rutos"]
+__all__ = ["RunningRutos", "Rutos"]
 
-NOT_REHEARSED = (
-    "Teltonika RutOS: how long its modem takes to register, and the link to it, which is neither slow nor metered here",
-)
 _DER = Encoding.DER
 _HOST = "127.0.0.1"
 _PATIENCE_S = 30.0
