@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from atlantis_netcfg.checklist import Refused
+from atlantis_netcfg.checklist.people import named
 from atlantis_netcfg.cli._outcome import harmless
 from atlantis_netcfg.near import nearest
 
@@ -67,8 +69,11 @@ class Desk:
     @property
     def name(self) -> str:
         """Who answers: asked once."""
-        if not self._name:
-            self._name = self.needs("Your name, as it shall stand in the report:")
+        while not self._name:
+            try:
+                self._name = named(self.needs("Your name, as it shall stand in the report:"))
+            except Refused as refused:
+                self.say(f"  {refused}: {refused.hint}")
         return self._name
 
     def files(self) -> tuple[Path, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Answers, Scope, plan
+from atlantis_netcfg.checklist.people import named
 from atlantis_netcfg.cli._checking import closing
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.flow import Round
@@ -92,6 +93,8 @@ def taking_part(
 def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
     refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
+    if (name := arguments.value("sign-as")) is not None:
+        named(name)
     prepared = Prepared(arguments)
     if desk is None and _somebody_is_here(arguments):
         desk = Desk()

@@ -41,8 +41,10 @@ def pilot() -> Declaration:
 class Heartbeat(Probe):
     """What is heard is the verdict."""
 
+    port: int
+
     def asks(self) -> tuple[Question, ...]:
-        return (Listen("words", Place.LAPTOP, "tcp", "10.64.1.22", 9),)
+        return (Listen("words", Place.LAPTOP, "tcp", "10.64.1.22", self.port),)
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         answer = heard["words"]
@@ -83,7 +85,7 @@ def entry(name: str, kind: Kind, phase: Phase, *, consent: Consent | None = None
         title=f"title of {name}",
         kind=kind,
         phase=phase,
-        probe=None if kind is Kind.PERSON else Heartbeat(),
+        probe=None if kind is Kind.PERSON else Heartbeat(9000 + len(name)),
         do="look at the lamp" if kind is Kind.PERSON else "",
         look_for="it is green" if kind is Kind.PERSON else "",
         consent=consent,

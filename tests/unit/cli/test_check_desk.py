@@ -197,6 +197,13 @@ def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
     ]
 
 
+def test_a_name_is_asked_until_it_is_one_and_then_never_again(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["yes", "", "N" * 101, "a\x1b[2J", "N", ""], (LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert sitting.text.count("  a name is too long, or holds control characters: ") == 2
+    assert sitting.desk.name == "N"
+
+
 def test_the_end_of_the_input_is_later() -> None:
     def ended(_question: str) -> str:
         raise EOFError
