@@ -88,7 +88,8 @@ class RouterosGps:
         if monitored.trouble is not None:
             return Judged((troubled(monitored.trouble, monitored.words, self.wanted),))
         reception = routeros.read(monitored)
-        if settings.rows is None or routeros.enabled(settings) is False:
+        unknown = settings.rows is None and settings.trouble is None
+        if unknown or routeros.enabled(settings) is False:
             return Judged((self._off(settings),), evidence(reception, self.wanted))
         return _judged(reception, self.wanted)
 

@@ -144,6 +144,10 @@ def test_a_receiver_that_is_switched_off() -> None:
     assert told(found) == ["FAIL driver-not-started: the receiver of off-router is not switched on"]
 
 
+def test_positions_count_though_the_settings_were_not_told() -> None:
+    assert [one.code for one in judged(ROW, Rows(Trouble.SILENT, "no answer")).findings] == ["fix"]
+
+
 @pytest.mark.parametrize(
     ("trouble", "expected"),
     [
