@@ -65,10 +65,29 @@ def show(browser: Chromium, folder: Path, name: str, screen: Screen) -> None:
     browser.open(page, width=screen.width, height=screen.height, dark=screen.dark)
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
-@pytest.mark.parametrize("screen", ["telephone", "desktop"])
-def test_the_page_fits_and_asks_for_nothing(browser: Chromium, folder: Path, name: str, screen: str) -> None:
-    size = SCREENS[screen]
+def test_the_page_fits_asks_for_nothing_and_can_be_printed(browser: Chromium, folder: Path) -> None:
+    """One test, for workers that share tests would each start a browser."""
+    for name in DOCUMENTS:
+        for screen in ("telephone", "desktop"):
+            fits_and_asks_for_nothing(browser, folder, name, SCREENS[screen])
+    the_grid_is_on_a_telephone(browser, folder)
+    the_print_is_black_and_white_and_whole(browser, folder)
+    what_is_asked_for_is_counted(browser, folder)
+    the_policy_holds(browser, folder)
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="no .venv-strangers here: `tools/strangers` makes it")
+def test_nothing_serious_keeps_people_from_reading_it(browser: Chromium, folder: Path) -> None:
+    for name, size in SCREENS.items():
+        show(browser, folder, "example", size)
+        browser.picture(folder / f"{name}.png")
+        told = judged(browser, COLOURS if size.dark else RULES)
+        serious = [one for one in told["violations"] if one["impact"] in {"serious", "critical"}]
+        assert [(name, one["id"], one["help"], one["nodes"]) for one in serious] == []
+        assert told["passes"] >= (1 if size.dark else 25)
+
+
+def fits_and_asks_for_nothing(browser: Chromium, folder: Path, name: str, size: Screen) -> None:
     show(browser, folder, name, size)
     asked = [address for address in browser.requests() if not address.startswith("data:image/")]
     assert asked == [(folder / f"{name}.html").as_uri()]
@@ -76,20 +95,12 @@ def test_the_page_fits_and_asks_for_nothing(browser: Chromium, folder: Path, nam
     assert browser.run("document.documentElement.scrollWidth") <= size.width
     assert browser.run(WIDEST) <= size.width
     assert [event for event in browser.events if event["method"] == "Page.javascriptDialogOpening"] == []
-    # Chromium asks for things of its own; nobody's words make it ask for more.
-    assert [line for line in browser.proxy.asked if "evil" in line or "example" in line] == []
+    assert outside(browser) == []
 
 
-@pytest.mark.skipif(not AXE.exists(), reason="no .venv-strangers here: `tools/strangers` makes it")
-@pytest.mark.parametrize("screen", SCREENS)
-def test_nothing_serious_keeps_people_from_reading_it(browser: Chromium, folder: Path, screen: str) -> None:
-    size = SCREENS[screen]
-    show(browser, folder, "example", size)
-    browser.picture(folder / f"{screen}.png")
-    told = judged(browser, COLOURS if size.dark else RULES)
-    serious = [one for one in told["violations"] if one["impact"] in {"serious", "critical"}]
-    assert [(one["id"], one["help"], one["nodes"]) for one in serious] == []
-    assert told["passes"] >= (1 if size.dark else 25)
+def outside(browser: Chromium) -> list[str]:
+    """What the proxy was asked for; Chromium asks for things of its own as well."""
+    return [line for line in browser.proxy.asked if "example" in line]
 
 
 def judged(browser: Chromium, rules: Mapping[str, object]) -> Any:  # noqa: ANN401 - axe-core's JSON
@@ -102,7 +113,7 @@ def judged(browser: Chromium, rules: Mapping[str, object]) -> Any:  # noqa: ANN4
     )
 
 
-def test_all_of_the_grid_is_on_a_telephone(browser: Chromium, folder: Path) -> None:
+def the_grid_is_on_a_telephone(browser: Chromium, folder: Path) -> None:
     show(browser, folder, "example", SCREENS["telephone"])
     cells = browser.run(
         "[...document.querySelectorAll('.grid td a')].map(cell => [cell.getBoundingClientRect().width, "
@@ -114,7 +125,7 @@ def test_all_of_the_grid_is_on_a_telephone(browser: Chromium, folder: Path) -> N
     assert browser.run("document.querySelector('.scroll').scrollWidth <= document.querySelector('.scroll').clientWidth")
 
 
-def test_the_print_is_black_and_white_and_whole(browser: Chromium, folder: Path) -> None:
+def the_print_is_black_and_white_and_whole(browser: Chromium, folder: Path) -> None:
     show(browser, folder, "example", SCREENS["desktop"])
     browser.look(media="print")
     browser.printed(folder / "example-print.pdf")
@@ -124,10 +135,8 @@ def test_the_print_is_black_and_white_and_whole(browser: Chromium, folder: Path)
         assert "".join(item.message.split()) in words
     for row in ("Girona 500", "Coastal testbed", "Satellite", "INCONCLUSIVE", "(✓)"):
         assert "".join(row.split()) in words
-    inks = browser.run(
-        "[...new Set([...document.querySelectorAll('.grid a')].map(one => getComputedStyle(one).color))]"
-    )
-    assert inks == ["rgb(0, 0, 0)"]
+    inks = browser.run("[...document.querySelectorAll('.grid a')].map(one => getComputedStyle(one).color)")
+    assert set(inks) == {"rgb(0, 0, 0)"}
     # On paper as wide as A4 between its margins nothing is cut off, and no word of the grid leaves its cell.
     browser("Emulation.setDeviceMetricsOverride", width=703, height=1000, deviceScaleFactor=1, mobile=False)
     assert browser.run(WIDEST) <= 703
@@ -136,6 +145,28 @@ def test_the_print_is_black_and_white_and_whole(browser: Chromium, folder: Path)
         ".getBoundingClientRect().width > cell.getBoundingClientRect().width).map(cell => cell.textContent)"
     )
     assert browser.run(wide) == []
+
+
+def what_is_asked_for_is_counted(browser: Chromium, folder: Path) -> None:
+    """Else the counts above would say nothing."""
+    (folder / "asks.html").write_text('<img src="http://asks.example/a">', encoding="utf-8")
+    show(browser, folder, "asks", SCREENS["desktop"])
+    assert browser.requests()[1:] == ["http://asks.example/a"]
+    assert outside(browser) == ["GET http://asks.example/a HTTP/1.1"]
+
+
+def the_policy_holds(browser: Chromium, folder: Path) -> None:
+    """Even if somebody's words got into the page as they are, nothing would run and nothing would be fetched."""
+    page = (folder / "green.html").read_text(encoding="utf-8")
+    put_in = '<img src="http://evil.example/b"><script>document.title = "ran"</script><style>body{width:9px}</style>'
+    (folder / "put-in.html").write_text(page.replace("</main>", f"{put_in}</main>"), encoding="utf-8")
+    show(browser, folder, "put-in", SCREENS["desktop"])
+    assert browser.run("document.title").startswith("PASS: checklist of")
+    assert browser.run("document.body.clientWidth") > 1000
+    assert [line for line in outside(browser) if "evil" in line] == []
+    refused = [event for event in browser.events if event["method"] == "Log.entryAdded"]
+    assert len(refused) == 3
+    assert all("Content Security Policy" in event["params"]["entry"]["text"] for event in refused)
 
 
 def text(path: Path) -> str:
