@@ -92,11 +92,13 @@ class Asked:
     port: int = 0
     path: str = ""
     listen_s: float | None = None
+    max_age_s: float = 3.0
 
     @property
     def probe(self) -> StreamGps:
         end = self.path or f"127.0.0.1:{self.port}"
-        wanted = Wanted("Sparus", self.driver, f"{self.driver} at {end}", end, "this computer", FENCE)
+        source = f"{self.driver} at {end}"
+        wanted = Wanted("Sparus", self.driver, source, end, "this computer", FENCE, max_age_s=self.max_age_s)
         if self.path:
             return StreamGps(wanted, Place.LAPTOP, device=self.path, baud=9600)
         return StreamGps(wanted, Place.LAPTOP, address="127.0.0.1", port=self.port)

@@ -47,16 +47,16 @@ CASES: dict[str, tuple[GpsDriver, GnssSpec, list[str]]] = {
     "serial, stops": (SERIAL, GnssSpec(silent_after=3), ["FAIL fix-stale"]),
     "serial, silent": (SERIAL, GnssSpec(speech=Speech.NOTHING), ["FAIL no-data"]),
 }
-STOPS_S = 4.0
-"""Longer than the oldest position that passes."""
 SHORT_S = 0.8
+LONG_S = 2.2
+"""For those that would be listened to until the end: so long is enough to tell."""
 
 
 def listened(name: str, spec: GnssSpec) -> float | None:
-    if spec.silent_after is not None:
-        return STOPS_S
-    talks = spec.speech is Speech.POSITIONS and spec.access is Access.SERVED
-    return None if talks and "no date" not in name and not spec.damaged else SHORT_S if not talks else 3.0
+    if spec.speech is not Speech.POSITIONS or spec.access is not Access.SERVED:
+        return SHORT_S
+    until_the_end = spec.silent_after is not None or spec.damaged or "no date" in name
+    return LONG_S if until_the_end else None
 
 
 def test_every_mood_is_told_as_what_it_is() -> None:
@@ -65,15 +65,15 @@ def test_every_mood_is_told_as_what_it_is() -> None:
     asked = {}
     with ExitStack() as stack:
         for name, (driver, spec, _) in CASES.items():
-            listen_s = listened(name, spec)
+            max_age_s = 3.0 if spec.silent_after is None else 0.7
             if driver is SERIAL:
                 port = stack.enter_context(RunningNmeaPort(spec))
-                asked[name] = Asked(driver, path=port.path, listen_s=listen_s)
+                asked[name] = Asked(driver, path=port.path, listen_s=listened(name, spec), max_age_s=max_age_s)
                 running.append(port)
                 continue
             server: RunningGpsd | RunningNmea = RunningGpsd(spec) if driver is GPSD else RunningNmea(spec)
             stack.enter_context(server)
-            asked[name] = Asked(driver, server.port, listen_s=listen_s)
+            asked[name] = Asked(driver, server.port, listen_s=listened(name, spec), max_age_s=max_age_s)
             running.append(server)
         found = judged(asked)
         assert [twin.forbidden for twin in running if twin.forbidden] == []
