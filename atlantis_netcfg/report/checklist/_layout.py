@@ -113,8 +113,8 @@ def _rows(nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> list[list[D
     cabled = {key for link in links if link.kind == "ethernet" for key in _others(link, routers)}
 
     def rank(node: DrawnNode) -> int:
-        own = _RANKS.get(node.kind, _LOCAL)
-        return _LOCAL if node.kind == "vpn_server" and node.key in cabled else own
+        own_server = node.kind == "vpn_server" and node.key in cabled
+        return _LOCAL if own_server else _RANKS.get(node.kind, _LOCAL)
 
     ranked = [list(some) for _, some in groupby(sorted(nodes, key=rank), key=rank)]
     return [some[start : start + _IN_A_ROW] for some in ranked for start in range(0, len(some), _IN_A_ROW)]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.report.checklist.document import Item
 
-__all__ = ["ASCII", "GREEN", "SHORT", "SYMBOLS", "State", "state", "worst_state"]
+__all__ = ["ASCII", "GREEN", "SYMBOLS", "State", "state", "worst_state"]
 
 
 class State(StrEnum):
@@ -60,8 +60,6 @@ ASCII = {
     State.ERROR: "#",
 }
 """For a console, which may know no others."""
-SHORT = {State.INCONCLUSIVE: "UNSURE", State.OVERRIDDEN: "OVERRULED", State.NOT_CHECKED: "NOT DONE"}
-"""Words that have room in a cell, where the state's own has none."""
 
 _TAKEN_OVER = frozenset({Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR})
 _GRAVE = frozenset({Verdict.FAIL, Verdict.ERROR})
