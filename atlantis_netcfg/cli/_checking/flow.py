@@ -65,12 +65,13 @@ class Round:
     def _phase(self, desk: Desk, entries: Sequence[Entry]) -> None:
         self._examine(self._unseen(entries), {})
         for entry in entries:
+            asked = self._open(entry)
             if entry.item.kind is Kind.PERSON and self._open(entry):
                 people.confirm(self.book, desk, entry)
             elif entry.item.kind is Kind.ACTIVE and self._open(entry):
                 self._act(desk, entry)
             if not self._open(entry):
-                people.mend(self.book, desk, entry, lambda one: self._again(desk, one))
+                people.mend(self.book, desk, entry, lambda one: self._again(desk, one), read=asked)
 
     def _unseen(self, entries: Sequence[Entry]) -> list[Entry]:
         return [one for one in entries if one.item.kind is Kind.AUTOMATIC and self._open(one)]

@@ -102,10 +102,14 @@ def otherwise(book: Book, desk: Desk, entry: Entry) -> None:
             _override(book, desk, book.item(entry.item.id))
 
 
-def mend(book: Book, desk: Desk, entry: Entry, probe: Callable[[Entry], None]) -> None:
-    """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later."""
+def mend(book: Book, desk: Desk, entry: Entry, probe: Callable[[Entry], None], *, read: bool) -> None:
+    """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later.
+
+    `read`: its result is the line above.
+    """
+    if not read and book.item(entry.item.id).counts not in GREEN:
+        desk.say(shown(book.item(entry.item.id)))
     while (item := book.item(entry.item.id)).counts not in GREEN:
-        desk.say(shown(item))
         match desk.choose("Look `again`, `override` it on your word, or go `on`?", _AFTER):
             case "on":
                 return
