@@ -84,7 +84,7 @@ def _refuse_held(path: str, there: os.stat_result) -> None:
         if not process.name.isdigit() or int(process.name) == os.getpid():
             continue
         try:
-            if _holds(process, there.st_rdev):
+            if _holds(process, there):
                 raise NoAnswer("busy", f"{path} is held by {_named(process)}")
         except PermissionError:
             hidden = True
@@ -94,19 +94,25 @@ def _refuse_held(path: str, there: os.stat_result) -> None:
         raise NoAnswer("denied", f"only root sees whether another program holds {path}, so it was not opened")
 
 
-def _holds(process: Path, device: int) -> bool:
+def _holds(process: Path, there: os.stat_result) -> bool:
     """Whether a process has the device open; who has the other end of a pseudo-terminal is the device itself."""
     opened = dict(_devices(process))
-    if device not in opened.values():
+    if not any(_same(one, there) for one in opened.values()):
         return False
-    masters = [one for one, what in opened.items() if what == _PTMX and os.major(device) in _PTS]
-    return not any(_leads_to(process / "fdinfo" / one, os.minor(device)) for one in masters)
+    masters = [name for name, one in opened.items() if one.st_rdev == _PTMX and os.major(there.st_rdev) in _PTS]
+    return not any(_leads_to(process / "fdinfo" / name, os.minor(there.st_rdev)) for name in masters)
 
 
-def _devices(process: Path) -> Iterator[tuple[str, int]]:
+def _same(one: os.stat_result, there: os.stat_result) -> bool:
+    """A pseudo-terminal's number says which it is in its own instance of devpts only: containers have others."""
+    pseudo = os.major(there.st_rdev) in _PTS
+    return one.st_rdev == there.st_rdev and (one.st_dev == there.st_dev or not pseudo)
+
+
+def _devices(process: Path) -> Iterator[tuple[str, os.stat_result]]:
     for one in (process / "fd").iterdir():
         with suppress(FileNotFoundError):
-            yield one.name, one.stat().st_rdev
+            yield one.name, one.stat()
 
 
 def _leads_to(master: Path, number: int) -> bool:
