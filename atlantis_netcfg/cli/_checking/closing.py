@@ -15,7 +15,7 @@ from atlantis_netcfg.journal import translated, write_atomically
 from atlantis_netcfg.report.checklist import lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     from atlantis_netcfg.checklist import Answers, Book
     from atlantis_netcfg.cli._arguments import Arguments
@@ -26,15 +26,12 @@ if TYPE_CHECKING:
 __all__ = ["again", "close", "greet", "note", "signer"]
 
 
-def again(arguments: Arguments) -> str:
-    """What a person types at a terminal to go on with the same checklist."""
+def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
+    """What a person types to go on with the same checklist."""
     words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
-    kept = {name: value for name, value in arguments.flags.items() if name not in _NOT_AGAIN}
+    kept = {name: value for name, value in arguments.flags.items() if name not in without}
     flags = [part for name, value in kept.items() for part in (f"--{name}", value) if part is not None]
     return shlex.join(["provision", arguments.command.name, *words, *flags])
-
-
-_NOT_AGAIN = frozenset({"anew", "answers", "json"})
 
 
 def greet(desk: Desk, book: Book) -> None:
@@ -107,7 +104,10 @@ def _where(arguments: Arguments, book: Book, document: Document) -> Iterator[str
     yield from pages_in(book.folder)
     if document.signed is None and document.items:
         waiting = sum(item.open and item.override is None for item in document.items)
-        yield f"on a terminal, `{again(arguments)}` {_next(waiting)}"
+        yield f"on a terminal, `{again(arguments, _NOT_AT_A_TERMINAL)}` {_next(waiting)}"
+
+
+_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json"})
 
 
 def _next(waiting: int) -> str:

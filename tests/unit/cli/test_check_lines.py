@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.check import COMMAND
+from atlantis_netcfg.probes.columns import TITLES
+from atlantis_netcfg.report.checklist import Phase
 
 GOLDEN = Path(__file__).with_name("golden") / "check.txt"
 CASES = [block.partition("\n")[::2] for block in GOLDEN.read_text(encoding="utf-8").strip().split("\n\n")]
@@ -24,3 +27,11 @@ def test_what_is_said_about_a_mistake(
     assert f"{printed.err.strip()}\nexit {code}" == said.strip()
     assert printed.out == ""
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_the_words_are_those_of_the_list() -> None:
+    endpoint, phase = COMMAND.word("endpoint"), COMMAND.word("phase")
+    assert endpoint is not None
+    assert phase is not None
+    assert endpoint.choices == tuple(map(str, TITLES))
+    assert phase.choices == tuple(str(one).replace(" ", "-") for one in Phase)
