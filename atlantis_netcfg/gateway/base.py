@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 
 __all__ = ["GatewayBase", "gateway_base"]
 
-PACKAGES = ("chrony", "fake-hwclock", "locales", "nftables", "openssh-server", "tzdata")
-"""fake-hwclock keeps the time over a power cut on boards whose clock has no battery; elsewhere it does nothing."""
+PACKAGES = ("chrony", "fake-hwclock", "iputils-ping", "iw", "locales", "nftables", "openssh-server", "tzdata")
+"""fake-hwclock keeps the time over a power cut on boards whose clock has no battery; elsewhere it does nothing.
+
+iputils-ping and iw are what the pre-test checklist asks a gateway's radios and cables with.
+"""
 LOCALE = "en_US.UTF-8"
 """The report's (4.6.2): ROS 2 wants one of UTF-8."""
 
