@@ -53,10 +53,12 @@ class RegisteredProbe:
         return tables if self.address is None else (*tables, _ping.ask(self.place, self.address))
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
-        """Judge what the access point says, then the ping."""
-        told = self._told(heard)
-        reached = self._reached(heard)
-        return Judged((*told.findings, *reached.findings), (*told.evidence, *reached.evidence))
+        """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
+        parts = [self._told(heard), self._reached(heard)]
+        if self.endpoint.seen_by is None:
+            parts.reverse()
+        findings = tuple(finding for part in parts for finding in part.findings)
+        return Judged(findings, tuple(evidence for part in parts for evidence in part.evidence))
 
     def _told(self, heard: Mapping[str, Answer]) -> Judged:
         host = self.endpoint.seen_by

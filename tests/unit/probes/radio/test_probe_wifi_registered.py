@@ -113,7 +113,7 @@ CASES = (
     ),
     Case(
         "no access point of ours",
-        ("WARN association-unseen: no device of ours sees the association of Zarco, nor its signal", ANSWERS),
+        (ANSWERS, "WARN association-unseen: no device of ours sees the association of Zarco, nor its signal"),
         endpoint={"seen_by": None},
     ),
     Case(
