@@ -36,7 +36,7 @@ def program(name: str) -> str:
 
 def environment() -> dict[str, str]:
     """In which the unpacked programs find their libraries, and each other."""
-    machine = next((_DEBIAN / "libgps28/usr/lib").glob("*/libgps.so.28")).parent.name
+    machine = next((_DEBIAN / "libgps28/usr/lib").glob("*/libgps.so.*")).parent.name
     return {
         **os.environ,
         "LD_LIBRARY_PATH": ":".join(str(_DEBIAN / name / "usr/lib" / machine) for name in _LIBRARIES),
