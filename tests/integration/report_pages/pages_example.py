@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "report_checklist"))
-
 import checklist_example as made
 from checklist_strategies import SHORT, documents, hostile
 

@@ -8,6 +8,7 @@ def test_the_public_surface_is_what_it_says() -> None:
     assert set(package.__all__) == {
         *("COMMANDS", "NOT_REHEARSED", "Counters", "Device", "DeviceMode", "Execute", "Fault", "FaultKind", "Knobs"),
         *("Link", "Management", "Mode", "Router", "RouterSpec", "RunningSite", "Service", "Site", "SiteSpec"),
+        *("Around", "Called", "Load", "Validity"),
         *("Air", "Radio", "RadioLink", "RadioPair", "CellSpec", "ModemSpec", "SimSpec"),
         *("SpawnedSite", "Tally", "TwinRefused", "TwinSpec", "TwinsFailed", "User", "spawn"),
     }
