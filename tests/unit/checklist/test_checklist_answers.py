@@ -31,6 +31,11 @@ sign: true
 """
 
 
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path / "state")
+
+
 @pytest.mark.parametrize("case", cases(), ids=lambda path: path.stem)
 def test_what_a_person_is_told(case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -36,6 +36,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path / "state")
+
+
 def test_a_new_book_has_everything_open_but_what_does_not_apply(desk: Desk) -> None:
     with desk.open() as book:
         assert [one.item.id for one in book.entries_open()] == [name for name in EVERY if name != SKIPPED]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
 from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
@@ -11,9 +12,16 @@ from atlantis_netcfg.report.checklist import Finding
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from atlantis_netcfg.report.checklist import Change, Item
 
 SPARUS = Scope(vehicles=("sparus",))
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path / "state")
 
 
 def _told(some: tuple[Change, ...]) -> list[tuple[str, str | None, str | None, str]]:

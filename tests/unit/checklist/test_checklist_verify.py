@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path / "state")
+
+
+@pytest.fixture
 def signed(desk: Desk, tmp_path: Path) -> Path:
     """A small signed checklist with everything in it: evidence, a result that was replaced, an override."""
     photo = tmp_path / "photo.jpg"
