@@ -119,7 +119,7 @@ def _lines(row: Mapping[str, Any]) -> Iterator[str]:
         signed = row["signed"]
         yield harmless(f"{row['name']}{rehearsed}: as {signed['by']} signed it at {signed['at']}, key {signed['key']}")
         return
-    yield harmless(f"{row['name']}{rehearsed}: NOT as it was signed ({row['place']})")
+    yield harmless(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})")
     for one in row["troubles"]:
         yield harmless(f"  {one['file']}: {one['what']}")
         yield harmless(f"    -> {one['hint']}")

@@ -11,6 +11,7 @@ from atlantis_netcfg.cli._checking import people
 from atlantis_netcfg.cli._checking.people import GREEN
 from atlantis_netcfg.operations.checking import examine
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -83,7 +84,12 @@ class Round:
             self._examine([entry], {})
 
     def _act(self, desk: Desk, entry: Entry) -> None:
-        """Ask for the word, say what the person does meanwhile, and look."""
+        """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
+        sick = self._sick(entry)
+        if sick is not None:
+            desk.say(f"\n{entry.item.id}: {entry.item.title}\n  not now: {sick.message} ({sick.id})")
+            people.otherwise(self.book, desk, entry)
+            return
         try:
             by = people.consent(desk, entry, self.price(entry))
         except CostRefused as refused:
@@ -95,6 +101,12 @@ class Round:
         if entry.step.consent is not None and entry.step.consent.prompt:
             desk.say(f"  Now: {entry.step.consent.prompt}.")
         self._examine([entry], {entry.item.id: by}, paid=True)
+
+    def _sick(self, entry: Entry) -> Item | None:
+        """What the tool has seen fail in the same cell: nobody is asked to move a stick of an armed vehicle."""
+        cell = [one for one in self.entries if one.cell == entry.cell and one.item.kind is Kind.AUTOMATIC]
+        items = (self.book.item(one.item.id) for one in cell)
+        return next((item for item in items if item.counts is Verdict.FAIL), None)
 
     def _examine(self, entries: Sequence[Entry], agreed: Mapping[str, str], *, paid: bool = False) -> None:
         """`agreed`: who has consented to which active item; `paid`: to its cost as well."""

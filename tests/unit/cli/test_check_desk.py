@@ -46,6 +46,15 @@ def test_the_whole_way(tmp_path: Path) -> None:
         ]
 
 
+def test_nothing_is_made_to_happen_where_the_thing_itself_has_failed(tmp_path: Path) -> None:
+    modem = entry("sparus/usbl", Kind.AUTOMATIC, Phase.WATER)
+    sitting = Sitting(tmp_path, ["on", "open"], (modem, PING), {"sparus/usbl": ["FAIL is armed"]})
+    assert verdicts(sitting) == {"sparus/usbl": "FAIL", "sparus/usbl/ping": "open"}
+    assert "not now: is armed (sparus/usbl)" in sitting.text
+    assert "nobody dives near it" not in sitting.text
+    assert sitting.ears.asked == [["sparus/usbl"]]
+
+
 WHOLE = """
 
 BENCH

@@ -83,7 +83,7 @@ def test_what_was_tampered_with_is_found(
     tamper(signed(state) / name)
     assert main(["report", "verify"]) == 6
     said = capsys.readouterr().out
-    assert "NOT as it was signed" in said
+    assert "NOT VERIFIED" in said
     assert f"  {name}: {words}" in said
     (row,) = told(capsys, "verify", "site=coastal", code=6)["verified"]
     assert name in {one["file"] for one in row["troubles"]}
