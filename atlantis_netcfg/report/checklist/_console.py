@@ -126,7 +126,10 @@ def _brief(document: Document) -> Iterator[str]:
 
 
 def _beside(document: Document) -> Iterator[str]:
-    yield from _listed("not checked: ", [f"{one.what}: {one.why}" for one in document.left_out])
+    reasons = dict.fromkeys(one.why for one in document.left_out)
+    for why in reasons:
+        what = ", ".join(one.what for one in document.left_out if one.why == why)
+        yield from _listed("not checked: ", [f"{what} ({why})"])
     if document.since_green is not None:
         green = document.since_green
         yield from _wrapped("", f"since run {green.run} of {clock(green.at)}, which was green:")
