@@ -52,6 +52,8 @@ class Vpn:
     """Slow links, by the member that is reached over it."""
     said: dict[str, list[str]] = field(default_factory=dict)
     """What each OpenVPN has said."""
+    openvpn: dict[str, subprocess.Popen[str]] = field(default_factory=dict)
+    """The processes, for who ends one of them."""
 
     def name(self, who: str) -> str:
         return f"{self.prefix}-{who}"
@@ -253,7 +255,7 @@ class _Up:
 
 
 def _openvpn(made: Vpn, who: str, conf: Path) -> _Up:
-    process = made.start(who, "openvpn", "--suppress-timestamps", "--config", str(conf))
+    process = made.openvpn[who] = made.start(who, "openvpn", "--suppress-timestamps", "--config", str(conf))
     up = _Up(who, made.said.setdefault(who, []))
     assert process.stdout is not None
     threading.Thread(target=up.listen, args=(process.stdout,), daemon=True).start()

@@ -1,0 +1,48 @@
+"""The site's own checks, asked in a namespace that stands for the gateway computer.
+
+What the gateway's programs print is real, and comes through the program that listens; what its router says is data.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.checking import ask_here
+from atlantis_netcfg.probes import Cell, Run
+from atlantis_netcfg.probes.own import steps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.probes import Answer, Judged, Probe
+    from atlantis_netcfg.site import Declaration
+
+SITE, GATEWAY = "coastal", "coastal-gateway"
+
+
+def check(declaration: Declaration, name: str) -> Probe:
+    """The probe of a check of the site."""
+    (probe,) = (one.probe for one in steps(Cell(declaration, SITE, None, "site")) if one.name == name)
+    assert probe is not None
+    return probe
+
+
+def inside(namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapping[str, str] | None = None) -> Judged:
+    """Ask what programs print in the namespace, and judge it with what is `told` of the rest.
+
+    `hurry`: words of programs that take their time, and those that stand for them.
+    """
+    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, Run)]
+    assert {one.name for one in probe.asks()} == {name for name, _ in asked} | set(told)
+    heard = asyncio.run(ask_here(asked, lambda *_: None, ("ip", "netns", "exec", namespace)))
+    return probe.judge({**told, **heard})
+
+
+def _sooner(question: Run, hurry: Mapping[str, str]) -> Run:
+    return replace(question, argv=tuple(hurry.get(word, word) for word in question.argv))
+
+
+def findings(judged: Judged) -> list[str]:
+    return [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings]
