@@ -1,14 +1,17 @@
 """A participant of the declared DDS domain runs on the gateway computer; nothing is sent to find out.
 
 Peers are announced to by unicast, so that nobody else hears them: what tells is which ports are bound. A participant
-listens on 7400 + 250 d (multicast) and on 7410 + 250 d + 2 i (unicast), i below the declared number
-(DDSI-RTPS 9.6.2.3).
+hears announcements at 7410 + 250 d + 2 i, i below the declared number, and data one port above (DDSI-RTPS 9.6.2.3).
+With the site's profile it does not listen at the ports for multicast, 7400 + 250 d and one above. Without it Fast DDS
+listens at the first of them besides, is found by who has the profile, and by nobody else; Cyclone DDS listens at both,
+at no port that peers know, and is found by nobody (seen of 2.9.1 and 11.0.1, between two networks).
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
@@ -29,8 +32,9 @@ __all__ = ["TABLE", "of"]
 
 TABLE = "/proc/net/udp"
 _BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2
-_LAST_DOMAIN = 101
-"""Above it the ports meet those that Linux hands out."""
+_HANDED_OUT = 32768
+"""From here on Linux gives ports to programs that ask for none (ip-sysctl, ip_local_port_range)."""
+_MULTICAST = 0
 _ROW = re.compile(r"^\s*\d+: ([0-9A-F]{8}):([0-9A-F]{4}) .* (\d+)\s*$")
 
 
@@ -41,14 +45,47 @@ class _Socket:
     """Datagrams that nobody took in time."""
 
     @property
-    def domain(self) -> int:
-        return (self.port - _BASE) // _DOMAIN
+    def offset(self) -> int:
+        return (self.port - _BASE) % _DOMAIN
 
     @property
     def participant(self) -> int | None:
         """Its number, if this is the port on which it hears announcements."""
-        offset = (self.port - _BASE) % _DOMAIN - _UNICAST
+        offset = self.offset - _UNICAST
         return offset // _EACH if offset >= 0 and offset % _EACH == 0 else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """What is bound of the ports of one domain. Other programs have ports in that range, too."""
+
+    domain: int
+    sockets: tuple[_Socket, ...]
+    """Those at one port can be many: everybody's ports for multicast are the same."""
+
+    @property
+    def participants(self) -> tuple[_Socket, ...]:
+        """Where announcements are heard."""
+        return tuple({one.port: one for one in self.sockets if one.participant is not None}.values())
+
+    @property
+    def strangers(self) -> int:
+        """How many participants run without the profile."""
+        return self._bound(_MULTICAST)
+
+    @property
+    def is_dds(self) -> bool:
+        """Whether two ports are bound that belong to each other; one alone may be anybody's."""
+        return any(self._bound(one) and self._bound(one + 1) for one in (_MULTICAST, _UNICAST))
+
+    @property
+    def ports(self) -> str:
+        """Where it listens for announcements."""
+        known = {one.port for one in self.sockets if one.participant is not None or one.offset == _MULTICAST}
+        return ", ".join(map(str, sorted(known)))
+
+    def _bound(self, offset: int) -> int:
+        return sum(one.offset == offset for one in self.sockets)
 
 
 def of(site: OwnSite) -> Step:
@@ -77,43 +114,41 @@ class _Seen:
             return Judged((told,))
         if "local_address" not in told:
             return Judged((unreadable(gateway.name, "its UDP sockets"),))
-        sockets = tuple(_sockets(told))
+        found = tuple(_heard(told))
+        ours = next((one for one in found if one.domain == wanted.domain), _Heard(wanted.domain, ()))
+        near = [one for one in found if one is not ours and one.is_dds]
+        shown = [one.ports for one in (ours, *near) if one.ports]
         evidence = (
             declared("domain of DDS", str(wanted.domain)),
-            read(f"UDP ports of DDS on {gateway.name}", ", ".join(str(one.port) for one in sockets) or "none"),
+            read(f"UDP ports of DDS on {gateway.name}", ", ".join(shown) or "none"),
         )
-        return Judged(tuple(_judged(gateway.name, wanted, sockets)), evidence)
+        if not ours.participants and not ours.is_dds:
+            return Judged((_nobody(gateway.name, wanted, near),), evidence)
+        return Judged(tuple(_judged(gateway.name, wanted, ours)), evidence)
 
 
-def _sockets(text: str) -> Iterator[_Socket]:
-    last = _BASE + _DOMAIN * (_LAST_DOMAIN + 1)
-    found = {}
-    for line in text.splitlines():
-        row = _ROW.match(line)
-        if row is not None and _BASE <= int(row[2], 16) < last:
-            found[int(row[2], 16)] = int(row[3])
-    return (_Socket(port, drops) for port, drops in sorted(found.items()) if _is_participant(_Socket(port, drops)))
+def _heard(text: str) -> Iterator[_Heard]:
+    rows = filter(None, map(_ROW.match, text.splitlines()))
+    sockets = sorted((int(row[2], 16), int(row[3])) for row in rows)
+    known = [_Socket(port, drops) for port, drops in sockets if _BASE <= port < _HANDED_OUT]
+    for domain, those in groupby(known, lambda one: (one.port - _BASE) // _DOMAIN):
+        yield _Heard(domain, tuple(those))
 
 
-def _is_participant(one: _Socket) -> bool:
-    """Other programs have ports in that range, too; past the 120th participant the formula has no ports."""
-    return one.participant is not None
-
-
-def _judged(name: str, wanted: Dds, sockets: Sequence[_Socket]) -> Iterator[Finding]:
-    ours = [one for one in sockets if one.domain == wanted.domain]
-    near = [one for one in sockets if one.domain != wanted.domain and one.participant == 0]
-    if not ours and near:
+def _nobody(name: str, wanted: Dds, near: Sequence[_Heard]) -> Finding:
+    if near:
         message = (
             f"DDS on {name} runs in domain {listed(str(one.domain) for one in near)}, and {wanted.domain} is declared"
         )
-        yield fail("other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting")
-        return
-    if not ours:
-        hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
-        message = f"nobody speaks DDS on {name} in domain {wanted.domain}, so nothing is announced"
-        yield unknown("nobody-announces", message, hint)
-        return
+        return fail("other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting")
+    hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
+    message = f"nobody speaks DDS on {name} in domain {wanted.domain}, so nothing is announced"
+    return unknown("nobody-announces", message, hint)
+
+
+def _judged(name: str, wanted: Dds, heard: _Heard) -> Iterator[Finding]:
+    ours = heard.participants
+    yield from _profile(name, heard)
     late = [one for one in ours if one.participant is not None and one.participant >= wanted.participants]
     if late:
         message = (
@@ -124,6 +159,19 @@ def _judged(name: str, wanted: Dds, sockets: Sequence[_Socket]) -> Iterator[Find
     if dropped:
         message = f"{name} has dropped {dropped} announcements of DDS that no program took in time"
         yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
-    if not late and not dropped:
+    if not late and not dropped and not heard.strangers:
         many = "1 participant listens" if len(ours) == 1 else f"{len(ours)} participants listen"
         yield good("listens", f"{many} on {name} in DDS domain {wanted.domain}, from port {ours[0].port}")
+
+
+def _profile(name: str, heard: _Heard) -> Iterator[Finding]:
+    hint = "end what runs, source the site's ros.env of the link in use, and start it again"
+    if heard.strangers and not heard.participants:
+        message = f"DDS on {name} runs in domain {heard.domain} without the site's profile: no other site finds it"
+        yield fail("without-profile", message, hint)
+    elif heard.strangers:
+        many, runs, it = f"{heard.strangers} DDS participants", "run", "them"
+        if heard.strangers == 1:
+            many, runs, it = "1 DDS participant", "runs", "it"
+        message = f"{many} on {name} {runs} without the site's profile: other sites may not find {it}, or lose {it}"
+        yield warn("without-profile", message, hint)

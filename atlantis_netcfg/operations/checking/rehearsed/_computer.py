@@ -73,10 +73,10 @@ def _network(declaration: Declaration, host: Host) -> dict[str, str]:
 
 
 def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
-    """One ROS process: the ports of its domain and of its number in it (DDSI-RTPS 9.6.2.3)."""
+    """One ROS process with its profile: the two ports of its domain and of its number in it (DDSI-RTPS 9.6.2.3)."""
     if declaration.pilot.dds is not None:
         first = 7400 + 250 * declaration.pilot.dds.domain
-        yield from (UdpSpec(port=first + offset) for offset in (0, 1, 10, 11))
+        yield from (UdpSpec(port=first + offset) for offset in (10, 11))
 
 
 def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:

@@ -34,6 +34,10 @@ def pc(**changes: Any) -> World:  # noqa: ANN401 - fields of ComputerSpec
     return World(pc=computer().model_copy(update=changes))
 
 
+def udp(*ports: int) -> tuple[UdpSpec, ...]:
+    return tuple(UdpSpec(port=port) for port in ports)
+
+
 def around(**changes: Any) -> World:  # noqa: ANN401 - fields of Around
     return World(around={**AROUND, **changes})
 
@@ -280,6 +284,12 @@ BROKEN: dict[str, Callable[[], World]] = {
     # DDS
     "nobody speaks DDS": lambda: pc(udp=(UdpSpec(port=5353),)),
     "DDS in another domain": lambda: pc(udp=(UdpSpec(port=7650), UdpSpec(port=7660), UdpSpec(port=7661))),
+    "DDS in another domain without its profile": lambda: pc(udp=udp(7650, 7651, 59363)),
+    "DDS without its profile, Fast DDS": lambda: pc(udp=udp(7400, 7410, 7411, 45896)),
+    "DDS without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7401, 59318)),
+    "DDS with and without its profile, Fast DDS": lambda: pc(udp=udp(7400, 7410, 7411, 7412, 7413)),
+    "DDS with and without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7400, 7401, 7401, 7410, 7411)),
+    "others at ports of DDS": lambda: pc(udp=udp(7400, 7660, 14550, 32784)),
     "more participants than declared": lambda: pc(udp=tuple(UdpSpec(port=7410 + 2 * number) for number in range(12))),
     "announcements were dropped": lambda: ran(
         "sockets",

@@ -79,7 +79,7 @@ def computer() -> ComputerSpec:
         update={
             "files": {**found.files, NETPLAN: "network:\n  addresses: [10.64.1.10/24]\n"},
             "certificates": {IDENTITY: certificates},
-            "udp": (UdpSpec(port=7400), UdpSpec(port=7410), UdpSpec(port=7411), UdpSpec(port=5353)),
+            "udp": (UdpSpec(port=7410), UdpSpec(port=7411), UdpSpec(port=5353), UdpSpec(port=32784)),
         }
     )
 

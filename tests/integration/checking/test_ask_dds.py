@@ -1,0 +1,119 @@
+"""The check of DDS on a computer where real participants run, with the site's profile and without it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from own_asked import GATEWAY, check, findings, inside
+
+from atlantis_netcfg.dds import profile_views, profiles
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+if find_spec("cyclonedds") is None:
+    pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
+pytestmark = pytest.mark.namespace
+SHIPPED = load(Path(__file__).parents[3] / "inventory")
+PEER = Path(__file__).parents[1] / "dds" / "programs" / "python_peer.py"
+DECLARED, OTHER = 0, 42
+"""Domains."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Participants, and what is to be said of them."""
+
+    name: str
+    domains: tuple[int, ...]
+    finding: str
+    ports: str
+    profile: bool = True
+
+    def __str__(self) -> str:
+        return self.name
+
+
+CASES = (
+    Case(
+        "nobody",
+        (),
+        "INCONCLUSIVE nobody-announces: nobody speaks DDS on coastal-gateway in domain 0, so nothing is announced",
+        "none",
+    ),
+    Case(
+        "two",
+        (DECLARED, DECLARED),
+        "PASS listens: 2 participants listen on coastal-gateway in DDS domain 0, from port 7410",
+        "7410, 7412",
+    ),
+    Case(
+        "in another domain",
+        (OTHER,),
+        "FAIL other-domain: DDS on coastal-gateway runs in domain 42, and 0 is declared",
+        "17910",
+    ),
+    Case(
+        "without its profile",
+        (DECLARED,),
+        "FAIL without-profile: DDS on coastal-gateway runs in domain 0 without the site's profile: "
+        "no other site finds it",
+        "7400",
+        profile=False,
+    ),
+)
+
+
+@contextmanager
+def computer() -> Iterator[str]:
+    """A namespace with the gateway's address in the tunnel, by its name; no datagram leaves it."""
+    if os.geteuid() != 0:
+        pytest.skip("making a network namespace needs root")
+    name, address = f"dds-check-{os.getpid()}", "10.80.0.21/16"
+    subprocess.run(["ip", "netns", "add", name], check=True)
+    try:
+        lines = ("link set lo up", "link add tun0 type bridge", f"address add {address} dev tun0", "link set tun0 up")
+        subprocess.run(["ip", "-n", name, "-batch", "-"], input="\n".join(lines), text=True, check=True)
+        yield name
+    finally:
+        subprocess.run(["ip", "netns", "delete", name], check=True)
+
+
+@contextmanager
+def participant(namespace: str, domain: int, number: int, environment: dict[str, str]) -> Iterator[None]:
+    """A process that speaks DDS."""
+    command = ["ip", "netns", "exec", namespace, sys.executable, str(PEER), f"peer{number}", str(domain)]
+    with subprocess.Popen(command, env={**os.environ, **environment}, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert " peer + " in process.stdout.readline(), "it hears of itself, once its ports are bound"
+            yield
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> None:
+    view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
+    profile = tmp_path / "cyclonedds.xml"
+    profile.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
+    environment = {"CYCLONEDDS_URI": str(profile)} if case.profile else {}
+    with ExitStack() as stack:
+        namespace = stack.enter_context(computer())
+        for number, domain in enumerate(case.domains):
+            stack.enter_context(participant(namespace, domain, number, environment))
+        judged = inside(namespace, check(SHIPPED, "dds"), {})
+    assert findings(judged) == [case.finding]
+    assert [(one.type, one.what, one.value) for one in judged.evidence] == [
+        ("declared", "domain of DDS", "0"),
+        ("read", "UDP ports of DDS on coastal-gateway", case.ports),
+    ]
