@@ -7,10 +7,14 @@ import select
 import subprocess
 import sys
 import time
+from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.cli import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
 
 pytestmark = pytest.mark.slow
 
@@ -74,11 +78,29 @@ class Terminal:
             return ""
 
 
+@pytest.fixture
+def terminals() -> Iterator[Callable[[], Terminal]]:
+    """Open terminals with the command; whatever still runs is ended."""
+    opened: list[Terminal] = []
+
+    def one() -> Terminal:
+        opened.append(Terminal(*WORDS))
+        return opened[-1]
+
+    yield one
+    for terminal in opened:
+        terminal.process.kill()
+        terminal.process.wait()
+
+
+@pytest.mark.timeout(240)
 def test_ctrl_c_at_a_question_and_on_to_the_signature(
-    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path_factory: pytest.TempPathFactory,
+    terminals: Callable[[], Terminal],
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path_factory.mktemp("terminal")))
-    first = Terminal(*WORDS)
+    first = terminals()
     first.answers("Does it hold?", "yes\n")
     first.answers("Note (may be empty):", "")
     first.interrupted()
@@ -86,7 +108,7 @@ def test_ctrl_c_at_a_question_and_on_to_the_signature(
     assert code == 4, said
     assert "stopped by Ctrl-C; what was found and answered until then is kept" in said
     assert f"go on with `provision {' '.join(WORDS)}`" in said
-    again = Terminal(*WORDS)
+    again = terminals()
     again.answers("1 of 2 items are settled, 1 are open.", "")
     for question, answer in (
         ("Does it hold?", "yes\n"),
