@@ -14,7 +14,8 @@ from atlantis_netcfg.probes._seen import read
 from atlantis_netcfg.probes._unasked import unasked
 from atlantis_netcfg.probes.answers import Looked
 from atlantis_netcfg.probes.questions import Look
-from atlantis_netcfg.probes.step import Judged
+from atlantis_netcfg.probes.step import Judged, Step
+from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist import Evidence
     from atlantis_netcfg.site.model import Bearer, BearerKind
 
-__all__ = ["BearerProbe", "bearers", "boxes", "well"]
+__all__ = ["BearerProbe", "bearers", "boxes", "link_steps", "well"]
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
 """End of a reading's name to its unit; longest first where one ends like another."""
@@ -76,6 +77,26 @@ class BearerProbe:
         found = tuple(_findings(told))
         said = self.good(told)
         return Judged((*((said,) if said is not None else ()), *found) or (_unseen(self.bearer),), _evidence(told))
+
+
+def link_steps(
+    cell: Cell,
+    kind: BearerKind,
+    title: Callable[[Bearer], str],
+    good: Callable[[Mapping[str, Any]], Finding | None] = well,
+) -> tuple[Step, ...]:
+    """Give one item a link of a kind; the first is the column's own, the others bear the names of their links."""
+    return tuple(
+        Step(
+            name=bearer.name if number else "",
+            title=title(bearer),
+            kind=Kind.AUTOMATIC,
+            phase=Phase.BENCH,
+            probe=BearerProbe(bearer.name, good),
+            concerns=boxes(cell, bearer),
+        )
+        for number, bearer in enumerate(bearers(cell, kind))
+    )
 
 
 def _unseen(bearer: str) -> Finding:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.probes._looked import BearerProbe, bearers, boxes, well
+from atlantis_netcfg.probes._looked import link_steps, well
 from atlantis_netcfg.probes.step import Step
 from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.site.model import BearerKind
@@ -25,16 +25,11 @@ __all__ = ["steps"]
 
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the units of a location, else something for a person."""
-    links = tuple(
-        Step(
-            name=bearer.name if number else "",
-            title=f"4G of {cell.name} is registered, has an address, and carries traffic",
-            kind=Kind.AUTOMATIC,
-            phase=Phase.BENCH,
-            probe=BearerProbe(bearer.name, _registered),
-            concerns=boxes(cell, bearer),
-        )
-        for number, bearer in enumerate(bearers(cell, BearerKind.LTE))
+    links = link_steps(
+        cell,
+        BearerKind.LTE,
+        lambda _: f"4G of {cell.name} is registered, has an address, and carries traffic",
+        _registered,
     )
     return links or (_by_a_person(cell),)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.probes._looked import BearerProbe, bearers, boxes
+from atlantis_netcfg.probes._looked import link_steps
 from atlantis_netcfg.probes._reserved import reserved_mac
 from atlantis_netcfg.probes.ethernet._cabled import CabledProbe
 from atlantis_netcfg.probes.step import Step
@@ -24,16 +24,10 @@ __all__ = ["CabledProbe", "steps"]
 
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the cables that lead away from a location, and the row's own cable where it is declared."""
-    links = tuple(
-        Step(
-            name=bearer.name if number else "",
-            title=f"Cable {bearer.name} of {cell.name} carries traffic",
-            kind=Kind.AUTOMATIC,
-            phase=Phase.BENCH,
-            probe=BearerProbe(bearer.name),
-            concerns=boxes(cell, bearer),
-        )
-        for number, bearer in enumerate(bearers(cell, BearerKind.ETHERNET))
+    links = link_steps(
+        cell,
+        BearerKind.ETHERNET,
+        lambda bearer: f"Cable {bearer.name} of {cell.name} carries traffic",
     )
     endpoint = cell.endpoints.ethernet
     if endpoint is not None:

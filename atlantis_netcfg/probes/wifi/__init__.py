@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.probes._looked import BearerProbe, bearers, boxes
+from atlantis_netcfg.probes._looked import link_steps
 from atlantis_netcfg.probes._reserved import reserved_mac
 from atlantis_netcfg.probes.step import Step
 from atlantis_netcfg.probes.wifi._associated import AssociatedProbe
@@ -28,16 +28,10 @@ __all__ = ["AssociatedProbe", "RegisteredProbe", "steps"]
 
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the bridges of a location, and the row's own Wi-Fi where it is declared."""
-    bridges = tuple(
-        Step(
-            name=bearer.name if number else "",
-            title=f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
-            kind=Kind.AUTOMATIC,
-            phase=Phase.BENCH,
-            probe=BearerProbe(bearer.name),
-            concerns=boxes(cell, bearer),
-        )
-        for number, bearer in enumerate(bearers(cell, BearerKind.WIFI_PTP))
+    bridges = link_steps(
+        cell,
+        BearerKind.WIFI_PTP,
+        lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
     )
     endpoint = cell.endpoints.wifi
     if endpoint is not None:
