@@ -15,8 +15,7 @@ from atlantis_netcfg.probes.acoustic import evologics
 from atlantis_netcfg.probes.acoustic.allowed import ask_at, message
 from atlantis_netcfg.probes.acoustic.bands import level_words
 from atlantis_netcfg.probes.acoustic.modem import WATER
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, trouble
-from atlantis_netcfg.probes.answers import Transcript
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Consent, Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
@@ -79,11 +78,9 @@ class EvologicsMessage:
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge whether it was sent, and what became of it."""
-        transcript = heard[self._question().name]
-        if not isinstance(transcript, Transcript):
-            raise TypeError(transcript)
-        if finding := trouble(self.modem, self.name, transcript):
-            return Judged((finding,))
+        transcript = said(self.modem, self.name, heard[self._question().name])
+        if isinstance(transcript, Judged):
+            return transcript
         pieces = evologics.pieces(transcript.data)
         if not any(piece.command for piece in pieces):
             return Judged((not_understood(self.modem, self.name),))

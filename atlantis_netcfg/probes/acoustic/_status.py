@@ -16,8 +16,7 @@ from atlantis_netcfg.probes.acoustic.bands import (
     level_words,
     plain,
 )
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, trouble
-from atlantis_netcfg.probes.answers import Transcript
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.probes.acoustic.modem import Modem
-    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.answers import Answer, Transcript
     from atlantis_netcfg.probes.questions import Listen, Question
 
 __all__ = ["EvologicsStatus", "Reading"]
@@ -100,11 +99,9 @@ class EvologicsStatus:
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge what the modem told."""
-        transcript = heard[self.question.name]
-        if not isinstance(transcript, Transcript):
-            raise TypeError(transcript)
-        if finding := trouble(self.modem, self.name, transcript):
-            return Judged((finding,))
+        transcript = said(self.modem, self.name, heard[self.question.name])
+        if isinstance(transcript, Judged):
+            return transcript
         reading = Reading.of(transcript)
         if not reading.understood:
             return Judged((not_understood(self.modem, self.name),))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.acoustic import seatrac
 from atlantis_netcfg.probes.acoustic.bands import SOUND_SPEED_MPS, plain
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, trouble
-from atlantis_netcfg.probes.answers import Transcript
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.probes.acoustic.modem import Modem
-    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.answers import Answer, Transcript
     from atlantis_netcfg.probes.questions import Listen, Question
 
 __all__ = ["BEACONS", "Beacon", "SeatracStatus", "damage"]
@@ -83,11 +82,9 @@ class SeatracStatus:
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge what the beacon told."""
-        transcript = heard[self.question.name]
-        if not isinstance(transcript, Transcript):
-            raise TypeError(transcript)
-        if finding := trouble(self.modem, self.name, transcript):
-            return Judged((finding,))
+        transcript = said(self.modem, self.name, heard[self.question.name])
+        if isinstance(transcript, Judged):
+            return transcript
         damaged = damage(self.name, transcript)
         beacon = Beacon.of(transcript)
         if not beacon.heard:

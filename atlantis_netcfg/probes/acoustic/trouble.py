@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.probes.answers import Trouble
+from atlantis_netcfg.probes.answers import Transcript, Trouble
+from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.site.model import AcousticDriver
 from atlantis_netcfg.verdicts import Verdict
 
@@ -13,9 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.probes.acoustic.modem import Modem
-    from atlantis_netcfg.probes.answers import Transcript
+    from atlantis_netcfg.probes.answers import Answer
 
-__all__ = ["LANGUAGE", "not_understood", "trouble"]
+__all__ = ["LANGUAGE", "not_understood", "said", "trouble"]
 
 LANGUAGE = {AcousticDriver.EVOLOGICS: "an EvoLogics modem", AcousticDriver.SEATRAC: "a SeaTrac beacon"}
 _IN_USE = (
@@ -87,6 +88,14 @@ def trouble(modem: Modem, name: str, heard: Transcript) -> Finding | None:
     verdict, code, message, hint = _WORDS[met]
     words = heard.words or "nobody could ask it"
     return Finding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+
+
+def said(modem: Modem, name: str, answer: Answer) -> Transcript | Judged:
+    """Give what a modem has said, or the judgement of one that could not be read."""
+    if not isinstance(answer, Transcript):
+        raise TypeError(answer)
+    finding = trouble(modem, name, answer)
+    return answer if finding is None else Judged((finding,))
 
 
 def not_understood(modem: Modem, name: str) -> Finding:

@@ -9,8 +9,7 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.probes.acoustic.bands import INTEGRITY_LOW, RSSI_DB
 from atlantis_netcfg.probes.acoustic.beacon import damage
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, trouble
-from atlantis_netcfg.probes.answers import Transcript
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.probes.usbl._fixes import Told, told
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.probes.acoustic.modem import Modem
-    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.answers import Answer, Transcript
     from atlantis_netcfg.probes.questions import Listen, Question
 
 __all__ = ["Fixes"]
@@ -51,11 +50,9 @@ class Fixes:
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge the fixes that came while it was listened."""
-        transcript = heard[self.question.name]
-        if not isinstance(transcript, Transcript):
-            raise TypeError(transcript)
-        if finding := trouble(self.modem, self.name, transcript):
-            return Judged((finding,))
+        transcript = said(self.modem, self.name, heard[self.question.name])
+        if isinstance(transcript, Judged):
+            return transcript
         fixes = told(self.modem.driver, transcript)
         if not fixes and not self._understood(transcript):
             return Judged((self._foreign(transcript),))

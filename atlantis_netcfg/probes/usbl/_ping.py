@@ -14,8 +14,7 @@ from atlantis_netcfg.probes.acoustic import seatrac
 from atlantis_netcfg.probes.acoustic.allowed import ask_seatrac, ping
 from atlantis_netcfg.probes.acoustic.beacon import damage
 from atlantis_netcfg.probes.acoustic.modem import WATER
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, trouble
-from atlantis_netcfg.probes.answers import Transcript
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Consent, Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
@@ -76,11 +75,9 @@ class Ping:
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge whether it was sent, and who answered."""
-        transcript = heard[self._question().name]
-        if not isinstance(transcript, Transcript):
-            raise TypeError(transcript)
-        if finding := trouble(self.modem, self.name, transcript):
-            return Judged((finding,))
+        transcript = said(self.modem, self.name, heard[self._question().name])
+        if isinstance(transcript, Judged):
+            return transcript
         answers = seatrac.answers(transcript.data)
         if not answers:
             return Judged((damage(self.name, transcript) or not_understood(self.modem, self.name),))
