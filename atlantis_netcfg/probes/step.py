@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.report.checklist import Evidence, Kind, Phase
@@ -75,7 +75,7 @@ class Step:
     """Of an active step."""
     unless: str = ""
     """Why it does not apply: the item is a SKIP with this reason."""
-    concerns: tuple[str, ...] = field(default=())
+    concerns: tuple[str, ...] = ()
     """Names of hosts that it speaks of, for the drawing."""
 
     def __post_init__(self) -> None:

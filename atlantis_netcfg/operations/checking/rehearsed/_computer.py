@@ -17,6 +17,7 @@ from atlantis_netcfg.twin.computer import (
     UdpSpec,
     lan_computer,
 )
+from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +30,6 @@ __all__ = ["ROUTER_MAC", "gateway_computer"]
 _OUTDOORS_MHZ = 5500
 """Where CEPT admits outdoor antennas."""
 _OF_THE_IMAGE = "/etc/netplan/10-atlantis.yaml"
-_IDENTITY = "/etc/openvpn/client/atlantis.identity"
 ROUTER_MAC = "02:00:5E:00:FF:01"
 """Of the router's port in the LAN, as the emulated computer sees it; no address of a real device."""
 
@@ -84,7 +84,7 @@ def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
     if host.device.vpn_address is None:
         return {}
     own = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
-    return {_IDENTITY: (own, CertificateSpec(subject=own.issuer))}
+    return {IDENTITY: (own, CertificateSpec(subject=own.issuer))}
 
 
 def _access_points(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[WifiEndpoint]:

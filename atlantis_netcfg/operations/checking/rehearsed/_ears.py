@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import shlex
 import time
 from dataclasses import dataclass, replace
@@ -50,7 +49,6 @@ class RehearsedEars:
                 heard(key, answers[key])
         if streams:
             answers.update(await ask_here(streams, heard))
-        await asyncio.sleep(0)
         return answers
 
     def _moved(self, question: Question) -> Listen | None:

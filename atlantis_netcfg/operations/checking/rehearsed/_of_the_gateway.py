@@ -13,6 +13,7 @@ from atlantis_netcfg.twin.computer import (
     OfferSpec,
     RouteSpec,
 )
+from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["FAULTS"]
 
 _STRANGER = "02:00:5E:00:FC:66"
-_IDENTITY = "/etc/openvpn/client/atlantis.identity"
 
 
 def _gateway(change: Callable[[ComputerSpec], dict[str, Any]]) -> Callable[[World], None]:
@@ -77,7 +77,7 @@ def _neighbour(address: str, mac: str) -> Callable[[World], None]:
 
 def _expired(computer: ComputerSpec) -> dict[str, Any]:
     old = CertificateSpec(subject=computer.name, not_after=CertificateSpec(subject="x").not_before)
-    return {"certificates": {**computer.certificates, _IDENTITY: (old, *computer.certificates[_IDENTITY][1:])}}
+    return {"certificates": {**computer.certificates, IDENTITY: (old, *computer.certificates[IDENTITY][1:])}}
 
 
 FAULTS: Mapping[str, Fault] = {
