@@ -5,18 +5,19 @@ could be signed by anybody, while a key that stays can be recognised. Bundles of
 person has accepted its fingerprint.
 
 Signatures are dated `SIGNED_AT`: gpgv(1) refuses a key or a signature from the future, and a board without a battery
-starts years in the past. When a bundle was really made stands in its manifest.
+starts years in the past. When a bundle was really made stands in its manifest. The key is a day older, because gpg
+refuses its own key as well where it is a second younger than the signature, and its faked clock runs while it works.
 """
 
 from __future__ import annotations
 
 import re
-import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.bundle._errors import BundleRefused
 from atlantis_netcfg.bundle.programs import run
 from atlantis_netcfg.journal import write_atomically
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 
 __all__ = ["SIGNED_AT", "Keys", "Signer", "signed_by"]
 
-SIGNED_AT = "20000101T000000"
+_KEY_MADE_AT = "20000101T000000"
+SIGNED_AT = "20000102T000000"
 _NAME = "ATLANTIS bundles"
 _SECRET = "signing-key.asc"  # noqa: S105 - the name of a file
 
@@ -49,7 +51,8 @@ class Keys:
         place = self.folder / _SECRET
         if not place.exists():
             with _home() as home:
-                _gpg(home, "--passphrase", "", "--quick-generate-key", _NAME, "ed25519", "sign", "never")
+                made = ["--passphrase", "", "--quick-generate-key", _NAME, "ed25519", "sign", "never"]
+                _gpg(home, *made, at=_KEY_MADE_AT)
                 write_atomically(place, _gpg(home, "--armor", "--export-secret-keys"))
         secret = place.read_bytes()
         with _home() as home:
@@ -101,11 +104,10 @@ class Signer:
 
 def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
     """The fingerprint of the key that has signed these bytes; None: that is no signature of them by this key."""
-    with tempfile.TemporaryDirectory(prefix="atlantis-") as folder:
-        place = Path(folder)
+    with temporary.folder("gpg") as place:
         for name, content in (("data", data), ("data.asc", signature), ("key.gpg", public)):
             (place / name).write_bytes(content)
-        command = ["gpgv", "--homedir", folder, "--keyring", str(place / "key.gpg"), "--status-fd", "1"]
+        command = ["gpgv", "--homedir", str(place), "--keyring", str(place / "key.gpg"), "--status-fd", "1"]
         done = run([*command, str(place / "data.asc"), str(place / "data")])
     valid = re.search(r"^\[GNUPG:\] VALIDSIG ([0-9A-F]{40}) ", done.stdout.decode(errors="replace"), re.MULTILINE)
     return valid[1] if valid is not None and done.returncode == 0 else None
@@ -114,16 +116,16 @@ def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
 @contextmanager
 def _home() -> Iterator[Path]:
     """A folder for gpg(1), short enough for the socket of its agent, which ends with it."""
-    with tempfile.TemporaryDirectory(prefix="atlantis-gpg-", dir="/tmp") as folder:
+    with temporary.folder("gpg", Path("/tmp")) as folder:  # noqa: S108 - it is private
         try:
-            yield Path(folder)
+            yield folder
         finally:
-            run(["gpgconf", "--homedir", folder, "--kill", "all"])
+            run(["gpgconf", "--homedir", str(folder), "--kill", "all"])
 
 
-def _gpg(home: Path, *arguments: str, stdin: bytes | None = None) -> bytes:
+def _gpg(home: Path, *arguments: str, stdin: bytes | None = None, at: str = SIGNED_AT) -> bytes:
     options = ["--homedir", str(home), "--batch", "--no-tty", "--quiet", "--pinentry-mode", "loopback"]
-    done = run(["gpg", *options, "--faked-system-time", SIGNED_AT, *arguments], stdin=stdin)
+    done = run(["gpg", *options, "--faked-system-time", at, *arguments], stdin=stdin)
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip().splitlines()
         raise BundleRefused(f"gpg has refused: {said[-1] if said else 'without a word'}", hint="gpg --version")

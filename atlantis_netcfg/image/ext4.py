@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.image._errors import ImageRefused
 from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
 
@@ -87,8 +87,8 @@ class Ext4:
         status = self.status(path)
         if status is None or status.kind != "regular":
             return None
-        with tempfile.TemporaryDirectory(prefix="atlantis-", dir=self.image.parent) as scratch:
-            out = Path(scratch) / "file"
+        with temporary.folder("ext4", self.image.parent) as scratch:
+            out = scratch / "file"
             self._ask(f"dump {_safe(path)} {out}")
             return out.read_bytes() if out.exists() else None
 
@@ -104,16 +104,16 @@ class Ext4:
 
     def apply(self, edits: Sequence[Edit]) -> None:
         """Carry out the edits, check the file system, and read each edit back. Raises ImageRefused."""
-        with tempfile.TemporaryDirectory(prefix="atlantis-", dir=self.image.parent) as scratch:
+        with temporary.folder("ext4", self.image.parent) as scratch:
             commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
-            batch = Path(scratch) / "commands"
+            batch = scratch / "commands"
             batch.write_text("".join(f"{line}\n" for line in commands))
             self._run([tool("debugfs", "e2fsprogs"), "-w", "-f", str(batch), self._where])
         self.check()
         for edit in edits:
             self._held(edit)
 
-    def _commands(self, edit: Edit, number: int, scratch: str) -> Iterator[str]:
+    def _commands(self, edit: Edit, number: int, scratch: Path) -> Iterator[str]:
         path = _safe(edit.path)
         there = self.status(path)
         if isinstance(edit, Directory):
@@ -126,8 +126,8 @@ class Ext4:
                 raise ImageRefused(f"the image has a directory at {path}, where a file is expected")
             yield f"rm {path}"
         if isinstance(edit, File):
-            (Path(scratch) / str(number)).write_bytes(edit.content)
-            yield f"write {Path(scratch) / str(number)} {path}"
+            (scratch / str(number)).write_bytes(edit.content)
+            yield f"write {scratch / str(number)} {path}"
             yield from _attributes(path, _KINDS["regular"] | edit.mode, edit.owner)
         elif isinstance(edit, Link):
             yield f"symlink {path} {_safe_target(edit.target)}"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import subprocess
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.image._errors import ImageRefused
 from atlantis_netcfg.image.ext4 import tool
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = ["Fat"]
 
@@ -27,8 +30,8 @@ class Fat:
 
     def write(self, name: str, content: bytes) -> None:
         """Replace a file, and read it back. Raises ImageRefused."""
-        with tempfile.TemporaryDirectory(prefix="atlantis-") as scratch:
-            file = Path(scratch) / name
+        with temporary.folder("fat") as scratch:
+            file = scratch / name
             file.write_bytes(content)
             done = self._run("mcopy", "-o", str(file), f"::{name}")
         if done.returncode or self.read(name) != content:

@@ -1,6 +1,7 @@
 """Takes a yard down when its owner ends, in whatever way that happens; a program of the standard library alone.
 
-    python _keeper.py YARD        waits for the end of its standard input, which the owner holds open
+    python _keeper.py YARD OWNER  waits for the end of its standard input, which the owner holds open, or of the owner:
+                                  a fork of it that lives on would hold the input open, too
 
 Everything of a yard bears its name: network namespaces, control groups, mounts. Taking down what is already gone is no
 error, so that the owner's keeper and the sweep of a later yard may meet.
@@ -11,6 +12,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -143,12 +145,17 @@ def _quietly(*words: str) -> None:
     subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - a program of the system
 
 
-def _keep(yard: str) -> None:
-    sys.stdin.buffer.read()
+def _keep(yard: str, owner: int) -> None:
+    ends = select.poll()
+    ends.register(sys.stdin, select.POLLIN)
+    with suppress(ProcessLookupError):
+        ends.register(os.pidfd_open(owner), select.POLLIN)
+        if os.getppid() == owner:  # else it is dead, and its number another's
+            ends.poll()
     take_down(yard)
 
 
 if __name__ == "__main__":
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    _keep(sys.argv[1])
+    _keep(sys.argv[1], int(sys.argv[2]))

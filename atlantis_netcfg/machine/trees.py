@@ -1,15 +1,24 @@
-"""Unpacked Debian roots that machines are started from: each is built once and never written to again."""
+"""Unpacked Debian roots that machines are started from: each is built once and never written to again.
+
+Each use of one removes the others that an older release of the toolkit was the last to use, and those that nobody has
+used for `KEPT_DAYS` days; never one that a machine stands on.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
 import json
+import os
+import re
 import shlex
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import __version__
 from atlantis_netcfg.machine._errors import MachineFailed
 from atlantis_netcfg.machine._keeper import remove, unmount
 from atlantis_netcfg.machine._programs import asked, program
@@ -18,12 +27,15 @@ from atlantis_netcfg.paths import cache_dir
 if TYPE_CHECKING:
     import subprocess
     from collections.abc import Iterator
-    from pathlib import Path
 
-__all__ = ["TreeSpec", "tree"]
+__all__ = ["KEPT_DAYS", "TreeSpec", "in_use", "tree"]
 
 BASE = ("systemd", "systemd-sysv", "dbus", "udev", "openssh-server", "python3", "iproute2", "sudo")
 """What every machine has: it boots, answers SSH, and Ansible finds a Python."""
+KEPT_DAYS = 30
+"""How long a tree is kept that nobody uses."""
+_DAY_S = 86_400.0
+_MOUNTS = Path("/proc/self/mountinfo")
 _RECIPE = 1
 """Raise it when what a tree holds changes otherwise than by its packages."""
 # A card that `provision image` has written lets nobody in by a password; its keys and its name are its own.
@@ -71,14 +83,71 @@ def tree(spec: TreeSpec, cache: Path | None = None) -> Path:
     with _alone(place / f"{spec.key()}.lock") as lock:
         if not made.is_dir():
             _build(spec, place / f"{spec.key()}.half", made, lock)
+        _note_use(lock)
+    _prune(place, keep=made)
     return made
 
 
 @contextmanager
-def _alone(lock: Path) -> Iterator[int]:
-    with lock.open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        yield held.fileno()
+def in_use(made: Path) -> Iterator[None]:
+    """Say to other processes that machines stand on a tree as long as this block lasts, or its process."""
+    with _locked(made, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_SH):
+        yield
+
+
+@contextmanager
+def _alone(lock: Path, *, wait: bool = True) -> Iterator[int]:
+    """Hold the lock of a tree: while it is built, or removed. Raises BlockingIOError if it is not to be waited for."""
+    with _locked(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB)) as descriptor:
+        yield descriptor
+
+
+@contextmanager
+def _locked(path: Path, flags: int, how: int) -> Iterator[int]:
+    descriptor = os.open(path, flags | os.O_CLOEXEC, 0o644)
+    try:
+        fcntl.flock(descriptor, how)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _note_use(lock: int) -> None:
+    """Note which release has used the tree; when, is the time of the file."""
+    os.truncate(lock, 0)
+    os.pwrite(lock, __version__.encode(), 0)
+
+
+def _prune(place: Path, keep: Path) -> None:
+    """Remove the other trees that are no longer needed; what cannot be removed stays."""
+    for lock in sorted(place.glob("*.lock")):
+        made = lock.with_suffix("")
+        if made == keep or not (_outdated(lock) or lock.with_suffix(".half").exists()):
+            continue
+        with suppress(OSError, MachineFailed), _alone(lock, wait=False):
+            _remove(lock.with_suffix(".half"))
+            if made.is_dir() and _outdated(lock) and not _stood_on(made):
+                made.rename(lock.with_suffix(".half"))
+                _remove(lock.with_suffix(".half"))
+
+
+def _outdated(lock: Path) -> bool:
+    """Whether an older release, or one that did not note it yet, was the last to use a tree, or it was long ago."""
+    unused_s = time.time() - lock.stat().st_mtime
+    return _release(lock.read_text(encoding="utf-8")) < _release(__version__) or unused_s > KEPT_DAYS * _DAY_S
+
+
+def _release(version: str) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", version)]
+
+
+def _stood_on(made: Path) -> bool:
+    """Whether a machine stands on a tree: one of a living process, or a mount that a killed one has left."""
+    try:
+        with _locked(made, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX | fcntl.LOCK_NB):
+            return f"lowerdir={made.resolve()}," in _MOUNTS.read_text(encoding="utf-8")
+    except BlockingIOError:
+        return True
 
 
 def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:

@@ -22,6 +22,7 @@ from atlantis_netcfg.machine._namespaces import BRIDGE, Inside, add_namespace
 from atlantis_netcfg.machine._programs import asked, program
 from atlantis_netcfg.machine.hosts import Machine, MachineSpec
 from atlantis_netcfg.machine.ready import why_not
+from atlantis_netcfg.machine.trees import in_use
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -88,6 +89,7 @@ class Yard:
         spec = MachineSpec(name, tree, IPv4Interface(address), gateway, tuple(keys), disk_mb, interface, spare)
         self.own(f"{gateway}/{spec.address.network.prefixlen}")
         unique = f"{self.name}-m{len(self.machines)}"
+        self._stack.enter_context(in_use(tree))
         made = Machine(
             spec, unique, self.name, self._inside, _keeper.YARDS / self.name / unique, self.folder / f"{name}.log"
         )
@@ -167,7 +169,7 @@ def _kept() -> Iterator[str]:
         fcntl.flock(owner, fcntl.LOCK_EX)
         newborn.rename(_keeper.YARDS / name)
         keeper = subprocess.Popen(  # noqa: S603 - our own interpreter and program
-            (sys.executable, "-I", str(Path(_keeper.__file__)), name),
+            (sys.executable, "-I", str(Path(_keeper.__file__)), name, str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -6,17 +6,17 @@ import gzip
 import hashlib
 import shutil
 import subprocess
-import tempfile
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.machine.standins.packages import StandInFailed, build
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from atlantis_netcfg.machine.standins.packages import StandIn
 
@@ -25,6 +25,10 @@ __all__ = ["Archive", "StandInFailed", "publish", "why_no_archive"]
 _PROGRAMS = ("dpkg-deb", "gpg", "gpgconf")
 _OWNER = "ATLANTIS stand-in archive, not ROS <rehearsal@example.org>"
 _YEAR = timedelta(days=365)
+_TIME = "%Y%m%dT%H%M%S"
+"""As gpg writes a time, which is UTC."""
+_KEY_IS_OLDER = timedelta(hours=1)
+"""How much older the key is than what it signs: gpg refuses a key from the future, be it by a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +60,8 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
 ) -> Archive:
     """Build the packages and sign the archive, all below `folder`. Raises StandInFailed.
 
-    `signed`: when the key was made and the archive was signed, now if left out; `expires`: of the key, a year later if
-    left out; `dated`: what the archive says of its own age.
+    `signed`: when the archive was signed, now if left out; the key is an hour older. `expires`: of the key, a year
+    later if left out; `dated`: what the archive says of its own age.
     """
     if why := why_no_archive():
         raise StandInFailed(f"no archive of stand-ins can be made: {why}", hint="sudo apt-get install dpkg gnupg")
@@ -92,21 +96,30 @@ def _entry(made: Path, package: StandIn) -> str:
     return f"{head}\nFilename: pool/main/{made.name}\nSize: {len(content)}\nSHA256: {digest}\n"
 
 
-def _sign(dist: Path, made: datetime, expires: datetime) -> tuple[bytes, str]:
-    """Make a key that lives from `made` to `expires`, sign with it as if it were then; give it and its fingerprint."""
+def _sign(dist: Path, signed: datetime, expires: datetime) -> tuple[bytes, str]:
+    """Make a key that ends at `expires`, sign with it as if it were `signed`; give it and its fingerprint.
+
+    gpg's frozen clock (`!`) runs after all where it is set to the very second in which gpg starts: a key made at such a
+    time may be a second or more younger than declared. So the key is made as if it were an hour before.
+    """
     # The path of gpg's sockets may have 108 characters: none below a folder of the caller.
-    with tempfile.TemporaryDirectory(prefix="gpg-", dir="/tmp") as home:
-        then = f"--faked-system-time={made.strftime('%Y%m%dT%H%M%S')}!"
-        gpg = ["gpg", "--homedir", home, "--batch", "--quiet", "--passphrase", "", "--pinentry-mode", "loopback", then]
+    with temporary.folder("gpg", Path("/tmp")) as home:  # noqa: S108 - it is private
+        gpg = ["gpg", "--homedir", str(home), "--batch", "--quiet", "--passphrase", "", "--pinentry-mode", "loopback"]
         try:
-            _run(*gpg, "--quick-generate-key", _OWNER, "ed25519", "sign", expires.strftime("%Y%m%dT%H%M%S"))
+            made = _at(signed - _KEY_IS_OLDER)
+            _run(*gpg, made, "--quick-generate-key", _OWNER, "ed25519", "sign", expires.strftime(_TIME))
             inrelease = str(dist / "InRelease")
-            _run(*gpg, "--clearsign", "--output", inrelease, str(dist / "Release"))
-            key = _run(*gpg, "--export")
-            told = _run(*gpg, "--list-keys", "--with-colons").decode()
+            _run(*gpg, _at(signed), "--clearsign", "--output", inrelease, str(dist / "Release"))
+            key = _run(*gpg, _at(signed), "--export")
+            listed = _run(*gpg, _at(signed), "--list-keys", "--with-colons").decode()
         finally:
-            _run("gpgconf", "--homedir", home, "--kill", "all")
-    return key, next(line.split(":")[9] for line in told.splitlines() if line.startswith("fpr:"))
+            _run("gpgconf", "--homedir", str(home), "--kill", "all")
+    return key, next(line.split(":")[9] for line in listed.splitlines() if line.startswith("fpr:"))
+
+
+def _at(moment: datetime) -> str:
+    """Tell gpg what time it is."""
+    return f"--faked-system-time={moment.strftime(_TIME)}!"
 
 
 def _run(*words: str) -> bytes:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import subprocess
-import tempfile
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.machine._errors import MachineFailed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
 __all__ = ["StandIn", "StandInFailed", "build"]
 
@@ -57,8 +57,7 @@ class StandIn:
 def build(package: StandIn, folder: Path) -> Path:
     """Make the .deb in `folder`. Raises StandInFailed."""
     made = folder / package.file
-    with tempfile.TemporaryDirectory(prefix="stand-in-") as scratch:
-        root = Path(scratch)
+    with temporary.folder("stand-in") as root:
         root.chmod(0o755)
         sums = [_put(root, path, text.encode()) for path, text in package.files.items()]
         if package.padding_kb:
@@ -72,7 +71,7 @@ def build(package: StandIn, folder: Path) -> Path:
             script = meta / "postinst"
             script.write_text(f"#!/bin/sh\nset -e\n{package.postinst}\n", encoding="utf-8")
             script.chmod(0o755)
-        words = ["dpkg-deb", "--root-owner-group", "-Zgzip", "--build", scratch, str(made)]
+        words = ["dpkg-deb", "--root-owner-group", "-Zgzip", "--build", str(root), str(made)]
         done = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603 - of the system
     if done.returncode:
         raise StandInFailed(f"the stand-in package {package.name} could not be made: {done.stderr.strip()}")

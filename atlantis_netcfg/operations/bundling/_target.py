@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import gzip
-import os
 import shlex
-import tempfile
 import zlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.bundle import BundleRefused, Target, read_target
 from atlantis_netcfg.bundle.programs import run
 from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
@@ -20,6 +18,7 @@ from atlantis_netcfg.site.model import Gateway, ImageLayout
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
@@ -28,7 +27,6 @@ __all__ = ["from_board", "from_file", "from_image"]
 
 _STATUS = "/var/lib/dpkg/status"
 _ASKED = f"gzip -9c {_STATUS}"
-_PLACE = Path("/var/tmp")  # noqa: S108 - a private directory is made in it; /tmp may be this computer's memory
 
 
 def from_file(path: Path) -> Target:
@@ -48,9 +46,8 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Tar
         raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
     device = host.device
     declared = device.image.layout if isinstance(device, Gateway) and device.image is not None else ImageLayout.PLAIN
-    place = Path(os.environ.get("TMPDIR") or _PLACE)
-    with tempfile.TemporaryDirectory(prefix="atlantis-bundle-", dir=place) as folder:
-        copy = Path(folder) / "image"
+    with temporary.folder("bundle", temporary.roomy()) as folder:
+        copy = folder / "image"
         expand(image, copy, checksum(image), tell)
         root = Ext4(copy, find(copy, LAYOUTS[declared]).root)
         root.recover()

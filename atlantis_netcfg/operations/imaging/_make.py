@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.errors import DeviceFailed, UsageError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.image import (
@@ -33,13 +31,13 @@ from atlantis_netcfg.operations.imaging._wish import layout_of, wish_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Made", "Order", "made"]
 
-_PLACE = Path("/var/tmp")  # noqa: S108 - a private directory is made in it; /tmp may be this computer's memory
 _STAGES = {
     Step.UNPACKING: Stage.OBSERVED,
     Step.CLEARING: Stage.APPLYING,
@@ -96,21 +94,20 @@ class Made:
 
     def into(self, file: Path) -> int:
         """Keep it as a file, which appears whole or not at all; return its size. Raises UsageError."""
-        scratch = file.with_name(f".{file.name}.{os.getpid()}")
         try:
-            with self.expanded.path.open("rb") as copy, scratch.open("xb") as out:
-                for part in segments(self.expanded.path, self.expanded.size):
-                    if part.kind is Kind.DATA:
-                        _copy(copy.fileno(), out.fileno(), part.start, part.size)
-                out.truncate(self.expanded.size)
-                os.fsync(out.fileno())
-            file.hardlink_to(scratch)
+            with temporary.folder("image", file.parent) as scratch:
+                whole = scratch / file.name
+                with self.expanded.path.open("rb") as copy, whole.open("xb") as out:
+                    for part in segments(self.expanded.path, self.expanded.size):
+                        if part.kind is Kind.DATA:
+                            _copy(copy.fileno(), out.fileno(), part.start, part.size)
+                    out.truncate(self.expanded.size)
+                    os.fsync(out.fileno())
+                file.hardlink_to(whole)
         except FileExistsError:
             raise UsageError(f"{file} is there already", hint="name a new file, or remove that one") from None
         except OSError as error:
             raise UsageError(f"{file} cannot be written: {error.strerror}") from error
-        finally:
-            scratch.unlink(missing_ok=True)
         return self.expanded.size
 
     def _tell(self, progress: Progress) -> None:
@@ -120,19 +117,16 @@ class Made:
 @contextmanager
 def made(order: Order, notify: Subscriber) -> Iterator[Made]:
     """Unpack the vendor's image and make it the host's. Raises ImageRefused, Stopped; no card is touched."""
-    place = Path(os.environ.get("TMPDIR") or _PLACE)
+    place = temporary.roomy()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
         raise UsageError(f"no work can be done in {place}", hint="TMPDIR: a directory without blanks in its name")
     name = order.host.name
-    folder = Path(tempfile.mkdtemp(prefix="atlantis-image-", dir=place))
-    try:
+    with temporary.folder("image", place) as folder:
         try:
             ready = _make(order, folder, notify)
         except KeyboardInterrupt as error:
             raise Stopped(f"stopped while the image of {name} was made: no card was touched") from error
         yield ready
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _make(order: Order, folder: Path, notify: Subscriber) -> Made:

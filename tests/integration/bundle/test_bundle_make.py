@@ -69,7 +69,7 @@ def test_its_repository_is_signed_by_the_key_of_the_manifest(laptop: Laptop) -> 
         text=True,
         check=True,
     )
-    assert f"VALIDSIG {manifest.key} 2000-01-01" in checked.stdout
+    assert f"VALIDSIG {manifest.key} 2000-01-02" in checked.stdout
     home = laptop.folder / "home"
     home.mkdir(mode=0o700)
     gpg = ["gpg", "--homedir", str(home), "--batch", "--no-autostart", "--faked-system-time", "20120101T000000"]

@@ -25,12 +25,14 @@ __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 _PATIENCE_S = 60.0
 OWNER = """\
-import sys, time
+import os, sys, time
 from pathlib import Path
 from atlantis_netcfg.machine import yard
 with yard(Path(sys.argv[1])) as ground:
     ground.start("robot", Path(sys.argv[2]), address=sys.argv[3], gateway=sys.argv[4])
-    print(ground.name, flush=True)
+    worker = os.fork() if sys.argv[5:] else None
+    if worker != 0:
+        print(ground.name, worker, flush=True)
     time.sleep(600)
 """
 
@@ -38,8 +40,8 @@ with yard(Path(sys.argv[1])) as ground:
 class Owner:
     """A process that has a yard with a running machine."""
 
-    def __init__(self, folder: Path, tree: Path) -> None:
-        words = (sys.executable, "-c", OWNER, str(folder), str(tree), ADDRESS, ROUTER)
+    def __init__(self, folder: Path, tree: Path, *more: str) -> None:
+        words = (sys.executable, "-c", OWNER, str(folder), str(tree), ADDRESS, ROUTER, *more)
         self.process = subprocess.Popen(
             words,
             stdout=subprocess.PIPE,
@@ -48,8 +50,7 @@ class Owner:
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no thread of ours forks
         )
         assert self.process.stdout is not None
-        self.yard = self.process.stdout.readline().strip()
-        assert self.yard
+        self.yard, self.worker = self.process.stdout.readline().split()
 
     def keeper(self) -> int:
         pid = self.process.pid
@@ -97,6 +98,17 @@ def test_a_block_that_fails(bare: Path, tmp_path: Path) -> None:
 def test_an_owner_that_is_ended(owner: Owner, number: signal.Signals) -> None:
     owner.end(number)
     _await_nothing(owner.yard)
+
+
+def test_a_killed_owner_whose_fork_lives_on(bare: Path, tmp_path: Path) -> None:
+    owner = Owner(tmp_path / "owner", bare, "with a worker")
+    try:
+        owner.end(signal.SIGKILL)
+        _await_nothing(owner.yard)
+        assert Path("/proc", owner.worker).exists()
+    finally:
+        os.kill(int(owner.worker), signal.SIGKILL)
+        owner.process.communicate()
 
 
 def test_an_owner_that_is_killed_with_its_keeper_is_swept_by_the_next_yard(owner: Owner, tmp_path: Path) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import fcntl
 import os
 import threading
+import time
 from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.machine import MachineFailed, TreeSpec, tree
+from atlantis_netcfg import __version__
+from atlantis_netcfg.machine import MachineFailed, TreeSpec, tree, trees
+from atlantis_netcfg.machine.trees import KEPT_DAYS, in_use
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -113,3 +116,87 @@ def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -
 def test_by_default_it_is_kept_in_the_cache_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     assert tree(TreeSpec()).parent == tmp_path / "xdg" / "atlantis" / "trees"
+
+
+OTHER = TreeSpec(packages=("git",))
+
+
+def _last_used(cache: Path, spec: TreeSpec, version: str, days: float = 0.0) -> Path:
+    """Let a tree have been used by that release, so long ago."""
+    lock = cache / f"{spec.key()}.lock"
+    lock.write_text(version)
+    os.utime(lock, (time.time() - days * 86_400,) * 2)
+    return cache / spec.key()
+
+
+@pytest.mark.usefixtures("builds")
+@pytest.mark.parametrize(
+    ("version", "days", "kept"),
+    [
+        (__version__, 0.0, True),
+        (__version__, KEPT_DAYS - 1, True),
+        (__version__, KEPT_DAYS + 1, False),
+        ("0.0.9", 0.0, False),
+        ("", 0.0, False),  # of a release that did not note it
+        ("9.10.0", 0.0, True),
+    ],
+)
+def test_the_tree_of_an_old_release_is_removed(tmp_path: Path, version: str, days: float, kept: bool) -> None:  # noqa: FBT001 - a case
+    made = tree(OTHER, tmp_path)
+    _last_used(tmp_path, OTHER, version, days)
+    tree(TreeSpec(), tmp_path)
+    assert made.is_dir() is kept
+    assert list(tmp_path.glob("*.half")) == []
+
+
+@pytest.mark.usefixtures("builds")
+def test_a_tree_that_is_used_again_is_kept(tmp_path: Path) -> None:
+    made = tree(OTHER, tmp_path)
+    _last_used(tmp_path, OTHER, "0.0.9", KEPT_DAYS + 1)
+    tree(OTHER, tmp_path)
+    tree(TreeSpec(), tmp_path)
+    assert made.is_dir()
+
+
+@pytest.mark.usefixtures("builds")
+def test_an_old_tree_is_kept_as_long_as_a_machine_stands_on_it(tmp_path: Path) -> None:
+    made = tree(OTHER, tmp_path)
+    _last_used(tmp_path, OTHER, "0.0.9")
+    with in_use(made):
+        tree(TreeSpec(), tmp_path)
+        assert made.is_dir()
+    tree(TreeSpec(), tmp_path)
+    assert not made.exists()
+
+
+@pytest.mark.usefixtures("builds")
+def test_an_old_tree_is_kept_while_a_mount_of_a_killed_process_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = tree(OTHER, tmp_path / "cache")
+    _last_used(tmp_path / "cache", OTHER, "0.0.9")
+    (tmp_path / "mounts").write_text(
+        f"1 2 0:3 / /run/x rw - overlay atlantis rw,lowerdir={made},upperdir=/u,workdir=/w\n"
+    )
+    monkeypatch.setattr(trees, "_MOUNTS", tmp_path / "mounts")
+    tree(TreeSpec(), tmp_path / "cache")
+    assert made.is_dir()
+
+
+@pytest.mark.usefixtures("builds")
+def test_an_old_tree_is_kept_while_another_process_is_about_to_use_it(tmp_path: Path) -> None:
+    made = tree(OTHER, tmp_path)
+    lock = _last_used(tmp_path, OTHER, "0.0.9").with_suffix(".lock")
+    with lock.open() as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        tree(TreeSpec(), tmp_path)
+    assert made.is_dir()
+
+
+@pytest.mark.usefixtures("builds")
+def test_what_a_killed_build_of_another_tree_has_left_is_removed(tmp_path: Path) -> None:
+    tree(TreeSpec(), tmp_path)
+    (tmp_path / f"{OTHER.key()}.lock").touch()
+    (tmp_path / f"{OTHER.key()}.half" / "etc").mkdir(parents=True)
+    tree(TreeSpec(), tmp_path)
+    assert list(tmp_path.glob("*.half")) == []

@@ -1,0 +1,139 @@
+"""Temporary folders that have an owner: what a killed process has left, the next one removes.
+
+    with temporary.folder("image", temporary.roomy()) as place:
+        …
+
+Its name begins with `atlantis-` and ends with `.tmp`, and its owner holds a lock (flock(2)) on it as long as it lives.
+The kernel lets go of the lock when the owner ends, whatever ends it, and knows it in every PID namespace. So what bears
+the mark, belongs to this user and is not locked has no owner any more. Likewise a control socket of SSH that nobody
+listens to: Ansible keeps those of its connections in a folder of its own.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import shutil
+import socket
+import stat
+import tempfile
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["folder", "remove_orphans", "roomy"]
+
+_SMALL = Path("/tmp")  # noqa: S108 - private folders are made in it
+_LARGE = Path("/var/tmp")  # noqa: S108 - as above; /tmp may be this computer's memory
+_MARKED = re.compile(r"atlantis-[a-z-]+-[a-z0-9_]{8}\.tmp")
+_CONTROL_SOCKET = re.compile(r"[0-9a-f]{10}")
+"""As Ansible names them; one that ssh(1) is about to open has a longer name."""
+_MOUNTS = Path("/proc/self/mountinfo")
+_OPEN = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+
+
+def roomy() -> Path:
+    """Where images of gigabytes have room: `$TMPDIR`, else /var/tmp."""
+    return Path(os.environ.get("TMPDIR") or _LARGE)
+
+
+@contextmanager
+def folder(purpose: str, place: Path | None = None) -> Iterator[Path]:
+    """Make a private folder that ends with the context, or after its owner; orphans of others are removed first.
+
+    `place`: where, the usual one (`$TMPDIR`, /tmp) if left out.
+    """
+    where = place or Path(tempfile.gettempdir())
+    remove_orphans(where)
+    path, lock = _locked(f"atlantis-{purpose}-", where)
+    owner = os.getpid()
+    try:
+        yield path
+    finally:
+        if os.getpid() == owner:  # and not a fork of it, which unwinds the same stack
+            shutil.rmtree(path, ignore_errors=True)
+        os.close(lock)
+
+
+def remove_orphans(*places: Path) -> tuple[Path, ...]:
+    """Remove what processes of this user have left that are dead; gives what was removed.
+
+    Looked through are the usual places and those of the caller, not the folders below them. A place that cannot be
+    read, and a thing that cannot be removed, is left as it is: nobody's work fails because of another's leftovers.
+    """
+    every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir()), *places))
+    folders = [path for place in every for path in _named(_MARKED, place) if _remove_orphan(path)]
+    sockets = [path for path in _named(_CONTROL_SOCKET, _control_sockets()) if _remove_dead(path)]
+    return (*folders, *sockets)
+
+
+def _locked(prefix: str, where: Path) -> tuple[Path, int]:
+    """Make and lock it. Somebody who looks for orphans may come in between and take it for one: then once more."""
+    while True:
+        path = Path(tempfile.mkdtemp(".tmp", prefix, where))
+        with suppress(FileNotFoundError):
+            lock = os.open(path, _OPEN)
+            with suppress(OSError):  # a file system without locks: nobody can take it for an orphan
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if _is_there(path, lock):
+                return path, lock
+            os.close(lock)
+
+
+def _is_there(path: Path, descriptor: int) -> bool:
+    """Whether what is open is still what stands at the path."""
+    try:
+        return os.path.samestat(path.lstat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+def _named(pattern: re.Pattern[str], place: Path) -> list[Path]:
+    with suppress(OSError), os.scandir(place) as entries:
+        return [Path(entry.path) for entry in entries if pattern.fullmatch(entry.name)]
+    return []
+
+
+def _control_sockets() -> Path:
+    usual = Path(os.environ.get("HOME", "/"), ".ansible", "cp")
+    return Path(os.environ.get("ANSIBLE_SSH_CONTROL_PATH_DIR") or usual)
+
+
+def _remove_dead(path: Path) -> bool:
+    """Remove a socket of this user that nobody listens to; gives whether it is gone."""
+    with suppress(OSError):
+        status = path.lstat()
+        if stat.S_ISSOCK(status.st_mode) and status.st_uid == os.geteuid():
+            with socket.socket(socket.AF_UNIX) as caller:
+                caller.setblocking(False)
+                try:
+                    caller.connect(str(path))
+                except ConnectionRefusedError:
+                    path.unlink()
+                    return True
+    return False
+
+
+def _remove_orphan(path: Path) -> bool:
+    """Remove a folder of this user that nobody has locked; gives whether it is gone."""
+    with suppress(OSError):
+        lock = os.open(path, _OPEN)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(lock).st_uid == os.geteuid() and _is_there(path, lock) and not _mounted_below(path):
+                shutil.rmtree(path, ignore_errors=True)
+                return not path.exists()
+        finally:
+            os.close(lock)
+    return False
+
+
+def _mounted_below(path: Path) -> bool:
+    """Whether something is mounted in it, which would be deleted with it."""
+    place = str(path.resolve()).replace(" ", r"\040")
+    points = (line.split()[4] for line in _MOUNTS.read_text(encoding="utf-8").splitlines())
+    return any(point == place or point.startswith(f"{place}/") for point in points)
