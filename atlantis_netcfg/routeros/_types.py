@@ -75,6 +75,8 @@ class Observed:
     """What its ports had carried before and after the reading, where that was asked and cost no round trip."""
     modem: Row | None = field(default=None, compare=False)
     """What the modem says of its SIM, where a text declares one."""
+    jobs: tuple[Row, ...] = field(default=(), compare=False)
+    """Jobs of ours that its scheduler had armed."""
 
 
 class Verb(StrEnum):

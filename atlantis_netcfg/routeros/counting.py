@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.routeros._types import PortCounts
-from atlantis_netcfg.routeros.api import WINDOW, Command
+from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,12 +28,14 @@ def counting(ports: Sequence[str]) -> Command:
     return Command("/interface/print", ((".proplist", "name,rx-byte,tx-byte"),), (f"?name={first}", *either))
 
 
-def looks(ports: Sequence[str], beside: int) -> tuple[list[Command], list[Command]]:
+def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[Command], list[Command]]:
     """What to send before and behind `beside` other sentences: only as much as their round trips have room for.
+
+    `window`: sentences in flight at once.
 
     With room for one look it is the later one, which is what a month is counted by.
     """
-    room = -beside % WINDOW
+    room = -beside % window
     if not ports or not room:
         return [], []
     look = counting(ports)

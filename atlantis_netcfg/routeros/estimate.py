@@ -1,8 +1,8 @@
 """What a run would cost on the bearer in use: a model of what the executor sends, with real sizes where they are known.
 
-A run that changes nothing logs in and reads. One that changes something also saves the export, takes safe mode, sends
-one script for each piece that safe mode can remember, reads everything again in a new session, and releases.
-Bytes are those above TLS, as a run reports them; seconds count what TLS and TCP add.
+A run that changes nothing logs in and reads. One that changes something also takes safe mode, saves the export, sends
+one script for each piece that safe mode can remember, reads back in a new session, and releases.
+Round trips and bytes are those that a run reports: TCP's payload, handshakes and TLS included.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.routeros._types import Layer, Verb
-from atlantis_netcfg.routeros.api import WINDOW
+from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.observe import LEAVES
+from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
 
 __all__ = ["Bearer", "Estimate", "beforehand", "estimate", "on_the_wire"]
 
-BATCH: Final = WINDOW
-"""Sentences that share a round trip."""
-PREFLIGHT: Final = 5
+PREFLIGHT: Final = 6
 """Sentences that ask about the device itself."""
 AGAIN: Final = 2
 """So many of them are asked when a run reads it a second time."""
@@ -36,13 +36,17 @@ BUDGET: Final = 80
 SCRIPT: Final = 60_000
 """Bytes of one script at most."""
 HANDSHAKE_TRIPS: Final = 3
-"""Round trips before the login, which are not counted as such: TCP one, TLS 1.2 two."""
-CHECKPOINT_TRIPS: Final = 3
-"""A look at safe mode, releasing it and taking it again; a login, which proves the way in, comes to it."""
-OVERHEAD: Final = 1.15
-"""Bytes on the wire for one byte above TLS: records, TCP and IP headers, acknowledgements."""
-HANDSHAKE_BYTES: Final = 4_000
-"""Certificate and keys of one session, both directions."""
+"""Round trips before the login: TCP one, TLS 1.2 two."""
+CHECKPOINT_TRIPS: Final = 2
+"""Releasing safe mode and taking it again; a session, which proves the way in, comes to it."""
+RECORD_BYTES: Final = 29
+"""What TLS 1.2 adds to a record; a device sends about one for each answer."""
+HANDSHAKE_BYTES: Final = 1_800
+"""Certificate and keys of one session, both directions: less with a key on an elliptic curve, more with RSA."""
+HEADERS: Final = 0.12
+"""Bytes that come to one byte of TCP's payload: TCP and IP headers, acknowledgements."""
+CONNECTION_BYTES: Final = 600
+"""Packets without payload that open and close a connection."""
 EXECUTE_S: Final = 0.01
 """A device's time for one action of a script."""
 READ_S: Final = 0.05
@@ -52,7 +56,13 @@ TAG_BYTES: Final = 9
 """`.tag=` and a number, in a sentence and in every answer."""
 DONE_BYTES: Final = 16
 """`!done` with its tag."""
-PREFLIGHT_UP: Final = 300
+LATER_UP: Final = 400
+LATER_DOWN: Final = 1_900
+"""Users, groups, certificates and device-mode, which are read where something is to change."""
+COUNT_UP: Final = 45
+COUNT_DOWN: Final = 25
+"""The question for the number of a menu's rows, and its answer."""
+PREFLIGHT_UP: Final = 400
 PREFLIGHT_DOWN: Final = 1_500
 """What the device says of itself; `/system/device-mode` is the longest."""
 EXPORT_HEAD: Final = 200
@@ -95,7 +105,7 @@ class Estimate:
 
     @property
     def bytes(self) -> int:
-        """Both directions together, above TLS, as a run reports them."""
+        """Both directions together, as a run reports them."""
         return self.bytes_up + self.bytes_down
 
     @property
@@ -104,9 +114,9 @@ class Estimate:
         return on_the_wire(self.bytes, self.sessions)
 
 
-def on_the_wire(above_tls: int, sessions: int) -> int:
-    """What bytes above TLS in so many sessions are on the wire: handshakes, records, TCP and IP headers."""
-    return ceil(above_tls * OVERHEAD) + sessions * HANDSHAKE_BYTES
+def on_the_wire(payload: int, sessions: int) -> int:
+    """What the payload of TCP in so many sessions comes to as packets: with the headers of TCP and IP."""
+    return payload + ceil(payload * HEADERS) + sessions * CONNECTION_BYTES
 
 
 @dataclass(slots=True)
@@ -127,20 +137,38 @@ class _Tally:
 
     def log_in(self) -> None:
         self.sessions += 1
-        self.spend(up=LOGIN_BYTES, down=TAG_BYTES)
+        self.spend(trips=HANDSHAKE_TRIPS, up=HANDSHAKE_BYTES // 3, down=HANDSHAKE_BYTES * 2 // 3)
+        self.spend(up=LOGIN_BYTES + RECORD_BYTES, down=TAG_BYTES + RECORD_BYTES)
 
 
 def _read(
     tally: _Tally, menus: Sequence[str], rows: Mapping[str, Sequence[Row]] | None, preflight: int = PREFLIGHT
 ) -> None:
     """Ask for the device itself and for every menu."""
-    batches = ceil((preflight + len(menus)) / BATCH)
+    # A modem is asked beside it, which is more than reading.
+    batches = ceil((preflight + len(menus)) / (WINDOW if LTE in menus else READING_WINDOW))
     answered = TYPICAL_ROWS if rows is None else sum(_answer(row) for each in rows.values() for row in each)
     tally.spend(
         trips=batches,
         up=PREFLIGHT_UP + sum(map(_question, menus)),
-        down=PREFLIGHT_DOWN + answered + len(menus) * DONE_BYTES,
+        down=PREFLIGHT_DOWN + answered + len(menus) * (DONE_BYTES + RECORD_BYTES),
         device_s=batches * READ_S,
+    )
+
+
+def _read_back(
+    tally: _Tally, menus: Sequence[str], touched: Collection[str], rows: Mapping[str, Sequence[Row]] | None
+) -> None:
+    """Read everything again, or what was touched and the counts of the rest."""
+    if rows is None or not LEAVES.issuperset(touched):
+        _read(tally, menus, rows, AGAIN)
+        return
+    answered = sum(_answer(row) for path in touched for row in rows.get(path, ()))
+    counted = len(menus) - len(touched)
+    tally.spend(
+        up=sum(map(_question, touched)) + counted * COUNT_UP,
+        down=answered + counted * (COUNT_DOWN + RECORD_BYTES),
+        device_s=READ_S,
     )
 
 
@@ -180,7 +208,7 @@ def beforehand(bearer: Bearer, *, writes: bool = False, exports: bool = False) -
             tally.spend(trips=1 + CHECKPOINT_TRIPS, up=180, down=180)
         tally.log_in()
         _read(tally, TYPICAL_MENUS, None, AGAIN)
-        tally.spend(trips=2, up=120, down=120)
+        tally.spend(trips=2, up=120 + LATER_UP, down=120 + LATER_DOWN)
     return _told(tally, bearer)
 
 
@@ -190,11 +218,12 @@ def _told(tally: _Tally, bearer: Bearer) -> Estimate:
 
 def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
     """Save, take safe mode, write, read anew, release."""
+    tally.spend(up=LATER_UP, down=LATER_DOWN)
     tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
     stages = _stages(plan)
     if stages.before:
         _script(tally, stages.before)
-    tally.spend(up=60, down=60)  # safe mode is taken
+        tally.spend(up=60, down=60)  # safe mode is taken, which else goes beside what is read later
     for number, piece in enumerate(stages.pieces):
         if number:
             tally.log_in()
@@ -203,7 +232,8 @@ def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[s
     if stages.behind:
         _script(tally, stages.behind)
     tally.log_in()
-    _read(tally, menus, simulate(observed.rows, plan) if observed is not None else None, AGAIN)
+    touched = {action.menu for action in plan.actions}
+    _read_back(tally, menus, touched, simulate(observed.rows, plan) if observed is not None else None)
     tally.spend(up=60, down=60)
 
 
@@ -218,7 +248,8 @@ class _Stages:
     @property
     def trips(self) -> int:
         """What they cost beyond one script."""
-        return 2 * bool(self.before) + bool(self.behind) + (1 + CHECKPOINT_TRIPS) * max(0, len(self.pieces) - 1)
+        checkpoints = max(0, len(self.pieces) - 1)
+        return 2 * bool(self.before) + bool(self.behind) + (HANDSHAKE_TRIPS + 2 + CHECKPOINT_TRIPS) * checkpoints
 
 
 def _stages(plan: Plan) -> _Stages:
@@ -292,8 +323,6 @@ def _word(text: str) -> int:
 
 
 def _seconds(tally: _Tally, bearer: Bearer) -> float:
-    trips = tally.round_trips + tally.sessions * HANDSHAKE_TRIPS
-    handshakes = tally.sessions * HANDSHAKE_BYTES / 2
-    up = (tally.up * OVERHEAD + handshakes) * 8 / bearer.rate_up_bps
-    down = (tally.down * OVERHEAD + handshakes) * 8 / bearer.rate_down_bps
-    return trips * bearer.rtt_s + up + down + tally.device_s
+    up = tally.up * (1 + HEADERS) * 8 / bearer.rate_up_bps
+    down = tally.down * (1 + HEADERS) * 8 / bearer.rate_down_bps
+    return tally.round_trips * bearer.rtt_s + up + down + tally.device_s

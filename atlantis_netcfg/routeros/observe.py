@@ -1,29 +1,42 @@
 """Reading a device in one go: what it is, who we are on it, the rows of every menu that matters. Nothing is changed.
 
-All commands go out in batches of `api.WINDOW`, each batch in one round trip. A menu that the device lacks answers
+All commands go out in batches of `Endpoint.window`, each batch in one round trip. A menu that the device lacks answers
 `no such command`: what needs it is then refused in words.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Facts, Observed, Row
-from atlantis_netcfg.routeros.api import Command, Reply
+from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.counting import looks, read_counts
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID
+from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["LATER", "MenuMissing", "completed", "merged", "modem_row", "observe", "printing"]
+__all__ = [
+    "LATER",
+    "LEAVES",
+    "MenuMissing",
+    "completed",
+    "counting_rows",
+    "merged",
+    "modem_row",
+    "number_of_rows",
+    "observe",
+    "printing",
+    "read_back",
+]
 
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
 _SAFE_MODE = Command("/safe-mode/print")
@@ -33,6 +46,21 @@ _HISTORY = Command("/system/history/print", (("count-only", ""),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
 LATER = ("/certificate", _USER, _GROUP)
 """Menus that matter once something is to change: whether it may be changed, and by us."""
+LEAVES: Final = frozenset(
+    {
+        "/ip/dhcp-server/lease",
+        "/ip/dns/static",
+        "/ip/firewall/address-list",
+        "/ip/firewall/filter",
+        "/ip/firewall/mangle",
+        "/ip/firewall/nat",
+        "/ip/firewall/raw",
+        "/routing/rule",
+        "/system/logging",
+        "/tool/netwatch",
+    }
+)
+"""Menus of which a row may come, go or change and no row of another menu changes with it."""
 _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
 
@@ -49,11 +77,12 @@ class _Preflight:
     safe_mode: Reply
     active: Reply
     history: Reply
+    jobs: Reply
     device_mode: Reply = field(default_factory=Reply)
 
 
 # Last, so that who holds safe mode is the latest that is known.
-_PREFLIGHT = (_RESOURCE, _SAFE_MODE, _ACTIVE, _HISTORY, _DEVICE_MODE)
+_PREFLIGHT = (_RESOURCE, _SAFE_MODE, _ACTIVE, _HISTORY, ARMED, _DEVICE_MODE)
 _AGAIN = 2
 """So many of them are asked of a device that is known already: what it runs, and who holds safe mode."""
 
@@ -81,7 +110,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     commands = [*map(printing, menus), *about]
     modem = [MONITOR] if LTE in needed else []
     commands = [*modem, *commands]
-    first, last = looks(counted, len(commands))
+    first, last = looks(counted, len(commands), WINDOW if modem else endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
@@ -105,17 +134,61 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         facts = replace(
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
-    return Observed(facts, found, tuple(each for each in counts if each is not None), *map(modem_row, told))
+    found_counts = tuple(each for each in counts if each is not None)
+    modem_now = modem_row(told[0]) if told else None
+    return Observed(facts, found, found_counts, modem_now, seen.jobs.checked().rows)
 
 
-async def completed(session: Channel, endpoint: Endpoint, observed: Observed) -> Observed:
-    """Return the observation with what is read LATER, and device-mode; menus that are there are not asked again."""
+async def read_back(
+    session: Channel, endpoint: Endpoint, seen: Observed, touched: Collection[str], counted: Sequence[str] = ()
+) -> Observed:
+    """Read the device after a change of menus that nothing else follows (`LEAVES`): these in full, counts of the rest.
+
+    A menu that has another number of rows than in `seen` is read, too. Given up, against reading everything again: what
+    somebody else has set meanwhile in a menu that this run did not touch, without adding or removing a row, is found by
+    the next run. Settings have no rows to count, and are taken as `seen`. Raises Refused, SessionLost.
+    """
+    others = [path for path in seen.rows if path not in touched and MENUS[path].shape is not Shape.SINGLETON]
+    commands = [*map(printing, touched), *map(counting_rows, others), _RESOURCE, _SAFE_MODE]
+    first, last = looks(counted, len(commands), endpoint.window)
+    replies = await session.flight([*first, *commands, *last])
+    counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
+    replies = replies[len(first) : len(first) + len(commands)]
+    *numbers, resource, holder = replies[len(touched) :]
+    moved = [path for path, reply in zip(others, numbers, strict=True) if number_of_rows(reply) != len(seen.rows[path])]
+    found = merged(seen, list(touched), replies[: len(touched)])
+    if moved:
+        found = merged(found, moved, await session.flight([*map(printing, moved)]))
+    facts = replace(seen.facts, version=_version(resource.checked()), safe_mode_owner=_owner(holder))
+    counts = (read_counts(reply, resource) for reply in counters)
+    return Observed(facts, found.rows, tuple(each for each in counts if each is not None), seen.modem)
+
+
+def counting_rows(path: str) -> Command:
+    """Return the command that counts the rows of a menu."""
+    return Command(f"{path}/print", (("count-only", ""),))
+
+
+def number_of_rows(reply: Reply) -> int | None:
+    """Read the answer to `counting_rows`; None if the device has not counted."""
+    return int(reply.ret) if reply.trap is None and reply.ret is not None and reply.ret.isdecimal() else None
+
+
+async def completed(
+    session: Channel, endpoint: Endpoint, observed: Observed, beside: Sequence[Command] = ()
+) -> tuple[Observed, list[Reply]]:
+    """Return the observation with what is read LATER, and device-mode; menus that are there are not asked again.
+
+    `beside` goes in the same round trip; its answers come second.
+    """
     menus = [path for path in LATER if path not in observed.rows]
-    *replies, device_mode = await session.flight([*map(printing, menus), _DEVICE_MODE])
+    replies = await session.flight([*map(printing, menus), _DEVICE_MODE, *beside])
+    replies, answers = replies[: len(menus) + 1], replies[len(menus) + 1 :]
+    *replies, device_mode = replies
     fresh = {path: _rows(reply, needed=False) for path, reply in zip(menus, replies, strict=True)}
     rows = {**observed.rows, **{path: there for path, there in fresh.items() if there is not None}}
     facts = replace(observed.facts, policies=_policies(endpoint.user, rows), device_mode=_first(device_mode))
-    return replace(observed, facts=facts, rows=rows)
+    return replace(observed, facts=facts, rows=rows), answers
 
 
 def modem_row(reply: Reply) -> Row | None:
@@ -164,8 +237,6 @@ def _facts(
     seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]], *, asked: bool
 ) -> Facts:
     resource = _first(seen.resource)
-    holder = _first(seen.safe_mode)
-    taken = holder.get("enabled") in ("true", "yes")
     return Facts(
         identity=_first_of(rows.get(_IDENTITY, ())).get("name", ""),
         version=version,
@@ -175,10 +246,16 @@ def _facts(
         packages=(),
         policies=_policies(endpoint.user, rows) if asked else None,
         has_safe_mode=seen.safe_mode.trap is None,
-        safe_mode_owner=(holder.get("owner") or holder.get("user") or "somebody") if taken else None,
+        safe_mode_owner=_owner(seen.safe_mode),
         session_address=_session_address(seen.active, endpoint),
         history=_count(seen.history),
     )
+
+
+def _owner(safe_mode: Reply) -> str | None:
+    """Return who holds safe mode, or None."""
+    row = _first(safe_mode)
+    return (row.get("owner") or row.get("user") or "somebody") if row.get("enabled") in ("true", "yes") else None
 
 
 def _first(reply: Reply) -> Row:

@@ -1,9 +1,9 @@
 """The wire to a RouterOS device: one asyncio session over api-ssl with a pinned certificate.
 
-The protocol layer of librouteros (lengths of words) under a tagged multiplexer of ours: up to WINDOW commands travel in
-one write and cost one round trip, which is what counts on a link of 700 ms. Added to librouteros: tags, TLS with a pin
+The protocol layer of librouteros (lengths of words) under a tagged multiplexer of ours: a window of commands travels in
+one write and costs one round trip, which is what counts on a link of 700 ms. Added to librouteros: tags, TLS with a pin
 that is checked before the login is sent, five-byte lengths, strings kept as the device has them (nothing is cast, no
-byte dropped), time-outs by silence, limits on memory, counters of traffic.
+byte dropped), time-outs by silence, limits on memory, counters of what the wire carries.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from atlantis_netcfg.routeros.api._errors import (
     CertificateChanged,
     CertificateUnknown,
+    FellSilent,
     LoginRefused,
     ProtocolError,
     Refused,
@@ -18,14 +19,16 @@ from atlantis_netcfg.routeros.api._errors import (
     Unreachable,
 )
 from atlantis_netcfg.routeros.api._session import WINDOW, Session
-from atlantis_netcfg.routeros.api._values import Command, Endpoint, Reply, Traffic, Trap
+from atlantis_netcfg.routeros.api._values import READING_WINDOW, Command, Endpoint, Reply, Traffic, Trap
 
 __all__ = [
+    "READING_WINDOW",
     "WINDOW",
     "CertificateChanged",
     "CertificateUnknown",
     "Command",
     "Endpoint",
+    "FellSilent",
     "LoginRefused",
     "ProtocolError",
     "Refused",

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CertificateChanged",
     "CertificateUnknown",
+    "FellSilent",
     "LoginRefused",
     "ProtocolError",
     "Refused",
@@ -60,6 +61,10 @@ class SessionLost(DeviceFailed):
     def __init__(self, message: str, *, in_flight: bool, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
         self.in_flight = in_flight
+
+
+class FellSilent(SessionLost):
+    """The device owes an answer, and was waited for as long as was agreed; the session was dropped."""
 
 
 class ProtocolError(SessionLost):

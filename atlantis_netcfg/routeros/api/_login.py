@@ -30,8 +30,9 @@ async def log_in(wire: Wire, endpoint: Endpoint) -> None:
 
 async def _ask(wire: Wire, endpoint: Endpoint, proof: tuple[str, str]) -> Reply:
     command = Command("/login", (("name", endpoint.user), proof))
+    patience_s = min(endpoint.connect_timeout_s, endpoint.reply_timeout_s)
     try:
-        (reply,) = await wire.exchange([command], endpoint.reply_timeout_s)
+        (reply,) = await wire.exchange([command], patience_s)
     except SessionLost as lost:
         raise type(lost)(f"{lost} (during the login of `{endpoint.user}`)", in_flight=False) from None
     if reply.trap is not None:

@@ -7,9 +7,9 @@ import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.routeros.api._errors import Unreachable
+from atlantis_netcfg.routeros.api._errors import FellSilent, Unreachable
 from atlantis_netcfg.routeros.api._login import log_in
-from atlantis_netcfg.routeros.api._tls import check_pin, client_context, fingerprint_of
+from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, fingerprint_of
 from atlantis_netcfg.routeros.api._values import Traffic
 from atlantis_netcfg.routeros.api._wire import Wire
 
@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["WINDOW", "Session"]
 
 WINDOW: Final = 24
-"""Commands in flight at once. A 7.22.1 CHR hung at 25 and more `/console/inspect` on one connection
+"""Commands in flight at once, unless all of them read (`print`): for those `Endpoint.window` holds.
+
+A 7.22.1 CHR hung at 25 and more `/console/inspect` on one connection
 (https://github.com/tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), a 7.23.2 CHR answered more than a hundred
 short commands at once (https://github.com/danikf/tik4net, Docs/findings-router-throughput-ceiling.md); the manual names
-no limit. Not tried on hardware. A site's router is read in two windows."""
+no limit. Not tried on hardware: so a session that falls silent in the larger window is repeated in this one."""
 
 _CLOSE_S: Final = 3.0
 
@@ -39,6 +41,9 @@ class Session:
         self.traffic = wire.traffic
         self._wire = wire
         self._turn = asyncio.Lock()
+        self._window = endpoint.window
+        self._only_read = True
+        """Nothing but reading was sent: another session in its place is as good."""
 
     @classmethod
     async def open(cls, endpoint: Endpoint) -> Self:
@@ -46,15 +51,7 @@ class Session:
 
         Raises Unreachable, CertificateUnknown, CertificateChanged, LoginRefused, SessionLost, ProtocolError.
         """
-        wire = await _connect(endpoint)
-        try:
-            seen = fingerprint_of(endpoint, wire.transport)
-            check_pin(endpoint, seen)
-            await log_in(wire, endpoint)
-        except BaseException:
-            wire.abort()
-            await wire.closed.wait()
-            raise
+        wire, seen = await _logged_in(endpoint, Traffic())
         return cls(endpoint, wire, seen)
 
     async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
@@ -63,22 +60,45 @@ class Session:
         return reply
 
     async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
-        """Send commands in batches of WINDOW, each batch in one write and one round trip; replies stand in their order.
+        """Send commands in batches of WINDOW, or of `Endpoint.window` where all of them read; replies in their order.
 
-        In which order the device executes the commands of a batch is not documented. A refused command does not stop
-        the others: see `Reply.checked`. `silence_s` replaces the endpoint's `reply_timeout_s` for commands that work
-        silently. Raises SessionLost or ProtocolError; the session is then over.
+        Each batch is one write and one round trip. In which order the device executes the commands of a batch is not
+        documented. A refused command does not stop the others: see `Reply.checked`. `silence_s` replaces the endpoint's
+        `reply_timeout_s` for commands that work silently.
+
+        If the device falls silent in a window larger than WINDOW, and this session has done nothing but read, it is
+        opened anew and everything is read again in WINDOW; that this went well is told to `Endpoint.narrowed`. A link
+        that was lost at that moment looks the same, and costs a round trip from then on, nothing else.
+        Raises SessionLost or ProtocolError; the session is then over.
         """
         patience_s = self.endpoint.reply_timeout_s if silence_s is None else silence_s
-        replies: list[Reply] = []
+        reading = all(map(_reads, commands))
+        self._only_read = self._only_read and reading
         async with self._turn:
-            for start in range(0, len(commands), WINDOW):
-                replies += await self._wire.exchange(commands[start : start + WINDOW], patience_s)
+            try:
+                return await self._batches(commands, self._window if reading else WINDOW, patience_s)
+            except FellSilent:
+                if not self._only_read or min(len(commands), self._window) <= WINDOW:
+                    raise
+            self._window = WINDOW
+            await self._wire.closed.wait()
+            self._wire, _ = await _logged_in(self.endpoint, self.traffic)
+            replies = await self._batches(commands, WINDOW, patience_s)
+            self.endpoint.narrowed()
+            return replies
+
+    async def _batches(self, commands: Sequence[Command], window: int, patience_s: float) -> list[Reply]:
+        replies: list[Reply] = []
+        for start in range(0, len(commands), window):
+            replies += await self._wire.exchange(commands[start : start + window], patience_s)
         return replies
 
-    async def close(self) -> None:
-        """Close the connection; the device undoes safe mode if this session holds it. Never raises, may be repeated."""
-        self._wire.close()
+    async def close(self, *, wait: bool = True) -> None:
+        """Close the connection; the device undoes safe mode if this session holds it. Never raises, may be repeated.
+
+        With `wait` the device has said that the session is over; without, it learns it half a round trip later.
+        """
+        self._wire.close(wait=wait)
         try:
             async with asyncio.timeout(_CLOSE_S):
                 await self._wire.closed.wait()
@@ -95,19 +115,32 @@ class Session:
         await self.close()
 
 
-async def _connect(endpoint: Endpoint) -> Wire:
-    loop = asyncio.get_running_loop()
+def _reads(command: Command) -> bool:
+    return command.path.rpartition("/")[2] == "print"
+
+
+async def _logged_in(endpoint: Endpoint, traffic: Traffic) -> tuple[Wire, str]:
+    """Open a session; its wire, and the certificate that the device has shown."""
+    wire = await _connect(endpoint, traffic)
+    try:
+        seen = fingerprint_of(endpoint, wire.transport)
+        check_pin(endpoint, seen)
+        await log_in(wire, endpoint)
+    except BaseException:
+        wire.abort()
+        await wire.closed.wait()
+        raise
+    return wire, seen
+
+
+async def _connect(endpoint: Endpoint, traffic: Traffic) -> Wire:
+    wire = Wire(str(endpoint), traffic)
     try:
         async with asyncio.timeout(endpoint.connect_timeout_s):
-            _, wire = await loop.create_connection(
-                lambda: Wire(str(endpoint), Traffic()),
-                endpoint.host,
-                endpoint.port,
-                ssl=client_context(),
-                server_hostname=endpoint.host,
-                ssl_handshake_timeout=endpoint.connect_timeout_s,
-                ssl_shutdown_timeout=_CLOSE_S,
+            _, tls = await asyncio.get_running_loop().create_connection(
+                lambda: TlsTransport(wire, endpoint.host, traffic), endpoint.host, endpoint.port
             )
+            await _established(tls)
     except TimeoutError:
         raise Unreachable(
             f"{endpoint} did not answer within {endpoint.connect_timeout_s:g} s",
@@ -124,6 +157,16 @@ async def _connect(endpoint: Endpoint) -> Wire:
             hint="check cable and address; on the device:  /ip service print where name=api-ssl",
         ) from None
     return wire
+
+
+async def _established(tls: TlsTransport) -> None:
+    """Wait for the end of the handshake. Raises ssl.SSLError, OSError."""
+    try:
+        await tls.established
+    except BaseException:
+        tls.abort()
+        await tls.lost.wait()
+        raise
 
 
 def _why(error: Exception) -> str:

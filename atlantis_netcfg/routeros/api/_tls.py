@@ -1,20 +1,152 @@
-"""TLS to a device whose certificate is self-signed: trust is the pinned fingerprint, never a chain."""
+"""TLS to a device whose certificate is self-signed: trust is the pinned fingerprint, never a chain.
+
+Not asyncio's own TLS: that neither counts what the wire carries nor leaves without the peer's close_notify.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import socket
 import ssl
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, cast
 
 from atlantis_netcfg.routeros.api._errors import CertificateChanged, CertificateUnknown, Unreachable
 
 if TYPE_CHECKING:
-    import asyncio
+    from atlantis_netcfg.routeros.api._values import Endpoint, Traffic
 
-    from atlantis_netcfg.routeros.api._values import Endpoint
+__all__ = ["TlsTransport", "check_pin", "client_context", "fingerprint_of", "keep_alive"]
 
-__all__ = ["check_pin", "client_context", "fingerprint_of", "keep_alive"]
+_PIECE = 65_536
+
+
+class TlsTransport(asyncio.Transport, asyncio.Protocol):
+    """The protocol of a TCP connection and the transport of what runs over TLS in it; counts what the wire carries.
+
+    `established` is set once the handshake is done; it raises ssl.SSLError or OSError if there is none.
+    """
+
+    def __init__(self, inner: asyncio.Protocol, host: str, traffic: Traffic) -> None:
+        super().__init__()
+        self.established = asyncio.get_running_loop().create_future()
+        self.lost = asyncio.Event()
+        self._inner = inner
+        self._traffic = traffic
+        self._in, self._out = ssl.MemoryBIO(), ssl.MemoryBIO()
+        self._tls = client_context().wrap_bio(self._in, self._out, server_hostname=host)
+        self._raw: asyncio.Transport | None = None
+        self._failure: Exception | None = None
+        self._unanswered = False
+        """We have said something since the device was last heard."""
+
+    # What asyncio reports of the TCP connection.
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The TCP connection is there, which took a round trip."""
+        self._raw = cast("asyncio.Transport", transport)
+        keep_alive(transport)
+        self._traffic.round_trips += 1
+        self._shake_hands()
+
+    def data_received(self, data: bytes) -> None:
+        """Decrypt, or go on with the handshake."""
+        self._traffic.received += len(data)
+        if self._unanswered:
+            self._unanswered = False
+            self._traffic.round_trips += 1
+        self._in.write(data)
+        if not self.established.done():
+            self._shake_hands()
+        if self.established.done() and self._failure is None:
+            self._read()
+
+    def eof_received(self) -> None:
+        """The device has closed; asyncio then closes our side, too."""
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The TCP connection is gone."""
+        failure = self._failure or exc
+        if not self.established.done():
+            self.established.set_exception(failure or ConnectionResetError("the connection was closed"))
+        elif not self.established.cancelled() and self.established.exception() is None:
+            self._inner.connection_lost(failure)
+        self.lost.set()
+
+    # What the inner protocol does with its transport.
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """Encrypt and send."""
+        self._tls.write(data)
+        self._flush()
+
+    def close(self, *, wait: bool = True) -> None:
+        """Say that this is the end; with `wait` the device has to say so, too, before the connection is closed."""
+        if self._raw is None or self._raw.is_closing():
+            return
+        ended = False
+        with suppress(ssl.SSLError):  # the device has not said it yet
+            self._tls.unwrap()
+            ended = True
+        self._flush()
+        if ended or not wait:
+            self._raw.close()
+
+    def abort(self) -> None:
+        """Drop the connection."""
+        if self._raw is not None:
+            self._raw.abort()
+
+    def is_closing(self) -> bool:
+        """Tell whether the connection is closed, or about to be."""
+        return self._raw is None or self._raw.is_closing()
+
+    def get_extra_info(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - asyncio's
+        """Asyncio's, with the TLS of this connection."""
+        if name == "ssl_object":
+            return self._tls
+        return default if self._raw is None else self._raw.get_extra_info(name, default)
+
+    # TLS.
+
+    def _shake_hands(self) -> None:
+        try:
+            self._tls.do_handshake()
+        except ssl.SSLWantReadError:
+            self._flush()
+        except ssl.SSLError as error:
+            self._flush()
+            self._fail(error)
+        else:
+            self._flush()
+            self.established.set_result(None)
+            self._inner.connection_made(self)
+
+    def _read(self) -> None:
+        try:
+            while piece := self._tls.read(_PIECE):
+                self._inner.data_received(piece)
+        except ssl.SSLWantReadError:
+            self._flush()
+        except ssl.SSLZeroReturnError:
+            self.close(wait=False)
+        except ssl.SSLError as error:
+            self._fail(error)
+        else:
+            self.close(wait=False)
+
+    def _fail(self, error: ssl.SSLError) -> None:
+        self._failure = error
+        self.abort()
+
+    def _flush(self) -> None:
+        data = self._out.read()
+        if data and self._raw is not None and not self._raw.is_closing():
+            self._raw.write(data)
+            self._traffic.sent += len(data)
+            self._unanswered = True
+
 
 _COMPARE = "compare it with `fingerprint` in  /certificate print detail  on the device's own console (cable, Winbox)"
 

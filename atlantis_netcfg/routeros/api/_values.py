@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from atlantis_netcfg.routeros.api._errors import Refused
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.secret import Secret
 
-__all__ = ["Command", "Endpoint", "Reply", "Traffic", "Trap"]
+__all__ = ["READING_WINDOW", "Command", "Endpoint", "Reply", "Traffic", "Trap"]
+
+READING_WINDOW: Final = 100
+"""`print` commands in flight at once; a site's router is read in one window. For the others, and for a device that does
+not bear so many, see `WINDOW`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +75,13 @@ class Endpoint:
     pin: str | None
     """SHA-256 of the DER certificate as hexadecimal digits, colons allowed; None if the device was never met."""
     connect_timeout_s: float = 120.0
-    """For the TCP connection and the TLS handshake together."""
+    """For the TCP connection and the TLS handshake together; then as much again for the login."""
     reply_timeout_s: float = 180.0
     """Longest silence of a device that owes an answer."""
+    window: int = READING_WINDOW
+    """Reading commands in flight at once; other commands go in `api.WINDOW`."""
+    narrowed: Callable[[], None] = field(default=lambda: None, repr=False, compare=False)
+    """Called when the device has fallen silent in `window`, and has then answered in `api.WINDOW`."""
 
     def __str__(self) -> str:
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
@@ -79,7 +89,11 @@ class Endpoint:
 
 @dataclass(slots=True)
 class Traffic:
-    """What a session cost so far: turns on the link after the TLS handshake, and bytes above TLS in each direction."""
+    """What a session cost on the wire so far: TCP's payload in each direction, TLS included, and round trips.
+
+    A round trip is TCP's handshake, and each time that the device answers what we have said since it was last heard:
+    two for the handshake of TLS 1.2, one for that of TLS 1.3. Headers of TCP and IP come to the bytes.
+    """
 
     round_trips: int = 0
     sent: int = 0

@@ -7,15 +7,15 @@ import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
-from atlantis_netcfg.routeros.api._errors import ProtocolError, SessionLost
+from atlantis_netcfg.routeros.api._errors import FellSilent, ProtocolError, SessionLost
 from atlantis_netcfg.routeros.api._sentences import Answer, Decoder, GarbageError, encode, parse
-from atlantis_netcfg.routeros.api._tls import keep_alive
 from atlantis_netcfg.routeros.api._values import Command, Reply, Traffic, Trap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.api._tls import TlsTransport
 
 __all__ = ["Wire"]
 
@@ -40,13 +40,14 @@ class _Pending:
 
 
 class Wire(asyncio.Protocol):
-    """One connection: sentences out, answers sorted by tag; counts what crosses it, and fails once for good."""
+    """One connection: sentences out, answers sorted by tag; fails once for good."""
 
     def __init__(self, name: str, traffic: Traffic) -> None:
         self.name = name
         self.traffic = traffic
+        """Counted by the transport below."""
         self.closed = asyncio.Event()
-        self._transport: asyncio.Transport | None = None
+        self._transport: TlsTransport | None = None
         self._decoder = Decoder()
         self._tags: Iterator[int] = itertools.count(1)
         self._pending: dict[str, _Pending] = {}
@@ -55,31 +56,29 @@ class Wire(asyncio.Protocol):
         self._heard = 0.0
 
     @property
-    def transport(self) -> asyncio.Transport:
+    def transport(self) -> TlsTransport:
         """The transport below; there is one from `connection_made` on."""
         if self._transport is None:
             raise RuntimeError("asyncio connects a protocol before it hands it out")
         return self._transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Asyncio's call: the TLS handshake is done."""
-        self._transport = cast("asyncio.Transport", transport)
-        keep_alive(transport)
+        """The transport's call: the TLS handshake is done."""
+        self._transport = cast("TlsTransport", transport)
 
     def data_received(self, data: bytes) -> None:
-        """Asyncio's call: bytes came."""
-        self.traffic.received += len(data)
+        """The transport's call: bytes came."""
         self._heard = asyncio.get_running_loop().time()
         try:
             for words in self._decoder.feed(data):
                 self._dispatch(parse(words))
         except GarbageError as error:
-            self._fail(f"sent {error}", garbage=True)
+            self._fail(f"sent {error}", kind=ProtocolError)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Asyncio's call: the connection is gone; `exc` is None if the device closed it."""
+        """The transport's call: the connection is gone; `exc` is None if the device closed it."""
         if not self._decoder.is_between:
-            self._fail("fell silent in the middle of an answer: the connection is lost", garbage=True)
+            self._fail("fell silent in the middle of an answer: the connection is lost", kind=ProtocolError)
         self._fail("lost the connection" if exc else "closed the connection")
         self.closed.set()
 
@@ -102,10 +101,10 @@ class Wire(asyncio.Protocol):
             raise
         return [item.reply for item in batch.values() if item.reply is not None]
 
-    def close(self) -> None:
-        """End the connection in good order; `closed` is set when that is done."""
+    def close(self, *, wait: bool) -> None:
+        """End the connection in good order, with `wait` after the device has; `closed` is set when that is done."""
         self._fail("was left: this session is closed", abort=False)
-        self.transport.close()
+        self.transport.close(wait=wait)
 
     def abort(self) -> None:
         """Drop the connection at once: what was asked cannot be waited for any more."""
@@ -115,15 +114,13 @@ class Wire(asyncio.Protocol):
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
         self._heard = asyncio.get_running_loop().time()
-        self.traffic.round_trips += 1
-        self.traffic.sent += len(data)
 
     async def _wait(self, settled: asyncio.Future[None], silence_s: float) -> None:
         loop = asyncio.get_running_loop()
         while not settled.done():
             left = self._heard + silence_s - loop.time()
             if left <= 0:
-                self._fail(f"has not answered for {silence_s:g} s")
+                self._fail(f"has not answered for {silence_s:g} s", kind=FellSilent)
             else:
                 await asyncio.wait([settled], timeout=left)
         settled.result()
@@ -141,11 +138,10 @@ class Wire(asyncio.Protocol):
         if not self._pending and self._settled is not None and not self._settled.done():
             self._settled.set_result(None)
 
-    def _fail(self, how: str, *, garbage: bool = False, abort: bool = True) -> None:
+    def _fail(self, how: str, *, kind: type[SessionLost] = SessionLost, abort: bool = True) -> None:
         """Fail for good, unless that already happened: who waits is told, and so is whoever sends later."""
         if self._failure is not None:
             return
-        kind = ProtocolError if garbage else SessionLost
         self._failure = kind(f"{self.name} {how}", in_flight=bool(self._pending))
         self._pending.clear()
         if self._settled is not None and not self._settled.done():

@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.events import Stage
-from atlantis_netcfg.journal import Protected
+from atlantis_netcfg.journal import Protected, Signed
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.apply._claim import CLAIMS, claim, claimed, claimed_by, is_claiming, other_in
-from atlantis_netcfg.routeros.apply._deadman import WillNotRun, arm
+from atlantis_netcfg.routeros.apply._claim import CLAIMS, claim, claimed, claimed_by, is_claiming, signs
+from atlantis_netcfg.routeros.apply._deadman import arm
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._shield import Held, Hold, held_by
 from atlantis_netcfg.routeros.apply._state import differing, restoring
 from atlantis_netcfg.routeros.observe import observe
+from atlantis_netcfg.routeros.scheduler_jobs import WillNotRun
 from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._work import Work
     from atlantis_netcfg.routeros.apply._writer import Writer
 
-__all__ = ["begin", "take"]
+__all__ = ["begin", "safe_mode_first", "take"]
 
 _COUNT = Command("/system/history/print", (("count-only", ""),))
 _ACTIONS = Command("/system/history/print", ((".proplist", "action"),))
@@ -43,21 +44,25 @@ _SHOWN = 5
 async def begin(work: Work) -> Writer:
     """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
     stages, protection = work.stages, work.protection
-    alone = protection is Protection.SAFE_MODE and not stages.prepare
-    if alone:
+    alone = safe_mode_first(work)
+    if alone and work.holding:
+        _taken(work)
+    elif alone:
         await take(work)
     signed = not work.restores and not (alone and len(stages.protected) == 1 and not stages.finish)
-    sign = [claim(work.ours, _sign_s(work))] if signed else []
+    sign = [claim(work.signer.text, _sign_s(work))] if signed else []
+    if sign:
+        work.record(Signed(device=work.job.name, sign=work.signer.text))
     look = () if alone else work.shield.beside
     answers = await work.channel.flight([*sign, *SAVING, _ACTIONS if signed else _COUNT, CLAIMS, *look])
-    export, probe, history, signs, *seen = answers[len(sign) :]
+    export, probe, history, claims, *seen = answers[len(sign) :]
     if sign:
-        work.sign = await claimed(work.channel, sign[0], answers[0], signs.rows, work.ours)
+        work.sign = await claimed(work.channel, sign[0], answers[0], claims.rows, work.signer)
     found = saved(export, probe)
     text = found.text if found.text is not None else await fetch(work.channel, partial(_as_read, work))
     work.job.journal.save(work.job.name, text)
     if not work.restores:
-        _nobody_else(work, signs, work.shield.seen(seen) if seen else None)
+        _nobody_else(work, claims, work.shield.seen(seen) if seen else None)
         if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
             await _look_again(work)
         # Only now: the job would take back to what was read, which has to be what is there.
@@ -80,6 +85,11 @@ def _sign_s(work: Work) -> float:
     return max(_SIGN_S, 2 * (work.choice.dead_man_s or 0.0))
 
 
+def safe_mode_first(work: Work) -> bool:
+    """Tell whether safe mode is taken before anything is written: no harmless addition goes before it."""
+    return work.protection is Protection.SAFE_MODE and not work.stages.prepare
+
+
 async def take(work: Work) -> None:
     """Take safe mode. Raises DeviceFailed if it is not ours then."""
     work.holding = True
@@ -89,14 +99,18 @@ async def take(work: Work) -> None:
         work.holding = False
         raise
     work.owner = hold.who
+    _taken(work)
+
+
+def _taken(work: Work) -> None:
     work.record(Protected(device=work.job.name, how=work.choice.value))
     work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
 
 
-def _nobody_else(work: Work, signs: Reply, hold: Hold | None) -> None:
-    who = other_in(signs.rows, work.ours)
-    if who is not None:
-        raise claimed_by(who)
+def _nobody_else(work: Work, claims: Reply, hold: Hold | None) -> None:
+    other = work.signer.other(signs(claims.rows))
+    if other is not None:
+        raise claimed_by(other, work.job.site)
     if hold is not None and hold.taken and not hold.ours:
         raise held_by(hold.who)
 
@@ -108,7 +122,7 @@ async def _arm(work: Work) -> None:
         return
     try:
         now = asyncio.get_running_loop().time()
-        work.dead_man = await arm(work.channel, script, work.ours, after_s, now)
+        work.dead_man = await arm(work.channel, script, work.signer.text, after_s, now)
     except WillNotRun as problem:
         if work.protection is not Protection.CONSOLE:
             raise

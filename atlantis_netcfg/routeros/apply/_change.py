@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
@@ -20,23 +20,35 @@ from atlantis_netcfg.journal import (
     Releasing,
     Verified,
 )
+from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import SessionLost
 from atlantis_netcfg.routeros.apply._begin import begin, take
-from atlantis_netcfg.routeros.apply._deadman import disarm
 from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionLost
 from atlantis_netcfg.routeros.apply._shield import Held, Hold
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.counting import closing, read_counts
-from atlantis_netcfg.routeros.observe import merged, modem_row, observe, printing
+from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.observe import (
+    LEAVES,
+    counting_rows,
+    merged,
+    modem_row,
+    number_of_rows,
+    observe,
+    printing,
+    read_back,
+)
 from atlantis_netcfg.routeros.pin import MONITOR, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.scheduler_jobs import disarm
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from atlantis_netcfg.routeros._types import Action, Observed
     from atlantis_netcfg.routeros.api import Command, Reply
+    from atlantis_netcfg.routeros.apply._job import Channel
     from atlantis_netcfg.routeros.apply._work import Work
     from atlantis_netcfg.routeros.apply._writer import Writer
 
@@ -121,7 +133,7 @@ async def _checkpoint(work: Work, hold: Hold | None) -> None:
     `hold` was read together with the piece's last script, or is asked for.
     """
     session = await work.contact.reach(work.job.patience.verify_s, "checkpoint", insist=False)
-    await work.contact.leave(session)
+    await work.contact.leave(session, wait=False)
     await _release(work, hold or await work.shield.look(work.channel))
     try:
         await take(work)
@@ -143,7 +155,7 @@ async def _take_later(work: Work, held: Held) -> None:
 
 
 async def verify(work: Work, rest: Sequence[Action]) -> None:
-    """Read everything in a new session: only `rest` may be left to do. Raises VerificationFailed."""
+    """Read back in a new session: only `rest` may be left to do. Raises VerificationFailed."""
     work.say(Stage.VERIFYING, "reading back in a new session")
     now = await _until_told(work, await _read_anew(work))
     _compare(work, now, rest)
@@ -157,15 +169,22 @@ async def _read_anew(work: Work) -> Observed:
     while True:
         try:
             session = await work.contact.reach(max(0.0, until - clock()), "verifying", insist=False)
-            job = work.job
-            menus, seen = job.desired.menus, work.seen
-            return await observe(session, job.endpoint, menus, tuple(seen.rows), job.counted, seen.facts)
+            return await _read(work, session)
         except SessionLost as lost:
             if clock() >= until:
                 raise VerificationFailed(f"no new session lasts long enough to read the device: {lost}") from lost
             await asyncio.sleep(patience.first_poll_s)
         except DeviceFailed as failed:
             raise VerificationFailed(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
+
+
+async def _read(work: Work, session: Channel) -> Observed:
+    """Read what was touched, and all of it where other menus may have followed or the state before is put back."""
+    job, seen = work.job, work.seen
+    touched = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
+    if not work.restores and LEAVES.issuperset(touched):
+        return await read_back(session, job.endpoint, seen, touched, job.counted)
+    return await observe(session, job.endpoint, job.desired.menus, tuple(seen.rows), job.counted, seen.facts)
 
 
 async def _until_told(work: Work, now: Observed) -> Observed:
@@ -216,13 +235,14 @@ async def _release(work: Work, hold: Hold, *, last: bool = False) -> None:
     work.permanent = True
     farewell = work.farewell() if last else ()
     look = closing(work.job.counted)
-    answers = await work.shield.release(work.channel, [*map(printing, witness), *look, *farewell])
+    asked = [each.command for each in witness]
+    answers = await work.shield.release(work.channel, [*asked, *look, *farewell])
     if look:
         work.last_look = read_counts(*answers[len(witness) : len(witness) + len(look)])
     answers = answers[: len(witness)]
     work.holding = False
     work.signed_off(farewell)
-    if work.after is not None and differing(work.after, merged(work.after, witness, answers)):
+    if not _stands(witness, answers):
         raise ProtectionLost("somebody took the change back before it was released")
     work.record(Released(device=work.job.name))
 
@@ -235,23 +255,54 @@ async def _confirm(work: Work) -> None:
         work.record(Releasing(device=work.job.name))
     witness = _witness(work)
     farewell = () if work.stages.finish else work.farewell()
-    in_time, answers = await disarm(work.channel, work.dead_man, [*map(printing, witness), *farewell])
+    asked = [each.command for each in witness]
+    in_time, answers = await disarm(work.channel, work.dead_man.id, [*asked, *farewell])
     answers = answers[: len(witness)]
     work.dead_man = None
     work.signed_off(farewell)
-    if not in_time or (work.after is not None and differing(work.after, merged(work.after, witness, answers))):
+    if not in_time or not _stands(witness, answers):
         raise ProtectionLost("the dead-man job has run before it could be taken away")
     if work.protection is Protection.DEAD_MAN:
         work.record(Released(device=work.job.name))
 
 
-def _witness(work: Work) -> tuple[str, ...]:
-    """Choose the shortest menu that the last piece has changed: were safe mode unrolled, it would tell."""
+@dataclass(frozen=True, slots=True)
+class _Witness:
+    """A menu that would tell if the last piece were taken back, read beside the release."""
+
+    menu: str
+    after: Observed
+    counted: bool
+    """The piece has changed the number of its rows, so that this is enough to know."""
+
+    @property
+    def command(self) -> Command:
+        """What to ask."""
+        return counting_rows(self.menu) if self.counted else printing(self.menu)
+
+    def stands(self, reply: Reply) -> bool:
+        """Tell whether the change is still there. Raises Refused."""
+        if self.counted:
+            return number_of_rows(reply.checked()) == len(self.after.rows[self.menu])
+        return not differing(self.after, merged(self.after, (self.menu,), (reply,)))
+
+
+def _witness(work: Work) -> list[_Witness]:
+    """Choose among the menus of the last piece one that need only be counted, or else the shortest."""
     if work.after is None:
-        return ()
+        return []
+    after = work.after
     last = (*work.stages.protected[-1:], work.stages.prepare)[0]
-    menus = {action.menu for action in last}
-    return (min(menus, key=lambda menu: (len(work.after.rows[menu]) if work.after is not None else 0, menu)),)
+    grown: Counter[str] = Counter()
+    for action in last:
+        grown[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
+    counted = {menu for menu, rows in grown.items() if rows and all(map(MENUS[menu].is_touchable, after.rows[menu]))}
+    menu = min(grown, key=lambda menu: (menu not in counted, len(after.rows[menu]), menu))
+    return [_Witness(menu, after, menu in counted)]
+
+
+def _stands(witness: Sequence[_Witness], answers: Sequence[Reply]) -> bool:
+    return all(each.stands(reply) for each, reply in zip(witness, answers, strict=True))
 
 
 async def _finish(work: Work, writer: Writer) -> None:

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Command, LoginRefused, Traffic
+from atlantis_netcfg.routeros.api import (
+    WINDOW,
+    CertificateChanged,
+    CertificateUnknown,
+    Command,
+    LoginRefused,
+    Traffic,
+)
 from atlantis_netcfg.routeros.apply._shield import Hold
 
 if TYPE_CHECKING:
@@ -26,8 +33,10 @@ class Contact:
     """Opens sessions with one device and closes all of them at the end."""
 
     def __init__(self, job: DeviceJob) -> None:
+        self.notes: list[str] = []
+        """What the result has to say of the sessions."""
         self._job = job
-        self._endpoint = job.endpoint
+        self._endpoint = replace(job.endpoint, narrowed=self._narrowed)
         self._open: list[Channel] = []
         self._traffic: list[Traffic] = []
 
@@ -100,16 +109,26 @@ class Contact:
             self._say("a dead-man job is armed: waiting until it has taken everything back")
             await asyncio.sleep(pause_s)
 
-    async def leave(self, session: Channel) -> None:
-        """Close one session."""
+    async def leave(self, session: Channel, *, wait: bool = True) -> None:
+        """Close one session; `wait` until the device knows that, where it may have to undo safe mode."""
         if session in self._open:
             self._open.remove(session)
-        await session.close()
+        await session.close(wait=wait)
 
-    async def close(self) -> None:
-        """Close every session; the device undoes safe mode that one of them still holds."""
-        while self._open:
-            await self._open.pop().close()
+    async def close(self, *, wait: bool = True) -> None:
+        """Close every session; the device undoes safe mode that one of them still holds: then `wait` for it."""
+        sessions, self._open = self._open, []
+        await asyncio.gather(*(session.close(wait=wait) for session in sessions))
+
+    def _narrowed(self) -> None:
+        """Go on in small batches: the device has fallen silent in a large one."""
+        self._endpoint = replace(self._endpoint, window=WINDOW)
+        self._job.endpoint.narrowed()
+        self.notes.append(
+            f"the device fell silent with more than {WINDOW} questions at once: it was asked again,"
+            f" and is asked {WINDOW} at once from now on"
+        )
+        self._say(self.notes[-1])
 
     def _pauses(self, patience_s: float) -> Iterator[float]:
         """Yield pauses, longer and longer, until the time is over; at least one."""

@@ -33,7 +33,10 @@ async def drift(work: Work) -> DeviceResult:
 
 def compared(work: Work, history: History = _FORGOTTEN) -> Comparison:
     """Compare with the declaration, and with the last confirmed state as far as that can be read."""
-    return compare(work.job.desired, work.seen, work.aim, _past(work), history)
+    found = compare(work.job.desired, work.seen, work.aim, _past(work), history)
+    left = work.left.differences()
+    menus = dict.fromkeys((*found.menus, *(difference.menu for difference in left)))
+    return replace(found, menus=tuple(menus), differences=(*found.differences, *left))
 
 
 def _differs(work: Work) -> bool:

@@ -10,29 +10,31 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
+from atlantis_netcfg.routeros.apply._begin import safe_mode_first
 from atlantis_netcfg.routeros.apply._change import change
-from atlantis_netcfg.routeros.apply._claim import other
+from atlantis_netcfg.routeros.apply._claim import claimed_by
 from atlantis_netcfg.routeros.apply._contact import Contact
-from atlantis_netcfg.routeros.apply._deadman import FOUND, found
 from atlantis_netcfg.routeros.apply._drift import compared, drift
 from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import Mode, Status
 from atlantis_netcfg.routeros.apply._prerequisites import missing
-from atlantis_netcfg.routeros.apply._protection import Choice, Protection, choose
+from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, choose
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
-from atlantis_netcfg.routeros.apply._settle import settle
-from atlantis_netcfg.routeros.apply._shield import HOLD, ApiShield
+from atlantis_netcfg.routeros.apply._settle import let_go, settle
+from atlantis_netcfg.routeros.apply._shield import HOLD, ApiShield, Held
 from atlantis_netcfg.routeros.apply._shields import console_of, shield_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._telling import planned
 from atlantis_netcfg.routeros.apply._work import Work
+from atlantis_netcfg.routeros.apply.leftovers import look
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
 from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
@@ -41,6 +43,11 @@ __all__ = ["converge"]
 
 _READING = (Mode.PLAN, Mode.DRIFT)
 """Ways that change nothing."""
+_LET_THEM = "let them finish, then run the same command again"
+
+
+class Busy(DeviceFailed):
+    """Somebody's changes are still open on the device: not even `already so` would be certain."""
 
 
 class Interrupted(DeviceFailed):
@@ -56,11 +63,16 @@ async def converge(job: DeviceJob, *, mode: Mode = Mode.APPLY) -> DeviceResult:
         return work.ended(result)
     finally:
         await work.shield.drop()
-        await work.contact.close()
+        await work.contact.close(wait=work.holding)
 
 
 async def _lay_down(work: Work, result: DeviceResult) -> None:
-    """Take the sign of a run down that has failed; where that cannot be done it goes by itself."""
+    """Release safe mode that nothing was written under, and take the sign of a run down that has failed.
+
+    Where that cannot be done both go by themselves.
+    """
+    if work.holding and not work.touched:
+        await let_go(work)
     if work.session is not None and result.status is not Status.UNKNOWN:
         with suppress(NetcfgError):
             if farewell := work.farewell():
@@ -74,7 +86,7 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
     except (CannotPlan, MenuMissing, Unfit) as refusal:
         return work.result(Status.REFUSED, str(refusal), hint=refusal.hint)
     except NetcfgError as failure:
-        if mode is Mode.DRIFT:
+        if mode in _READING:
             return work.result(Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
         return await settle(work, failure)
     except asyncio.CancelledError:
@@ -89,26 +101,59 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
 
 async def _run(work: Work, mode: Mode) -> DeviceResult:
     await _observe(work, mode)
-    busy = await _busy(work)
-    if busy is not None and mode not in _READING:
-        return _held(work, busy)
-    await _plan(work)
-    if busy is not None:
-        work.notes.append(f"{busy}: what was changed meanwhile may yet be taken back")
-    refusal = _toll(work, mode)
-    if mode is Mode.DRIFT:
-        return await drift(work)
-    if mode is Mode.PLAN:
-        work.comparison = compared(work)
-    if refusal is None and work.aim.actions:
-        refusal = _judge(work, mode)
+    if mode in _READING:
+        return await _look(work, mode)
+    refusal = await _occupied(work, mode)
     if refusal is not None:
         return refusal
-    if not work.aim.actions:
-        return work.result(Status.UNCHANGED, "already so: nothing to change")
-    if mode is Mode.PLAN:
+    await _plan(work, mode)
+    if _has_to_run(work):
+        await _taken_back(work, mode)
+    return _refusal(work, mode) or await _as_declared(work, mode)
+
+
+async def _look(work: Work, mode: Mode) -> DeviceResult:
+    """Say what a run would do, or what differs, and what is armed or open."""
+    await _plan(work, mode)
+    work.busy = "; ".join(work.left.words())
+    work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.left.words()]
+    if mode is Mode.DRIFT:
+        _toll(work, mode)
+        return await drift(work)
+    refusal = _refusal(work, mode)
+    work.comparison = compared(work)
+    return _planned(work) if refusal is None else replace(refusal, comparison=work.comparison)
+
+
+def _refusal(work: Work, mode: Mode) -> DeviceResult | None:
+    """Return why the plan may not be carried out; None: it may."""
+    refusal = _toll(work, mode)
+    if refusal is None and work.aim.actions:
+        refusal = _judge(work, mode)
+    return refusal
+
+
+async def _as_declared(work: Work, mode: Mode) -> DeviceResult:
+    """Take away what runs that are over have left, and carry the plan out."""
+    removed = await _clear(work, mode)
+    if work.aim.actions:
+        return await _change(work)
+    if removed:
+        work.after = work.seen
+        return work.result(Status.CHANGED, f"as declared; removed {' and '.join(removed)}")
+    return work.result(Status.UNCHANGED, "already so: nothing to change")
+
+
+def _planned(work: Work) -> DeviceResult:
+    """Say what a run would do; one that finds somebody at work would do nothing."""
+    words = "; ".join(work.left.words())
+    if work.aim.actions:
         return work.result(Status.PLANNED, f"{_actions(work)} planned")
-    return await _change(work)
+    if work.left.safe_mode is not None:
+        return work.result(Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
+    if words:
+        return work.result(Status.PLANNED, f"nothing to change but what a run has left: {words}")
+    return work.result(Status.UNCHANGED, "already so: nothing to change")
 
 
 async def _observe(work: Work, mode: Mode) -> None:
@@ -116,9 +161,16 @@ async def _observe(work: Work, mode: Mode) -> None:
     work.session = await work.contact.open()
     if mode is Mode.RESUME:
         await _until_undone(work)
-    job = work.job = await fitted(work.session, work.job)
+    work.job = await fitted(work.session, work.job)
+    await _read(work)
+
+
+async def _read(work: Work) -> None:
+    """Read everything that a plan needs, and what is armed or open."""
+    job = work.job
     watched = [path for path in GUARDED if path not in LATER]
-    work.before = await observe(work.session, job.endpoint, job.desired.menus, watched, job.counted)
+    work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted)
+    work.left = look(work.before)
     facts = work.before.facts
     work.record(
         DeviceObserved(device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before))
@@ -126,18 +178,37 @@ async def _observe(work: Work, mode: Mode) -> None:
     work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
 
 
-async def _plan(work: Work) -> None:
+async def _plan(work: Work, mode: Mode) -> None:
     """Plan from what was read; where something is to change, from what has to be known then, too."""
     job = work.job
     work.plan = plan(job.name, job.desired, work.seen)
     if work.plan.actions:
-        work.before = await completed(work.channel, job.endpoint, work.seen)
+        await _complete(work, mode)
         work.plan = plan(job.name, job.desired, work.seen)
     if job.bearer is not None:
         work.estimate = estimate(work.plan, job.bearer, work.seen)
     _protect(work)
-    work.notes += [f"the device does not use {row}" for row in invalid(work.seen)]
+    unused = [f"the device does not use {row}" for row in invalid(work.seen)]
+    work.notes += [note for note in unused if note not in work.notes]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
+
+
+async def _complete(work: Work, mode: Mode) -> None:
+    """Read what has to be known before a change; safe mode is taken in the same round trip, if the change wants it.
+
+    Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
+    is said where it is needed. What an earlier run has left goes before: outside safe mode, which would bring it back.
+    """
+    _protect(work)
+    takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
+    work.holding = work.holding or takes
+    beside = work.shield.taking if takes else ()
+    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
+    if takes:
+        try:
+            work.owner = (await work.shield.taken(work.channel, answers)).who
+        except Held:
+            work.holding = False
 
 
 def _toll(work: Work, mode: Mode) -> DeviceResult | None:
@@ -200,42 +271,94 @@ def _protect(work: Work) -> None:
     if work.protection.holds and not work.stages.protected:
         work.choice = Choice(Protection.NONE, why="nothing in it can do harm by itself")
         work.stages = cut(found, Protection.NONE)
-    work.shield = shield_of(work.choice, job)
+    if not work.holding:
+        work.shield = shield_of(work.choice, job)
 
 
-async def _busy(work: Work) -> str | None:
-    """Say who is at work on the device, or what is left of them; None if nobody is."""
-    facts = work.seen.facts
-    if facts.safe_mode_owner is not None:
-        return f"{facts.safe_mode_owner} holds safe mode, and there is only one"
-    who = other(work.seen, work.ours)
-    if who is not None:
-        return f"{who} is under way on this device"
-    if not facts.has_safe_mode:
-        who = found(await work.channel.command(FOUND))
-        if who is not None:
-            return f"the dead-man job of {who} is armed, and takes back what that run has left"
+async def _occupied(work: Work, mode: Mode) -> DeviceResult | None:
+    """Return the refusal of a device on which somebody's changes are still open.
+
+    What a dead run of this computer has left is waited for, and its sign is ours from here on.
+    """
+    resumes = mode is Mode.RESUME
+    busy = await _busy(work, resumes=resumes)
+    if busy is not None and not resumes and work.job.history.unfinished():
+        work.say(Stage.WAITING, f"{busy}: a run of this computer has died here, and this one goes on with it")
+        await _until_undone(work)
+        await _read(work)
+        busy = await _busy(work, resumes=True)
+    work.busy = str(busy) if busy is not None else ""
+    if busy is not None:
+        return work.result(Status.LEFT_AS_FOUND, f"{busy}: nothing was changed", hint=busy.hint)
+    work.sign = next((sign.id for sign in work.left.markers), None)
+    return None
+
+
+async def _busy(work: Work, *, resumes: bool) -> Busy | None:
+    """Say who may be at work on the device; None if nobody is, whatever a run that is over has left."""
+    left, resume = work.left, f"provision resume site={work.job.site}"
+    owner = left.safe_mode
+    other = work.signer.other(left.markers)
+    alive = left.alive(work.signer.is_over, bridge=False)
+    if owner is None and other is None and left and not work.seen.facts.has_safe_mode:
+        hold = await console_of(work.job).free(work.channel)
+        owner = hold.who if hold.taken else None
+    if owner is not None:
+        return Busy(
+            f"{owner} holds safe mode, and there is only one",
+            hint="let them finish, then run the same command again; of a run that has died the device takes it back by"
+            f" itself, which this waits for:  {resume}",
+        )
+    if other is not None:
+        claimed = claimed_by(other, work.job.site)
+        return Busy(str(claimed), hint=claimed.hint)
+    if alive is not None and not resumes:
+        return Busy(alive, hint=f"let it run, then run the same command again; this waits for it:  {resume}")
     return None
 
 
 async def _until_undone(work: Work) -> None:
-    """Wait until the device has taken back what a dead run left open: by safe mode, then by its dead-man job."""
+    """Wait until safe mode of a run that has died is over, and the device has taken back what was in it."""
     job, session = work.job, work.channel
     reply = await session.command(HOLD)
     work.shield = ApiShield() if reply.trap is None else console_of(job)
     await work.contact.until_free(work.shield, session, job.patience.undo_s)
-    if reply.trap is not None:
-        await work.contact.until_fired(session, FOUND, job.patience.undo_s + 2 * job.patience.dead_man_s)
 
 
-def _held(work: Work, busy: str) -> DeviceResult:
-    """Leave a device alone on which somebody's changes are still open: not even `already so` would be certain."""
-    return work.result(
-        Status.LEFT_AS_FOUND,
-        f"{busy}: nothing was changed",
-        hint="let them finish, then run the same command again; if a run of ours has died there:"
-        f"  provision resume site={work.job.site}",
-    )
+def _has_to_run(work: Work) -> bool:
+    """Tell whether a dead-man job is armed that may not be taken away: what it takes back is not as declared."""
+    job = work.left.armed(DEAD_MAN)
+    return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
+
+
+async def _taken_back(work: Work, mode: Mode) -> None:
+    """Wait until the dead-man job of a run that has died has run: what that run has left is not as declared."""
+    patience = work.job.patience
+    await work.contact.until_fired(work.channel, ARMED, patience.undo_s + 2 * patience.dead_man_s)
+    await _read(work)
+    await _plan(work, mode)
+
+
+async def _clear(work: Work, mode: Mode) -> tuple[str, ...]:
+    """Take away what runs that are over have left, and read the device anew: a job may have run meanwhile.
+
+    A bridge's job stays: whether it is still needed, only a run that sees both ends knows.
+    """
+    left = replace(work.left, jobs=tuple(job for job in work.left.jobs if job.name != PAIR))
+    if not left:
+        return ()
+    planned_before = plan_hash(work.aim)
+    removed = await left.remove(work.channel)
+    work.sign = None
+    work.notes.append(f"removed {' and '.join(removed)}")
+    await _read(work)
+    await _plan(work, mode)
+    if plan_hash(work.aim) != planned_before:
+        raise Interfered(
+            f"the device has become another while {' and '.join(removed)} went",
+            hint="run the same command again: it plans from what is there now",
+        )
+    return removed
 
 
 def _path(work: Work) -> ManagementPath:

@@ -28,7 +28,9 @@ __all__ = [
     "Connect",
     "DeviceJob",
     "DeviceResult",
+    "History",
     "Mode",
+    "NoHistory",
     "OpenConsole",
     "Patience",
     "SshEndpoint",
@@ -93,8 +95,30 @@ class Channel(Protocol):
     async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
         """Send commands in batches, one round trip each; the order of execution within a batch is not known."""
 
-    async def close(self) -> None:
-        """End the session; never raises."""
+    async def close(self, *, wait: bool = True) -> None:
+        """End the session, and `wait` until the device knows that; never raises."""
+
+
+class History(Protocol):
+    """What the journal of this computer tells of earlier runs on the device; `journal.DeviceHistory` is one."""
+
+    def unfinished(self) -> bool:
+        """Whether a run of this computer has died there, or has left its outcome open."""
+
+    def signed(self, run: str, sign: str) -> bool:
+        """Whether a sign on the device is of a dead run that may be taken over."""
+
+
+class NoHistory:
+    """For who knows of no earlier runs, or may not tell the dead ones from those at work."""
+
+    def unfinished(self) -> bool:
+        """Know of none."""
+        return False
+
+    def signed(self, run: str, sign: str) -> bool:  # noqa: ARG002 - as History has it
+        """Recognise none."""
+        return False
 
 
 Connect = Callable[[Endpoint], Awaitable[Channel]]
@@ -170,6 +194,7 @@ class DeviceJob:
     console: OpenConsole = open_console
     run: str = ""
     """What the journal calls this run: a run that was killed is known by it when it is resumed."""
+    history: History = field(default_factory=NoHistory)
     unprotected: bool = False
     """A person has said that a change may be made although nothing would take it back."""
     counted: tuple[str, ...] = ()
@@ -210,6 +235,10 @@ class DeviceResult:
     """How often a session was opened."""
     counts: tuple[PortCounts, ...] = field(default=(), compare=False)
     """The first and the last look at the byte counters of the job's ports, as far as it came."""
+    busy: str = ""
+    """Who is at work on the device besides this run, or what is left of them; empty: nobody was seen."""
+    left_open: bool = False
+    """The device may still hold safe mode or a job of this run, though nothing was changed."""
     fault: BaseException | None = field(default=None, compare=False)
     """A fault of ours, for the log file."""
 
@@ -220,6 +249,7 @@ class DeviceResult:
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint,
+            "busy": self.busy,
             "planned": self.planned,
             "confirmed": self.confirmed,
             "diff": self.diff,

@@ -15,7 +15,6 @@ from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
-from atlantis_netcfg.routeros.apply._deadman import disarm
 from atlantis_netcfg.routeros.apply._job import Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, ProtectionLost
 from atlantis_netcfg.routeros.apply._shields import shield_of
@@ -25,13 +24,14 @@ from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.scheduler_jobs import disarm
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceResult
     from atlantis_netcfg.routeros.apply._shield import Hold
 
-__all__ = ["settle"]
+__all__ = ["let_go", "settle"]
 
 _SHOWN = 5
 
@@ -40,10 +40,10 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
     """End a run that failed for `reason`, as honestly as the device lets us."""
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.touched:
-        free = await _let_go(work) and await _stood_down(work)
-        return work.result(
-            Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=reason.hint if free else _stale(work)
-        )
+        free = await let_go(work) and await _stood_down(work)
+        hint = reason.hint if free else _stale(work)
+        result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
+        return replace(result, left_open=not free)
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:
@@ -53,7 +53,7 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
         return replace(unknown, fault=fault)
 
 
-async def _let_go(work: Work) -> bool:
+async def let_go(work: Work) -> bool:
     """Take back what is in safe mode, if it is ours; False if it may still be held.
 
     Where nothing was written it is released instead: somebody who is at work may have changed something meanwhile.
@@ -84,7 +84,7 @@ async def _stood_down(work: Work) -> bool:
     if work.dead_man is None or work.session is None:
         return work.dead_man is None
     try:
-        await disarm(work.session, work.dead_man)
+        await disarm(work.session, work.dead_man.id)
     except NetcfgError:
         return False
     work.dead_man = None
@@ -92,7 +92,7 @@ async def _stood_down(work: Work) -> bool:
 
 
 async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:
-    await _let_go(work)
+    await let_go(work)
     while True:
         result = await _decided(work, reason)
         if work.dead_man is None or result.status is Status.UNKNOWN or await _disarmed(work):
@@ -107,7 +107,7 @@ async def _disarmed(work: Work) -> bool:
     session, _, _ = (work.session, None, None) if work.session is not None else await _state(work)
     if session is None:
         raise DeviceFailed("no session is left to take the dead-man job away")
-    in_time, _ = await disarm(session, job)
+    in_time, _ = await disarm(session, job.id)
     work.dead_man = None
     return in_time
 
@@ -180,7 +180,7 @@ async def _is_reachable(work: Work) -> bool:
         session = await work.contact.reach(work.job.patience.verify_s, "proving the way in", insist=False)
     except DeviceFailed:
         return False
-    await work.contact.leave(session)
+    await work.contact.leave(session, wait=False)
     return True
 
 
@@ -204,7 +204,8 @@ def _stale(work: Work) -> str:
         what = f"the dead-man job takes everything back within {work.dead_man.after_s / 60:.0f} minutes of its arming"
     else:
         what = "what is in safe mode the device takes back by itself, within ten minutes if the link has died"
-    return f"{what}; then:  provision resume site={work.job.site}"
+    run = f" run={work.job.run}" if work.job.run else ""
+    return f"{what}; then:  provision resume site={work.job.site}{run}"
 
 
 async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Observed) -> DeviceResult:

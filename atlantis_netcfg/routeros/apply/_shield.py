@@ -77,6 +77,12 @@ class Shield(Protocol):
     async def take(self, session: Channel) -> Hold:
         """Take it. Raises DeviceFailed if it is not ours then."""
 
+    taking: tuple[Command, ...]
+    """What takes it, to be sent beside other things; `taken` reads the answers."""
+
+    async def taken(self, session: Channel, answers: Sequence[Reply]) -> Hold:
+        """Read the answers to `taking`. Raises Held if it is not ours then, SessionLost."""
+
     async def look(self, session: Channel) -> Hold:
         """Ask who holds it. Raises SessionLost."""
 
@@ -100,6 +106,7 @@ class NoShield:
     """For changes without safe mode."""
 
     beside: tuple[Command, ...] = ()
+    taking: tuple[Command, ...] = ()
 
     def seen(self, answers: Sequence[Reply]) -> Hold | None:  # noqa: ARG002 - the seam's
         """Nobody can take away what is not there."""
@@ -107,6 +114,10 @@ class NoShield:
 
     async def take(self, session: Channel) -> Hold:  # noqa: ARG002
         """Nothing to take."""
+        return Hold(taken=False)
+
+    async def taken(self, session: Channel, answers: Sequence[Reply]) -> Hold:  # noqa: ARG002
+        """Nothing was taken."""
         return Hold(taken=False)
 
     async def look(self, session: Channel) -> Hold:  # noqa: ARG002
@@ -132,14 +143,19 @@ class ApiShield(NoShield):
     """Safe mode of the session that writes, from RouterOS 7.18."""
 
     beside: tuple[Command, ...] = (HOLD,)
+    taking: tuple[Command, ...] = (_TAKE, HOLD)
 
     def seen(self, answers: Sequence[Reply]) -> Hold | None:
         """As `current` says."""
         return Hold.of(answers[0])
 
     async def take(self, session: Channel) -> Hold:
-        """Take it; that the question was answered before it was taken proves nothing: then ask again."""
-        take, seen = await session.flight([_TAKE, HOLD])
+        """One round trip, or two."""
+        return await self.taken(session, await session.flight(self.taking))
+
+    async def taken(self, session: Channel, answers: Sequence[Reply]) -> Hold:
+        """That the question was answered before it was taken proves nothing: then ask again."""
+        take, seen = answers
         hold = Hold.of(seen)
         if take.trap is None and not hold.ours:
             hold = await self.look(session)

@@ -53,9 +53,9 @@ def _cut(plan: Plan, budget: int, outside: Sequence[bool]) -> Stages:
 
 
 def _cost(stages: Stages) -> int:
-    """Return round trips: a preparation also keeps safe mode from being taken together with the saving of the state."""
+    """Return round trips: a preparation also keeps safe mode from being taken beside the last reading."""
     checkpoints = max(0, len(stages.protected) - 1)
-    return 2 * bool(stages.prepare) + bool(stages.finish) + 4 * checkpoints
+    return 2 * bool(stages.prepare) + bool(stages.finish) + 7 * checkpoints
 
 
 def _harmless(action: Action) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction
+from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, conclude, unrecorded
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.secret import MASK
 
@@ -44,19 +44,23 @@ def cleaned(text: str, actions: Iterable[Action]) -> str:
 def ended(job: DeviceJob, result: DeviceResult, read: Observed | None) -> DeviceResult:
     """Record the outcome, and keep what was `read` back for drift to be dated by and for a replacement.
 
-    A journal that cannot be written is said in the result.
+    A journal that cannot be written is said in the result, which is not green then.
     """
-    outcome = Outcome(device=result.name, status=result.status, exit=int(result.exit), message=result.message)
-    steps = [partial(job.journal.write, outcome)]
+    outcome = Outcome(
+        device=result.name,
+        status=result.status,
+        exit=int(result.exit),
+        message=result.message,
+        open=result.left_open,
+    )
     if read is not None:
-        steps.insert(0, partial(job.journal.confirm, job.name, partial(_state, job, read)))
-    for step in steps:
         try:
-            step()
+            job.journal.confirm(job.name, partial(_state, job, read))
         except JournalFailed as failure:
+            # The state is missing for drift and for a replacement; the outcome itself may still be recorded.
             if str(failure) not in result.message:
                 result = replace(result, notes=(*result.notes, str(failure)))
-    return result
+    return unrecorded(result, conclude(job.journal, outcome))
 
 
 def _state(job: DeviceJob, read: Observed) -> str:

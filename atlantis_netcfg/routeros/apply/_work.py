@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed
-from atlantis_netcfg.routeros.apply._claim import claimant, withdrawing
+from atlantis_netcfg.routeros.apply._claim import Signer, withdrawing
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Protection
 from atlantis_netcfg.routeros.apply._shield import NoShield
 from atlantis_netcfg.routeros.apply._stages import Stages
 from atlantis_netcfg.routeros.apply._state import plan_hash
 from atlantis_netcfg.routeros.apply._telling import cleaned, ended
+from atlantis_netcfg.routeros.apply.leftovers import Leftovers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +57,8 @@ class Work:
     before: Observed | None = None
     after: Observed | None = None
     """What the verifying session read."""
+    left: Leftovers = field(default_factory=Leftovers)
+    """What was armed or open when the device was read."""
     plan: Plan | None = None
     comparison: Comparison | None = None
     estimate: Estimate | None = None
@@ -68,7 +71,9 @@ class Work:
     dead_man: DeadMan | None = None
     """The job that is armed."""
     sign: str | None = None
-    """`.id` of the sign that a run is under way."""
+    """`.id` of the sign that a run is under way, ours or that of a dead run that we have taken over."""
+    busy: str = ""
+    """Who is at work on the device, or what is left of them."""
     permanent: bool = False
     """Something of the plan may be on the device for good."""
     last_look: PortCounts | None = None
@@ -89,10 +94,9 @@ class Work:
         return self.choice.protection
 
     @property
-    def ours(self) -> str:
-        """What our sign says on the device."""
-        address = self.before.facts.session_address if self.before is not None else ""
-        return claimant(self.job.run, self.job.endpoint.user, address)
+    def signer(self) -> Signer:
+        """Whose sign this run puts on the device."""
+        return Signer(self.job, self.before.facts.session_address if self.before is not None else "")
 
     @property
     def counts(self) -> tuple[PortCounts, ...]:
@@ -160,7 +164,7 @@ class Work:
             diff=plan.diff if plan is not None else "",
             drift=plan.drift if plan is not None else (),
             comparison=self.comparison,
-            notes=(*(plan.notes if plan is not None else ()), *self.notes),
+            notes=(*(plan.notes if plan is not None else ()), *self.notes, *self.contact.notes),
             estimate=self.estimate,
             plan_hash=plan_hash(plan) if plan is not None else "",
             protection=self.protection.value,
@@ -172,6 +176,7 @@ class Work:
             facts=self.before.facts if self.before is not None else None,
             sessions=self.contact.sessions,
             counts=self.counts,
+            busy=self.busy,
         )
 
     def farewell(self) -> tuple[Command, ...]:

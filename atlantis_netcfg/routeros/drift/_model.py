@@ -27,6 +27,8 @@ class DriftKind(StrEnum):
     """Somebody else's row beside ours: a run leaves it alone."""
     HIDDEN = "hidden"
     """Declared, and the device does not show it, so that it cannot be compared."""
+    OPEN = "open"
+    """Safe mode, a job of the scheduler or a marker: what a run or a person has not closed."""
 
 
 class Owner(StrEnum):
@@ -37,6 +39,10 @@ class Owner(StrEnum):
     """It carries our mark, but the declaration has it no more."""
     TECHNICIAN = "technician"
     """No mark: somebody made it on the device."""
+    RUN = "a run"
+    """A run of this tool has armed it, or marked the device with it."""
+    SESSION = "a session"
+    """Somebody who is logged in, or was when the link died."""
 
 
 class Since(StrEnum):

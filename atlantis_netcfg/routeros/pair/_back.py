@@ -16,8 +16,9 @@ from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import NoJournal, Released
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
-from atlantis_netcfg.routeros.pair import _fuse, _safe
+from atlantis_netcfg.routeros.pair import _safe
 from atlantis_netcfg.routeros.pair._end import NotAsDeclared
+from atlantis_netcfg.routeros.scheduler_jobs import PAIR
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
@@ -120,8 +121,8 @@ class _Way:
         words = f"as declared: {len(near.actions)} actions read back, although: {self.reason}"
         found = await self._settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
         if found is not None and await self._is_declared(far, found[0]):
-            with suppress(NetcfgError):
-                await self.work.defuse(found[0])
+            if not await self._defused(found[0]):
+                return near.changed(words), self._unknown(far)
             return near.changed(words), far.changed(words) if far.actions else self._untouched(far)
         if await self._put_back(near):
             result = await self._far()
@@ -175,7 +176,7 @@ class _Way:
                 continue
             if held.taken:
                 return None
-            if not left or not returning or not end.fused or clock() > self.work.fires + _QUICK_S:
+            if not left or not returning or not end.job_id or clock() > self.work.fires + _QUICK_S:
                 return session, left
             await end.contact.leave(session)
             await asyncio.sleep(end.job.patience.last_poll_s)
@@ -197,20 +198,35 @@ class _Way:
         found = await self._settled(end, end.job.patience.reach_s)
         return found is not None and not found[1]
 
+    async def _defused(self, session: Channel) -> bool:
+        """Take the far end's job away, over as many sessions as that takes; True if it is still as declared then."""
+        far, clock = self.work.far, asyncio.get_running_loop().time
+        until = clock() + far.job.patience.reach_s
+        while True:
+            try:
+                await self.work.defuse(session)
+                return await self._is_declared(far, session)
+            except DeviceFailed:
+                if clock() >= until:
+                    return False
+                await asyncio.sleep(far.job.patience.first_poll_s)
+            with suppress(DeviceFailed):
+                session = await far.contact.reach(max(0.0, until - clock()), "taking its job away")
+
     async def _no_job(self) -> None:
         """Take away the far end's job; where that fails, it goes by itself after it has looked."""
         far = self.work.far
-        if not far.fused:
+        if not far.arms:
             return
         try:
             session = await far.contact.reach(_QUICK_S, "taking its job away")
             await self.work.defuse(session)
         except DeviceFailed:
-            far.notes.append(f"the job {_fuse.NAME} of its scheduler is still there, and goes when it has run")
+            far.notes.append(f"the job {PAIR} of its scheduler is still there, and goes when it has run")
 
     def _untouched(self, end: End) -> DeviceResult:
         if not end.actions:
-            return end.result(Status.UNCHANGED, "already so: nothing to change")
+            return end.unchanged()
         return end.result(
             Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=getattr(self.reason, "hint", None)
         )

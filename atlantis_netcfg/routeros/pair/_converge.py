@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._contact import Contact
-from atlantis_netcfg.routeros.apply._fitting import Unfit
-from atlantis_netcfg.routeros.observe import MenuMissing
-from atlantis_netcfg.routeros.pair import _safe
 from atlantis_netcfg.routeros.pair._agreement import disagreements
 from atlantis_netcfg.routeros.pair._alone import follow
 from atlantis_netcfg.routeros.pair._back import back
 from atlantis_netcfg.routeros.pair._end import End
+from atlantis_netcfg.routeros.pair._leftovers import clear, read_again, returned
 from atlantis_netcfg.routeros.pair._transaction import BUDGET, SAFE_MODE_S, Transaction
-from atlantis_netcfg.routeros.planner import CannotPlan
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
@@ -44,7 +41,7 @@ async def converge_pair(pair: Pair, *, mode: Mode = Mode.APPLY) -> Results:
         End(job, Contact(job), radio, started)
         for job, radio in ((_patient(pair.near), pair.near_radio), (_patient(pair.far), pair.far_radio))
     )
-    work = Transaction(pair, near, far, resumes=mode is Mode.RESUME)
+    work = Transaction(pair, near, far)
     try:
         results = await _run(work, mode)
         if results is not None:
@@ -68,9 +65,16 @@ async def _one_by_one(pair: Pair, mode: Mode, work: Transaction | None = None) -
         return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.ended(work.unseen)
     far = await converge(pair.far, mode=mode)
     near = await converge(pair.near, mode=mode)
-    if work is not None and any(end.changes_radio for end in work.ends):
-        near, far = (replace(each, notes=(*each.notes, _words(pair))) for each in (near, far))
+    if work is not None:
+        near, far = (_noted(work, end, each) for end, each in ((work.near, near), (work.far, far)))
     return near, far
+
+
+def _noted(work: Transaction, end: End, result: DeviceResult) -> DeviceResult:
+    """Add what the pair knows of an end that was run alone."""
+    notes = [_words(work.pair)] if any(each.changes_radio for each in work.ends) else []
+    notes += [f"removed {what}" for what in end.removed]
+    return replace(result, notes=(*result.notes, *notes))
 
 
 def _end_by_end(pair: Pair) -> str:
@@ -92,8 +96,13 @@ async def _run(work: Transaction, mode: Mode) -> Results | None:
     ended = await _read(work, mode)
     if ended is not None or work.unseen is not None:
         return ended
-    if not any(end.actions for end in work.ends):
-        return _unchanged(work.near), _unchanged(work.far)
+    left = any(end.left for end in work.ends)
+    if left and mode is not Mode.PLAN:
+        ended = await clear(work, mode)
+        if ended is not None:
+            return ended
+    if not any(end.actions for end in work.ends) and not (left and mode is Mode.PLAN):
+        return work.near.unchanged(), work.far.unchanged()
     if not any(end.changes_radio for end in work.ends):
         return None
     refusal = _refusal(work, mode)
@@ -106,8 +115,8 @@ async def _run(work: Transaction, mode: Mode) -> Results | None:
 async def _read(work: Transaction, mode: Mode) -> Results | None:
     """Read and plan both ends; the results of a pair of which one end cannot be read or planned."""
     if mode is Mode.RESUME:
-        await _wait(work)
-    problems = await asyncio.gather(*(_problem(end) for end in (work.near, work.far)))
+        await returned(work)
+    problems = await asyncio.gather(*(end.problem(mode) for end in (work.near, work.far)))
     if not any(problems):
         return None
     near, far = problems
@@ -137,39 +146,17 @@ async def _alone(work: Transaction, gone: DeviceResult) -> Results:
     ended = await follow(work)
     if ended is not None:
         return ended, gone
-    far = await _problem(work.far)
-    if far is None:
-        far = _left(work.far, "run the same command again") if work.far.actions else _unchanged(work.far)
-    return _kept(near), far
-
-
-async def _wait(work: Transaction) -> None:
-    """After a run that was killed: give both ends the time that they need to return by themselves."""
-    for end in work.ends:
-        try:
-            session = await end.contact.reach(SAFE_MODE_S + work.pair.link_timeout_s, "returning by itself")
-            await _safe.until_free(session, end.job.patience.undo_s, end.job.patience.last_poll_s)
-            await end.contact.leave(session)
-        except DeviceFailed:
-            continue
-
-
-async def _problem(end: End) -> DeviceResult | None:
-    try:
-        await end.read()
-    except (CannotPlan, MenuMissing, Unfit) as refusal:
-        return end.result(Status.REFUSED, str(refusal), hint=refusal.hint)
-    except NetcfgError as failure:
-        return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {failure}", hint=failure.hint)
-    return None
-
-
-def _unchanged(end: End) -> DeviceResult:
-    return end.result(Status.UNCHANGED, "already so: nothing to change")
+    kept = _kept(near)
+    stopped = await read_again(work) or (await clear(work, Mode.RESUME) if any(end.left for end in work.ends) else None)
+    return kept, stopped[1] if stopped is not None else _left(work.far, "run the same command again")
 
 
 def _left(end: End, why: str) -> DeviceResult:
-    return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}") if end.actions else _unchanged(end)
+    if end.left:
+        why = "; ".join((why, *end.left.words()))
+    elif not end.actions:
+        return end.unchanged()
+    return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}")
 
 
 def _refusal(work: Transaction, mode: Mode) -> str:
@@ -204,7 +191,7 @@ async def _honestly(work: Transaction) -> Results:
 
 def _kept(end: End) -> DeviceResult:
     number = len(end.actions)
-    return end.changed(f"{number} action{'s' if number != 1 else ''} read back and kept") if number else _unchanged(end)
+    return end.changed(f"{number} action{'s' if number != 1 else ''} read back and kept") if number else end.unchanged()
 
 
 def _ours(result: DeviceResult, fault: Exception) -> DeviceResult:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
@@ -16,15 +16,17 @@ from atlantis_netcfg.journal import (
     Planned,
     Unrolled,
 )
-from atlantis_netcfg.routeros.apply import DeviceResult, Status
-from atlantis_netcfg.routeros.apply._fitting import fitted
+from atlantis_netcfg.routeros.apply import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros.apply._claim import Signer
+from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
 from atlantis_netcfg.routeros.apply._prerequisites import missing
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._telling import cleaned, ended, planned
+from atlantis_netcfg.routeros.apply.leftovers import Leftovers, look
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
-from atlantis_netcfg.routeros.observe import observe
+from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 
@@ -62,8 +64,16 @@ class End:
     """The device as it was read back, with nothing left to do."""
     owner: str = ""
     """What the device calls us while we hold its safe mode; empty: we do not."""
-    fused: bool = False
-    """A job of its scheduler brings its radio back."""
+    job_id: str = ""
+    """`.id` of the job of its scheduler that brings its radio back; empty: there is none."""
+    arms: bool = False
+    """Such a job was sent, and may be armed."""
+    left: Leftovers = field(default_factory=Leftovers)
+    """What was armed or open when it was read."""
+    removed: tuple[str, ...] = ()
+    """What a run that is over had left there, and this one has taken away."""
+    confirmed: int = 0
+    """Actions that were read back and are permanent."""
     touched: bool = False
     released: bool = False
     """What it has become is permanent, or may be."""
@@ -117,6 +127,11 @@ class End:
         rows = simulate(self.seen.rows, self.plan) if after and self.plan is not None else self.seen.rows
         return radio_of(rows, self.radio_name)
 
+    @property
+    def signer(self) -> Signer:
+        """Whose job this run arms on the device, and whose leftovers it may take away."""
+        return Signer(self.job, self.seen.facts.session_address)
+
     # --- reading ---------------------------------------------------------------------------------------------------
 
     async def read(self) -> None:
@@ -125,6 +140,7 @@ class End:
         self.session = await self.contact.open()
         self.job = await fitted(self.session, self.job)
         self.before = await observe(self.session, self.job.endpoint, self.job.desired.menus, (*GUARDED, *MENUS))
+        self.left = look(self.before)
         facts = self.before.facts
         self.record(
             DeviceObserved(
@@ -133,6 +149,20 @@ class End:
         )
         self.plan = plan(self.name, self.job.desired, self.before)
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
+
+    async def problem(self, mode: Mode = Mode.APPLY) -> DeviceResult | None:
+        """Read in a first session, in place of one that there was; how the run ends if that fails."""
+        session, self.session = self.session, None
+        if session is not None:
+            await self.contact.leave(session)
+        try:
+            await self.read()
+        except (CannotPlan, MenuMissing, Unfit) as refusal:
+            return self.result(Status.REFUSED, str(refusal), hint=refusal.hint)
+        except NetcfgError as failure:
+            what = "could not be read" if mode is Mode.PLAN else "nothing was changed"
+            return self.result(Status.LEFT_AS_FOUND, f"{what}: {failure}", hint=failure.hint)
+        return None
 
     def refusals(self) -> Iterator[str]:
         """Yield why this end's plan may not be carried out."""
@@ -189,7 +219,7 @@ class End:
 
     def say(self, stage: Stage, message: str) -> None:
         """Tell the subscriber."""
-        self.job.events(Event(self.name, stage, message, 0, len(self.actions)))
+        self.job.events(Event(self.name, stage, message, self.confirmed, len(self.actions)))
 
     def record(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed."""
@@ -210,14 +240,22 @@ class End:
         """Say that the device is as declared, for good."""
         numbers = tuple(action.number for action in self.actions)
         self.note(ActionsConfirmed(device=self.name, actions=numbers))
-        return self.result(Status.CHANGED, message, confirmed=len(numbers))
+        self.confirmed = len(numbers)
+        return self.result(Status.CHANGED, message)
 
     def rolled_back(self, why: str) -> DeviceResult:
         """Say that the device is as before."""
         self.note(Unrolled(device=self.name, reason=self.clean(why)))
         return self.result(Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
 
-    def result(self, status: Status, message: str, *, hint: str | None = None, confirmed: int = 0) -> DeviceResult:
+    def unchanged(self) -> DeviceResult:
+        """Say that nothing was to be changed, and what was taken away that a run had left."""
+        if not self.removed:
+            return self.result(Status.UNCHANGED, "already so: nothing to change")
+        self.after = self.seen
+        return self.result(Status.CHANGED, f"as declared; removed {' and '.join(self.removed)}")
+
+    def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
         """Say how it ended."""
         traffic, now = self.contact.traffic, asyncio.get_running_loop().time()
         return DeviceResult(
@@ -227,10 +265,10 @@ class End:
             message=self.clean(message),
             hint=hint,
             planned=len(self.actions),
-            confirmed=confirmed,
+            confirmed=self.confirmed,
             diff=self.plan.diff if self.plan is not None else "",
             drift=self.plan.drift if self.plan is not None else (),
-            notes=(*(self.plan.notes if self.plan is not None else ()), *self.notes),
+            notes=(*(self.plan.notes if self.plan is not None else ()), *self.notes, *self.contact.notes),
             plan_hash=plan_hash(self.plan) if self.plan is not None else "",
             protection=self.protection,
             round_trips=traffic.round_trips,

@@ -13,22 +13,17 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros import scheduler_jobs
 from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.scheduler_jobs import MENU, PAIR
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Facts
     from atlantis_netcfg.routeros.apply import Channel
 
-__all__ = ["NAME", "Armed", "arm", "disarm", "script", "why_not"]
+__all__ = ["arm", "script", "why_not"]
 
-NAME = "atlantis-pair"
-_PATH = "/system/scheduler"
-_LOOK = Command(f"{_PATH}/print", queries=(f"?name={NAME}",))
 _FALSE, _TRUE = ("false", "no"), ("true", "yes")
-
-
-class Armed(DeviceFailed):
-    """Such a job is there already: somebody else's run is under way, or one has died."""
 
 
 def why_not(facts: Facts) -> str:
@@ -42,31 +37,19 @@ def why_not(facts: Facts) -> str:
 def script(menu: str, peer: str, way_back: str) -> str:
     """Write the job: `peer` is the MAC address that has to be registered with the radios of `menu`."""
     look = f'{menu}/registration-table/get [find mac-address="{peer}"] uptime'
-    return f':do {{\n{look}\n}} on-error={{\n{way_back}}}\n{_PATH}/remove [find name="{NAME}"]\n'
+    return f':do {{\n{look}\n}} on-error={{\n{way_back}}}\n{MENU}/remove [find name="{PAIR}"]\n'
 
 
-async def arm(session: Channel, text: str, after_s: float) -> None:
-    """Make the job and see that the device will run it. Raises Armed, and DeviceFailed if it will not run it."""
-    if (await session.command(_LOOK)).checked().rows:
-        raise Armed(
-            "another run changes this bridge, or has died in the middle of it",
-            hint="wait until it has ended; if it has died:  provision resume",
-        )
+async def arm(session: Channel, owner: str, text: str, after_s: float) -> str:
+    """Make the job, see that the device will run it, and return its `.id`. Raises AlreadyArmed, WillNotRun."""
     start = await _moment(session, after_s)
-    arguments = {
-        "name": NAME,
+    values = {
         "start-date": start.strftime("%Y-%m-%d"),
         "start-time": start.strftime("%H:%M:%S"),
         "interval": f"{max(1, round(after_s))}s",
         "on-event": text,
     }
-    (await session.command(Command(f"{_PATH}/add", tuple(arguments.items())))).checked()
-    rows = (await session.command(_LOOK)).checked().rows
-    if not rows or rows[0].get(".about") or rows[0].get("disabled") in _TRUE:
-        await disarm(session)
-        raise DeviceFailed(
-            f"the device does not run jobs: {rows[0].get('.about', 'it is disabled') if rows else 'gone'}"
-        )
+    return await scheduler_jobs.arm(session, PAIR, owner, values)
 
 
 async def _moment(session: Channel, after_s: float) -> datetime:
@@ -78,14 +61,3 @@ async def _moment(session: Channel, after_s: float) -> datetime:
     except (KeyError, ValueError):
         raise DeviceFailed(f"its clock says {row.get('date')} {row.get('time')}, which is no time") from None
     return now + timedelta(seconds=after_s)
-
-
-async def disarm(session: Channel) -> None:
-    """Take the job away, and see that it is away. Raises Refused, SessionLost."""
-    rows = (await session.command(_LOOK)).checked().rows
-    if rows:
-        ids = ",".join(row[".id"] for row in rows)
-        await session.command(Command(f"{_PATH}/remove", ((".id", ids),)))
-        left = (await session.command(_LOOK)).checked().rows
-        if left:
-            raise DeviceFailed(f"the job {NAME} could not be taken away")

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.events import Stage
-from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Verified
+from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
+from atlantis_netcfg.routeros.apply._protection import Interfered
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
 from atlantis_netcfg.routeros.apply._state import digest
@@ -25,6 +26,7 @@ from atlantis_netcfg.routeros.pair import _fuse, _safe
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
 from atlantis_netcfg.routeros.pair._inverse import NotInvertible, inverse
 from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
+from atlantis_netcfg.routeros.scheduler_jobs import ARMED, PAIR, AlreadyArmed, disarm, jobs_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,8 +59,6 @@ class Transaction:
     pair: Pair
     near: End
     far: End
-    resumes: bool = False
-    """The job of a run that has died is taken away, not respected."""
     linked: bool = False
     """The far end was reached after its change."""
     deadline: float = 0.0
@@ -102,6 +102,7 @@ class Transaction:
         for end in self.ends:
             if end.actions:
                 await self._take(end)
+        await self._see_job()
 
     async def protect_near(self) -> None:
         """Save the near end and take its safe mode: for a change of that end alone."""
@@ -111,8 +112,15 @@ class Transaction:
 
     async def _take(self, end: End) -> None:
         end.owner = await _safe.take(end.channel, end.name)
-        end.protection = "safe-mode and a job of the scheduler" if end.fused else "safe-mode"
+        end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
         self._protected(end)
+
+    async def _see_job(self) -> None:
+        """See that the far end's job is still there: another run that took this one for dead would have removed it."""
+        far = self.far
+        if far.job_id and not any(row.get(".id") == far.job_id for row in (await far.channel.command(ARMED)).rows):
+            far.job_id = ""
+            raise Interfered(f"{far.name}: the job of its scheduler has run, or another run has taken it away")
 
     async def _arm(self) -> None:
         """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
@@ -124,15 +132,15 @@ class Transaction:
             why = why or f"there is no script for the way back ({reason})"
         if not why and radio is not None and near is not None:
             try:
-                if self.resumes:
-                    await _fuse.disarm(far.channel)
-                await _fuse.arm(far.channel, _fuse.script(radio.menu, near.mac, way_back), self.pair.link_timeout_s)
-            except _fuse.Armed:
+                text = _fuse.script(radio.menu, near.mac, way_back)
+                far.record(Signed(device=far.name, sign=far.signer.text))
+                far.arms = True
+                far.job_id = await _fuse.arm(far.channel, far.signer.text, text, self.pair.link_timeout_s)
+            except AlreadyArmed:
                 raise
             except DeviceFailed as failed:
                 why = str(failed)
             else:
-                far.fused = True
                 self.fires = asyncio.get_running_loop().time() + self.pair.link_timeout_s
                 return
         far.notes.append(
@@ -141,7 +149,7 @@ class Transaction:
         )
 
     def _protected(self, end: End) -> None:
-        job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.fused else ""
+        job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.job_id else ""
         end.record(Protected(device=end.name, how=end.protection))
         end.say(Stage.PROTECTED, f"the end returns by itself: safe mode{job}")
 
@@ -243,11 +251,11 @@ class Transaction:
         """Release far end, near end, and take the far end's job away, in this order (see above)."""
         if asyncio.get_running_loop().time() > self.deadline:
             raise LinkGone("the time was over before the change could be kept")
+        await self._see_job()
         for end in self.ends:
             if end.actions:
                 await self.release(end, end.channel)
-        if self.far.fused:
-            await self.defuse(self._anew[self.far.name])
+        await self.defuse(self._anew[self.far.name])
 
     async def release(self, end: End, session: Channel) -> None:
         """Make one end permanent. Raises HoldLost, SessionLost: then it is not known whether it is."""
@@ -259,9 +267,14 @@ class Transaction:
         end.record(Released(device=end.name))
 
     async def defuse(self, session: Channel) -> None:
-        """Take the far end's job away."""
-        await _fuse.disarm(session)
-        self.far.fused = False
+        """Take the far end's job away, if this run may have armed one: the answer to that may have been lost."""
+        far = self.far
+        if not far.arms:
+            return
+        for job in jobs_of((await session.command(ARMED)).checked().rows):
+            if job.name == PAIR and job.owner == far.signer.text:
+                await disarm(session, job.id)
+        far.job_id, far.arms = "", False
 
     async def forget_answer(self) -> None:
         """Wait no more for the far end's answer; its first session is over with that."""

@@ -240,8 +240,8 @@ class _Meddled:
             await meddler.act()
         return replies
 
-    async def close(self) -> None:
-        await self._session.close()
+    async def close(self, *, wait: bool = True) -> None:
+        await self._session.close(wait=wait)
 
 
 def without_header(text: str) -> str:

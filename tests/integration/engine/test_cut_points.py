@@ -85,7 +85,9 @@ SAMPLE = [
 )
 def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, path: str, nth: int, status: Status | None) -> None:
     result = cut(tmp_path, Fault(do=kind, match=path, sentence=nth, when="after", seconds=GAP_S))
-    expected = Status.CHANGED if kind is FaultKind.GAP else status
+    # A device that falls silent while it is only read is read again in smaller batches.
+    goes_on = kind is FaultKind.GAP or (kind is FaultKind.VANISH and (path, nth) == ("/ip/address/print", 1))
+    expected = Status.CHANGED if goes_on else status
     assert result.status is (expected or result.status)
 
 

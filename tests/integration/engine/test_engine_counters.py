@@ -118,9 +118,9 @@ def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> 
     [(1, 1, 1), (WINDOW - 2, 1, 1), (WINDOW - 1, 0, 1), (WINDOW, 0, 0), (WINDOW + 1, 1, 1), (2 * WINDOW, 0, 0)],
 )
 def test_looks_take_the_room_that_is_left(beside: int, first: int, last: int) -> None:
-    assert tuple(map(len, looks(("ether3",), beside))) == (first, last)
+    assert tuple(map(len, looks(("ether3",), beside, WINDOW))) == (first, last)
     assert -(-(beside + first + last) // WINDOW) == -(-beside // WINDOW)
-    assert looks((), beside) == ([], [])
+    assert looks((), beside, WINDOW) == ([], [])
 
 
 def test_one_command_asks_for_all_ports() -> None:

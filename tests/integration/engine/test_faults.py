@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -10,7 +11,7 @@ from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.journal import Journal, JournalFailed, Record
+from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
 from atlantis_netcfg.twin import Execute, Fault, FaultKind, Knobs
@@ -246,6 +247,68 @@ def test_without_waiting_a_dead_session_stands_in_the_way(tmp_path: Path) -> Non
     assert "provision resume site=coastal" in result.hint
 
 
+class Killed(BaseException):
+    """Nothing is settled after it."""
+
+
+class Deadly(Journal):
+    """A journal whose run dies when the router has said that it has executed the changes."""
+
+    def write(self, record: Record) -> None:
+        super().write(record)
+        if isinstance(record, ActionsAcknowledged):
+            raise Killed
+
+
+@pytest.mark.parametrize("version", ["7.18.2", "7.16"])
+def test_the_same_command_typed_again_waits_for_what_its_own_dead_run_has_left(tmp_path: Path, version: str) -> None:
+    """By safe mode, or below 7.18 by the dead-man job: the journal says that the run is of this computer."""
+    bench = Bench(tmp_path, spec={"version": version})
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, str]:
+        with bench.journal() as opened:
+            job = bench.job(journal=Deadly(opened.directory), run=opened.run)
+        with pytest.raises(Killed):
+            await converge(job)
+        refused = await bench.converge()
+        with bench.journal() as journal:
+            history = bench.store.history("coastal", "router", current=journal.run)
+            again = await converge(bench.job(journal=journal, run=journal.run, history=history))
+        left = await bench.router.console(["/system/scheduler/print"])
+        return refused, again, str(left) + str(await bench.router.console(["/ip/firewall/address-list/print"]))
+
+    refused, again, left = on(bench, act)
+    assert refused.status is Status.LEFT_AS_FOUND
+    assert refused.hint is not None
+    assert "provision resume site=coastal" in refused.hint
+    assert again.status is Status.CHANGED, again.message
+    assert "atlantis-dead-man" not in left
+    assert "atlantis-run" not in left
+    assert bench.store.unfinished("coastal") == ()
+
+
+def test_a_link_lost_before_the_first_change_is_gone_on_with(tmp_path: Path) -> None:
+    """Safe mode was asked for and nothing was written: what is advised then finds a run to go on with."""
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, list[str], DeviceResult, DeviceResult]:
+        bench.router.arm(Fault(do=FaultKind.VANISH, match="/safe-mode/take", when="after"))
+        lost = await bench.converge()
+        open_runs = [run.id for run in bench.store.unfinished("coastal")]
+        refused = await bench.converge()
+        again = await bench.converge(history=bench.store.history("coastal", "router"))
+        return lost, open_runs, refused, again
+
+    lost, open_runs, refused, again = on(bench, act)
+    assert lost.status is Status.LEFT_AS_FOUND
+    assert lost.hint is not None
+    assert "provision resume site=coastal" in lost.hint
+    assert len(open_runs) == 1
+    assert refused.status is Status.LEFT_AS_FOUND
+    assert again.status is Status.CHANGED
+    assert bench.store.unfinished("coastal") == ()
+
+
 class FullDisk(Journal):
     """A journal that can write so many records and no more."""
 
@@ -276,7 +339,45 @@ def test_a_disk_that_is_full_at_any_record(tmp_path: Path, records: int) -> None
     assert ("No space left on device" in told) == (records < 12)
     assert (now != before) == (result.status is Status.CHANGED)
     assert (result.status is Status.CHANGED) == (records >= 8)
-    assert result.exit is (ExitCode.DONE if result.status is Status.CHANGED else ExitCode.FAILED)
+    changed = ExitCode.DONE if records >= 12 else ExitCode.CHECKS_FAILED
+    assert result.exit is (changed if result.status is Status.CHANGED else ExitCode.FAILED)
+
+
+class LostFolder(Journal):
+    """A journal whose state folder is deleted before one of its records."""
+
+    left = 0
+
+    def write(self, record: Record) -> None:
+        if self.left == 0:
+            shutil.rmtree(self.directory.parents[2])
+        self.left -= 1
+        super().write(record)
+
+
+@pytest.mark.parametrize("records", range(13))
+def test_a_state_folder_that_is_deleted_at_any_record(tmp_path: Path, records: int) -> None:
+    """Nobody could go on with such a run: before the release it is taken back, after it the result is not green."""
+    bench = Bench(tmp_path)
+
+    async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
+        with bench.journal() as opened:
+            journal = LostFolder(opened.directory)
+        journal.left = records
+        before = bench.export()
+        result = await converge(bench.job(journal=journal))
+        journal.close()
+        return result, before, bench.export()
+
+    result, before, now = on(bench, act)
+    told = f"{result.message} {' '.join(result.notes)}"
+    assert ("was deleted or replaced" in told) == (records < 12)
+    assert (now != before) == (result.status is Status.CHANGED)
+    assert (result.status is Status.CHANGED) == (records >= 8)
+    assert ("not recorded" in result.message) == (records < 12)
+    changed = ExitCode.DONE if records >= 12 else ExitCode.CHECKS_FAILED
+    assert result.exit is (changed if result.status is Status.CHANGED else ExitCode.FAILED)
+    assert not list(tmp_path.rglob("*.rsc")) or records >= 12
 
 
 @pytest.mark.parametrize("stage", [Stage.CONNECTING, Stage.PLANNED, Stage.PROTECTED, Stage.APPLYING, Stage.VERIFYING])

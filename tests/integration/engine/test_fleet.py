@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field
+import socket
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from engine_bench import TEXT, Bench, run
 
+from atlantis_netcfg.operations.bearers import LAN, patient
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, Mode, Patience, Status, fleet
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.twin import Fault, FaultKind, Link
@@ -87,6 +89,27 @@ def test_a_dead_device_holds_nobody_up(tmp_path: Path) -> None:
     ]
     assert max(done[name] for name in ("ship2", "ship3", "ship4", "nowhere")) < 30
     assert done["ship0"] > 500
+
+
+def test_silent_devices_on_a_cable_are_given_up_in_seconds(tmp_path: Path) -> None:
+    """Fifty on a cable, of which two accept a connection and say nothing: it took 121 s with a satellite's patience."""
+
+    async def main() -> tuple[list[DeviceResult], float]:
+        async with ships(tmp_path, 6) as benches:
+            clock = asyncio.get_running_loop().time
+            with socket.create_server(("127.0.0.1", 0)) as silent:
+                port = silent.getsockname()[1]
+                work = [benches[each % 6].job(name=f"ship{each}") for each in range(48)]
+                dead = replace(benches[0].job().endpoint, port=port)
+                work += [benches[0].job(name=name, endpoint=dead) for name in ("dead1", "dead2")]
+                work = [replace(job, endpoint=patient(job.endpoint, LAN)) for job in work]
+                begun = clock()
+                return await fleet.run(work, mode=Mode.PLAN), clock() - begun
+
+    results, took_s = run(main())
+    assert [result.status for result in results] == [Status.PLANNED] * 48 + [Status.LEFT_AS_FOUND] * 2
+    assert results[-1].message.endswith("did not answer within 15 s")
+    assert took_s <= 121 / 4
 
 
 def test_only_so_many_are_in_work_at_once(tmp_path: Path) -> None:

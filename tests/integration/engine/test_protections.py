@@ -189,15 +189,22 @@ def test_the_console_dies_while_the_api_lives(tmp_path: Path, how: str, nth: int
     assert resumed.status is (Status.UNCHANGED if result.status is Status.CHANGED else Status.CHANGED)
 
 
+async def die_armed(bench: Bench) -> DeviceResult:
+    """Let the laptop die after its last script: the dead-man job and the sign of the run stay."""
+    bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+    dead = await bench.converge(patience=Patience(reach_s=0, undo_s=0))
+    bench.router.disarm()
+    return dead
+
+
 def test_a_job_that_nobody_takes_away_runs(tmp_path: Path) -> None:
-    """The laptop dies after its script: the router returns by itself, and a later run is told before that."""
+    """The router is not as declared: it returns by itself, and a later run is told before that."""
     bench = Bench(tmp_path, spec={"version": "7.16"})
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult, bool, float]:
         before = bench.export()
-        bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
-        dead = await bench.converge(patience=Patience(reach_s=0, undo_s=0))
-        bench.router.disarm()
+        dead = await die_armed(bench)
+        await bench.router.console(["/system/identity/set", "=name=half-way"])
         told = await bench.converge(Mode.PLAN)
         refused = await bench.converge(run="another")
         clock = asyncio.get_running_loop().time
@@ -216,3 +223,82 @@ def test_a_job_that_nobody_takes_away_runs(tmp_path: Path) -> None:
     assert "provision@10.64.101.10" in refused.message
     assert changed, resumed.message
     assert 300 < waited < 700
+
+
+UPGRADED = {"version": "7.18.2"}
+"""A router with safe mode for programs may still have the job of a run that came before its upgrade."""
+OURS = "=comment=a run of provision@10.64.101.10"
+JOB_ROW = ["/system/scheduler/add", "=name=atlantis-dead-man", "=interval=10m", OURS]
+
+
+@pytest.mark.parametrize("mode", [Mode.APPLY, Mode.RESUME])
+def test_what_a_dead_run_has_left_goes_where_the_router_is_as_declared(tmp_path: Path, mode: Mode) -> None:
+    """The script had been executed: nothing is waited for, and nothing is taken back later."""
+
+    async def act(bench: Bench) -> tuple[list[DeviceResult], list[tuple[int, bool]], bool]:
+        await die_armed(bench)
+        left = [await left_behind(bench)]
+        told = [await bench.converge(Mode.PLAN), await bench.converge(Mode.DRIFT)]
+        results = [*told, await bench.converge(mode), await bench.converge()]
+        left.append(await left_behind(bench))
+        as_declared = bench.export()
+        await asyncio.sleep(1300)
+        return results, left, bench.export() == as_declared
+
+    (plan, drift, first, second), left, stays = on(Bench(tmp_path, spec={"version": "7.16"}), act)
+    assert left[0][0] > 0
+    assert left[0][1]
+    assert left[1] == (0, False), first.message
+    assert (plan.status, plan.exit, plan.planned) == (Status.PLANNED, ExitCode.CHANGES, 0)
+    assert "the job atlantis-dead-man of a run of provision@10.64.101.10 is armed" in plan.message
+    assert drift.exit is ExitCode.CHECKS_FAILED
+    assert drift.comparison is not None
+    assert [(one.subject, one.kind) for one in drift.comparison.drifted] == [
+        ("atlantis-run", "open"),
+        ("atlantis-dead-man", "open"),
+    ]
+    assert (first.status, first.exit) == (Status.CHANGED, ExitCode.DONE), first.message
+    assert "removed the job atlantis-dead-man of a run of provision@10.64.101.10 and the marker of" in first.message
+    assert (second.status, stays) == (Status.UNCHANGED, True), second.message
+
+
+def test_a_job_on_a_router_that_has_safe_mode_by_now(tmp_path: Path) -> None:
+    """It would take back what a later run has confirmed."""
+
+    async def act(bench: Bench) -> tuple[list[DeviceResult], tuple[int, bool]]:
+        await bench.converge()
+        await bench.router.console([*JOB_ROW, "=on-event=:put 1"])
+        results = [await bench.converge(each) for each in (Mode.PLAN, Mode.DRIFT)]
+        return [*results, await bench.converge(), await bench.converge()], await left_behind(bench)
+
+    (plan, drift, first, second), left = on(Bench(tmp_path, spec=UPGRADED), act)
+    assert [plan.exit, drift.exit] == [ExitCode.CHANGES, ExitCode.CHECKS_FAILED]
+    assert (first.status, left) == (Status.CHANGED, (0, False)), first.message
+    assert second.status is Status.UNCHANGED
+
+
+def test_the_job_of_a_run_that_may_be_alive_is_left_alone(tmp_path: Path) -> None:
+    """Another laptop's, of which our journal knows nothing."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, tuple[int, bool]]:
+        await bench.converge()
+        stranger = "=comment=run 20260101T000000Z of provision@10.64.101.99"
+        await bench.router.console([*JOB_ROW[:-1], stranger, "=on-event=:put 1"])
+        return await bench.converge(), await left_behind(bench)
+
+    result, left = on(Bench(tmp_path, spec=UPGRADED), act)
+    assert (result.status, result.exit, left) == (Status.LEFT_AS_FOUND, ExitCode.FAILED, (1, False))
+    assert "run 20260101T000000Z of provision@10.64.101.99 is armed" in result.message
+
+
+def test_looking_for_what_is_armed_costs_no_round_trip(tmp_path: Path) -> None:
+    """Below 7.18 it was a question of its own; now it goes beside the others, in a few bytes."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
+        await bench.converge()
+        return await bench.converge(), await bench.converge(Mode.DRIFT)
+
+    old = on(Bench(tmp_path / "old", spec={"version": "7.16"}), act)
+    new = on(Bench(tmp_path / "new"), act)
+    assert {each.status for each in (*old, *new)} == {Status.UNCHANGED}
+    assert len({each.round_trips for each in (*old, *new)}) == 1

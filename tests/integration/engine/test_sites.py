@@ -50,13 +50,13 @@ def test_a_declared_router_converges_twice_at_the_promised_cost(tmp_path: Path, 
     first, second = on(bench(tmp_path, name, reservations(number) if number else ""), twice)
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED), first.message
     assert first.confirmed == first.planned > 100 + number
-    assert first.round_trips <= 16
-    assert second.round_trips <= 4
+    assert first.round_trips <= 22
+    assert second.round_trips == 5
     assert second.planned == 0
 
 
-def test_an_idle_run_over_iridium_is_six_round_trips_long(tmp_path: Path) -> None:
-    """Three for TCP and TLS 1.2, one for the login, two for everything that is read."""
+def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> None:
+    """Three for TCP and TLS 1.2, one for the login, one for everything that is read."""
 
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
@@ -65,7 +65,7 @@ def test_an_idle_run_over_iridium_is_six_round_trips_long(tmp_path: Path) -> Non
 
     idle = on(bench(tmp_path, "coastal-router"), act)
     assert idle.status is Status.UNCHANGED
-    assert idle.seconds <= 6 * RTT_S + 0.05
+    assert idle.seconds <= 5 * RTT_S + 0.05
 
 
 @pytest.mark.parametrize("name", ROUTERS)

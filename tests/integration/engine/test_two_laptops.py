@@ -69,8 +69,8 @@ class _Started:
             await self._starter.act()
         return await self._session.flight(commands, silence_s=silence_s)
 
-    async def close(self) -> None:
-        await self._session.close()
+    async def close(self, *, wait: bool = True) -> None:
+        await self._session.close(wait=wait)
 
 
 @dataclass

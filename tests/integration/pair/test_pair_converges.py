@@ -50,3 +50,13 @@ def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> No
     kept = bench.store.last_confirmed("quay", ("near", "far"))
     assert kept.keys() == {"near", "far"}, "what was read back is there for drift and for a replacement"
     assert all(words.key not in state.text() for state in kept.values() if words.key)
+
+
+def test_the_progress_of_an_end_that_is_done_is_whole(tmp_path: Path) -> None:
+    async def act(bench: PairBench) -> list[tuple[str, int, int]]:
+        await bench.converge(CHANGES["name"])
+        return [(event.device, event.done, event.total) for event in bench.events if event.stage == "confirmed"]
+
+    ended = on(PairBench(tmp_path), act)
+    assert {device for device, _, _ in ended} == {"near", "far"}
+    assert all(done == total > 0 for _, done, total in ended), ended

@@ -23,6 +23,8 @@ KINDS = (FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT, FaultKind.POWER, Fa
 GAP_S = 20.0
 LONG_S = 1200.0
 """More than the declared time, nine minutes of a dead session, and a reboot."""
+ADVICE = 4
+"""So many commands may follow one another until nothing is left to do."""
 SETTLED = (Status.CHANGED, Status.ROLLED_BACK, Status.LEFT_AS_FOUND)
 
 Exports = tuple[str, str]
@@ -120,6 +122,45 @@ def faults() -> Iterator[tuple[FaultKind, str]]:
     for kind in KINDS:
         yield kind, "before"
         yield kind, "after"
+
+
+async def armed(bench: PairBench) -> list[str]:
+    """What is armed or open on either end, read from the twins' own consoles."""
+    found = []
+    for name in ("near", "far"):
+        jobs = str(await bench.router(name).console(["/system/scheduler/print"]))
+        hold = str(await bench.router(name).console(["/safe-mode/print"]))
+        found += [f"{name}: {word}" for word, text in (("atlantis-", jobs), ("=enabled=true", hold)) if word in text]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "end", "path", "nth"), CUTS, ids=[f"{kind} {end} {path}" for kind, end, path, _ in CUTS]
+)
+def test_nothing_is_armed_when_the_advice_was_followed(
+    tmp_path: Path, kind: FaultKind, end: str, path: str, nth: int
+) -> None:
+    """At once, without waiting for anything to run down: exit 5 says `resume`, exit 4 the same command again."""
+
+    async def act(bench: PairBench) -> tuple[list[str], list[str], bool]:
+        bench.router(end).arm(Fault(do=kind, match=path, sentence=nth, when="after"))
+        results = await bench.converge(NEW)
+        bench.router(end).disarm()
+        told = []
+        for _ in range(ADVICE):
+            told += [f"{each.status.value}: {each.message}" for each in results]
+            if all(each.exit.value == 0 for each in results):
+                break
+            resumes = any(each.exit.value == 5 or "resume" in (each.hint or "") for each in results)
+            results = await bench.converge(NEW, Mode.RESUME if resumes else Mode.APPLY)
+        assert all(each.exit.value == 0 for each in results), told
+        left, before = await armed(bench), bench.exports()
+        await asyncio.sleep(LONG_S)
+        return told, left, bench.exports() == before
+
+    told, left, stays = on(PairBench(tmp_path), act)
+    assert left == [], told
+    assert stays, told
 
 
 @pytest.mark.campaign

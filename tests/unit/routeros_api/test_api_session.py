@@ -3,6 +3,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import socket
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pytest
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 PRINT = Command("/ip/address/print")
+INSPECT = Command("/console/inspect")
+TO_LOG_IN = 3
+"""Round trips of TCP's handshake, of that of TLS 1.3, and of the login."""
 
 
 def talk(
@@ -83,12 +87,14 @@ def test_the_login_is_one_tagged_sentence_and_one_round_trip(tmp_path: Path) -> 
 
     async def use() -> tuple[Traffic, str, str]:
         async with serving(tmp_path, script) as device, await Session.open(device.endpoint()) as session:
-            return session.traffic, session.certificate, device.fingerprint
+            return replace(session.traffic), session.certificate, device.fingerprint
 
     traffic, certificate, fingerprint = asyncio.run(use())
     sentence = ["/login", "=name=provision", f"=password={PASSWORD}", ".tag=1"]
     assert seen == [sentence]
-    assert traffic == Traffic(1, len(frame(*sentence)), len(frame("!done", ".tag=1")))
+    assert traffic.round_trips == TO_LOG_IN
+    assert traffic.sent > len(frame(*sentence))
+    assert traffic.received > len(frame("!done", ".tag=1"))
     assert certificate == fingerprint
 
 
@@ -107,7 +113,7 @@ def test_an_old_device_is_answered_with_its_challenge(tmp_path: Path) -> None:
         async with serving(tmp_path, script) as device, await Session.open(device.endpoint()) as session:
             return session.traffic.round_trips
 
-    assert asyncio.run(use()) == 2
+    assert asyncio.run(use()) == TO_LOG_IN + 1
     digest = hashlib.md5(b"\0" + PASSWORD.encode() + bytes.fromhex(challenge), usedforsecurity=False).hexdigest()
     assert seen == [["/login", "=name=provision", f"=response=00{digest}", ".tag=2"]]
 
@@ -241,22 +247,94 @@ def test_an_interrupted_command_is_a_trap_of_category_2(tmp_path: Path) -> None:
     assert (reply.trap, reply.rows) == (Trap("interrupted", 2), ({"name": "a"},))
 
 
-def test_sixty_commands_are_three_round_trips(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "batches"),
+    [(PRINT, (60,)), (INSPECT, (24, 24, 12)), (Command("/ip/address/add"), (24, 24, 12))],
+    ids=["print", "inspect", "add"],
+)
+def test_reading_goes_in_a_larger_window(tmp_path: Path, command: Command, batches: tuple[int, ...]) -> None:
     async def script(peer: Peer) -> None:
-        for count in (24, 24, 12):
+        for count in batches:
             tags = await peer.read_tags(count)
             await peer.send(*(("!done", f"=ret={tag}", f".tag={tag}") for tag in reversed(tags)))
         await peer.gone()
 
     async def use(session: Session) -> tuple[list[str | None], int]:
         before = session.traffic.round_trips
-        replies = await session.flight([PRINT] * 60)
+        replies = await session.flight([command] * 60)
         return [reply.ret for reply in replies], session.traffic.round_trips - before
 
     rets, round_trips = talk(tmp_path, script, use)
     assert WINDOW == 24
-    assert round_trips == 3
+    assert round_trips == len(batches)
     assert rets == [str(tag) for tag in range(2, 62)]
+
+
+def test_a_device_that_hangs_in_the_larger_window_is_read_anew_in_the_smaller(tmp_path: Path) -> None:
+    sizes: list[int] = []
+
+    async def script(peer: Peer) -> None:
+        await peer.log_in()
+        if not sizes:
+            sizes.append(len(await peer.read_tags(60)))
+            await peer.gone()
+            return
+        for count in (24, 24, 12):
+            tags = await peer.read_tags(count)
+            sizes.append(count)
+            await peer.send(*(("!done", f".tag={tag}") for tag in tags))
+        await peer.gone()
+
+    async def use() -> tuple[int, int, int]:
+        narrowed: list[bool] = []
+        async with serving(tmp_path, script) as device:
+            endpoint = replace(device.endpoint(reply_timeout_s=0.2), narrowed=lambda: narrowed.append(True))
+            async with await Session.open(endpoint) as session:
+                replies = await session.flight([PRINT] * 60)
+                return len(replies), len(narrowed), session.traffic.round_trips
+
+    # Two handshakes and logins, and three batches that were answered.
+    assert asyncio.run(use()) == (60, 1, 2 * TO_LOG_IN + 3)
+    assert sizes == [60, 24, 24, 12]
+
+
+def test_a_session_that_has_changed_something_is_not_replaced(tmp_path: Path) -> None:
+    async def script(peer: Peer) -> None:
+        await peer.log_in()
+        (tag,) = await peer.read_tags(1)
+        await peer.send(("!done", f".tag={tag}"))
+        await peer.gone()
+
+    async def use() -> int:
+        narrowed: list[bool] = []
+        async with serving(tmp_path, script) as device:
+            endpoint = replace(device.endpoint(reply_timeout_s=0.2), narrowed=lambda: narrowed.append(True))
+            async with await Session.open(endpoint) as session:
+                await session.command(Command("/safe-mode/take"))
+                with pytest.raises(SessionLost, match=r"has not answered for 0\.2 s$"):
+                    await session.flight([PRINT] * 60)
+        return len(narrowed)
+
+    assert asyncio.run(use()) == 0
+
+
+def test_leaving_does_not_wait_for_the_devices_own_end(tmp_path: Path) -> None:
+    left = asyncio.Event()
+
+    async def script(peer: Peer) -> None:
+        await peer.log_in()
+        await left.wait()
+        assert await peer.reader.read() == b""
+
+    async def use() -> None:
+        async with serving(tmp_path, script) as device:
+            session = await Session.open(device.endpoint())
+            peers_turn = session.traffic.round_trips
+            await session.close(wait=False)
+            assert session.traffic.round_trips == peers_turn
+            left.set()
+
+    asyncio.run(use())
 
 
 def test_tasks_take_turns(tmp_path: Path) -> None:
@@ -281,7 +359,7 @@ def test_no_commands_are_no_round_trip(tmp_path: Path) -> None:
     async def use(session: Session) -> tuple[list[Reply], int]:
         return await session.flight([]), session.traffic.round_trips
 
-    assert talk(tmp_path, script, use) == ([], 1)
+    assert talk(tmp_path, script, use) == ([], TO_LOG_IN)
 
 
 def test_a_fatal_answer_ends_the_session_with_its_words(tmp_path: Path) -> None:

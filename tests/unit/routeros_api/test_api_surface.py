@@ -6,11 +6,13 @@ from atlantis_netcfg.routeros import api
 
 def test_the_public_surface() -> None:
     assert api.__all__ == [
+        "READING_WINDOW",
         "WINDOW",
         "CertificateChanged",
         "CertificateUnknown",
         "Command",
         "Endpoint",
+        "FellSilent",
         "LoginRefused",
         "ProtocolError",
         "Refused",
@@ -26,5 +28,5 @@ def test_the_public_surface() -> None:
 def test_every_error_ends_a_run_as_a_failed_device() -> None:
     errors = [getattr(api, name) for name in api.__all__ if isinstance(getattr(api, name), type)]
     kinds = [kind for kind in errors if issubclass(kind, Exception)]
-    assert len(kinds) == 7
+    assert len(kinds) == 8
     assert all(issubclass(kind, DeviceFailed) and kind.exit == ExitCode.FAILED for kind in kinds)

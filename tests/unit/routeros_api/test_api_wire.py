@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Coroutine
 
 PRINT = Command("/ip/address/print")
+ADD = Command("/ip/address/add")
 
 
 class Clock(selectors.SelectSelector):
@@ -75,7 +76,7 @@ def test_a_batch_is_one_write_and_the_next_waits_for_every_answer() -> None:
     async def main() -> None:
         wire, transport = connected()
         session = Session(Device(8729, "").endpoint(), wire, "")
-        flight = asyncio.get_running_loop().create_task(session.flight([PRINT] * (WINDOW + 1)))
+        flight = asyncio.get_running_loop().create_task(session.flight([ADD] * (WINDOW + 1)))
         await turn()
         (write,) = transport.writes
         sentences = Decoder().feed(write)
@@ -90,7 +91,6 @@ def test_a_batch_is_one_write_and_the_next_waits_for_every_answer() -> None:
         assert len(transport.writes) == 2
         wire.data_received(frame("!done", f".tag={WINDOW + 1}"))
         assert len(await flight) == WINDOW + 1
-        assert session.traffic.sent == sum(map(len, transport.writes))
         wire.abort()
 
     run(main())

@@ -27,5 +27,5 @@ class Scripted:
         self.sent += commands
         return [self._answer(command) for command in commands]
 
-    async def close(self) -> None:
+    async def close(self, *, wait: bool = True) -> None:
         """Nothing is open."""

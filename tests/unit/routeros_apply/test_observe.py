@@ -10,6 +10,7 @@ from scripted import Scripted
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
+from atlantis_netcfg.routeros.apply.leftovers import look
 from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
 from atlantis_netcfg.secret import Secret
 
@@ -32,6 +33,7 @@ ANSWERS: Mapping[str, Reply] = {
         )
     ),
     "/system/history/print": Reply(ret="7"),
+    "/system/scheduler/print": Reply(),
     "/system/identity/print": Reply(({"name": "quay"},)),
     "/user/print": Reply(({"name": "provision", "group": "ours"},)),
     "/user/group/print": Reply(({"name": "ours", "policy": "read,write,!sensitive,api"},)),
@@ -55,6 +57,13 @@ def test_facts_of_device_and_session() -> None:
     assert facts.device_mode["mode"] == "home"
 
 
+def test_a_job_that_is_armed_is_read_beside_the_rest() -> None:
+    row = {".id": "*3", "name": "atlantis-pair", "comment": "run 20261121T093000Z of provision"}
+    seen = look(read({"/system/scheduler/print": Reply((row,))}, "/ip/pool"))
+    assert [(job.name, job.owner) for job in seen.jobs] == [("atlantis-pair", "run 20261121T093000Z of provision")]
+    assert not look(read({}, "/ip/pool"))
+
+
 def test_who_we_are_is_asked_later_and_once() -> None:
     sent: list[str] = []
 
@@ -66,7 +75,9 @@ def test_who_we_are_is_asked_later_and_once() -> None:
         session = Scripted(answer)
         first = await observe(session, ENDPOINT, ["/ip/pool", "/certificate"])
         sent.clear()
-        return first, await completed(session, ENDPOINT, first)
+        whole, beside = await completed(session, ENDPOINT, first)
+        assert not beside
+        return first, whole
 
     first, later = asyncio.run(act())
     assert first.facts.policies is None
@@ -94,10 +105,11 @@ def test_nothing_is_asked_twice_and_only_what_matters() -> None:
     asyncio.run(observe(Scripted(answer), ENDPOINT, ["/ip/pool", "/user"], ["/ip/pool", "/user/group"]))
     paths = [command.path for command in sent]
     assert len(paths) == len(set(paths))
-    assert paths[-4:] == [
+    assert paths[-5:] == [
         "/safe-mode/print",
         "/user/active/print",
         "/system/history/print",
+        "/system/scheduler/print",
         "/system/device-mode/print",
     ]
     pool = next(command for command in sent if command.path == "/ip/pool/print")

@@ -1,0 +1,126 @@
+"""What our own run costs on the wire in each scenario, exactly: the engine against one emulated router, and a proxy.
+
+A round trip is a flight that the next one depends on: TCP's handshake, and each time that the router answers what we
+have said since it was last heard (TLS takes two of them). Without a limit of the rate their number times the delay is
+the wall time of a run, as far as the router answers at once; the end of a session counts where it is waited for. Bytes
+are TCP's payload in both directions. `docs/benchmarks.md` has the figures, and a test compares.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.events import ignore
+from atlantis_netcfg.journal import RunStarted, Store
+from atlantis_netcfg.operations import Request
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.routeros import converge
+from atlantis_netcfg.twin import Link, Router
+from bench.declared import ROUTER, SITE, Declared
+from bench.edits import FILTER, damage
+from bench.job import Scenario
+from bench.proxy import Count, Proxy, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.routeros import DeviceResult
+
+__all__ = ["SATELLITE", "WireFigure", "measured", "part", "published", "replaced"]
+
+SATELLITE = Shape(0.35, 352_000, 704_000)
+"""Iridium Certus: 700 ms, 352 kbit/s up, 704 down."""
+_TITLE = "## Our own run on the wire\n"
+_WORDS = """\
+The engine alone, without the start of the program, over a link of 700 ms that carries 352 kbit/s up and 704 down, as a
+satellite does: bytes are seconds there. Handshakes of TCP and TLS are counted. A test fails when these figures move.
+"""
+_ROW = re.compile(r"^\| ([a-z-]+) \| (\d+) \| (\d+) \| (\d+) \| ([0-9.]+) \|$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class WireFigure:
+    """One run: what it said of itself, what the proxy has counted, and how long it took."""
+
+    result: DeviceResult
+    count: Count
+    wall_s: float
+
+
+async def measured(folder: Path, shape: Shape) -> dict[Scenario, WireFigure]:
+    """Configure a router that was just adopted, find nothing to do on it, put twenty rules of its firewall right."""
+    declared = Declared.make(folder)
+    twin = declared.twin
+    router = Router(twin.router, state_dir=folder / "flash", link=Link(), knobs=twin.knobs, ports=twin.ports)
+    figures = {}
+    for scenario in (Scenario.FIRST, Scenario.NOTHING, Scenario.FIREWALL):
+        # Started anew, so that its history is short, as that of the bench's routers.
+        async with router:
+            if scenario is Scenario.FIREWALL:
+                await _damage(router)
+                await router.restart()
+            async with Proxy("127.0.0.1", 0, (router.host, router.ports["api-ssl"]), shape) as proxy:
+                figures[scenario] = await _run(declared, router, proxy, folder / "state")
+    return figures
+
+
+async def _run(declared: Declared, router: Router, proxy: Proxy, state: Path) -> WireFigure:
+    host, port = proxy.address
+    target = Target(host=host, port=port, pin=router.pin or "", host_key=router.host_key)
+    request = Request(state=state, rehearsed=True, targets={ROUTER: target})
+    run = RunStarted(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=True, command="make bench")
+    clock = asyncio.get_running_loop().time
+    with Store(state, rehearsed=True).start(run) as journal:
+        job = device_job(declared.declaration, declared.declaration.hosts[ROUTER], request, journal, ignore)
+        begun = clock()
+        result = await converge(job)
+        return WireFigure(result, proxy.count, clock() - begun)
+
+
+async def _damage(router: Router) -> None:
+    """Take the firewall back to the state before the change."""
+    rules = [[answer.kind, *answer.words] for answer in await router.console([f"{FILTER}/print"])]
+    edits: list[Sequence[str]] = []
+
+    def ask(words: Sequence[str]) -> list[list[str]]:
+        if words[0].endswith("/print"):
+            return rules
+        edits.append(words)
+        return []
+
+    damage(ask)
+    for words in edits:
+        await router.console(list(words))
+
+
+def part(figures: Mapping[Scenario, WireFigure]) -> str:
+    """Return the part of the page."""
+    rows = (
+        f"| {scenario.value} | {each.count.connections} | {each.count.round_trips} | {each.count.bytes} |"
+        f" {each.wall_s:.1f} |\n"
+        for scenario, each in figures.items()
+    )
+    head = "| Scenario | Sessions | Round trips | Bytes | Seconds |\n|---|---|---|---|---|\n"
+    return f"{_TITLE}\n{_WORDS}\n{head}{''.join(rows)}"
+
+
+def replaced(page: str, figures: Mapping[Scenario, WireFigure]) -> str:
+    """Return the page with this part made anew."""
+    before, found, rest = page.partition(_TITLE)
+    if not found:
+        before, found, rest = page.partition("## Marks\n")
+        return f"{before}{part(figures)}\n{found}{rest}"
+    _, end, after = rest.partition("\n## ")
+    return f"{before}{part(figures)}{end}{after}"
+
+
+def published(page: str) -> dict[Scenario, tuple[int, int, int, float]]:
+    """Sessions, round trips, bytes and seconds of each scenario, as the page has them."""
+    _, _, rest = page.partition(_TITLE)
+    rows = _ROW.findall(rest.partition("\n## ")[0])
+    return {Scenario(name): (int(a), int(b), int(c), float(seconds)) for name, a, b, c, seconds in rows}

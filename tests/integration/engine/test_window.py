@@ -1,0 +1,58 @@
+"""How many questions a device bears at once: as many as it takes, or few, which is found out once and remembered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from engine_bench import Bench, on
+
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros.api import WINDOW
+from atlantis_netcfg.twin import Knobs
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NOTE = "the device fell silent with more than 24 questions at once"
+
+
+def twice(tmp_path: Path, knobs: Knobs) -> tuple[DeviceResult, DeviceResult, list[bool]]:
+    """Converge two times, the second time with what the first has taught."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, list[bool]]:
+        told: list[bool] = []
+        endpoint = replace(bench.job().endpoint, narrowed=lambda: told.append(True))
+        first = await bench.converge(endpoint=endpoint)
+        known = replace(endpoint, window=WINDOW) if told else endpoint
+        return first, await bench.converge(endpoint=known), told
+
+    return on(Bench(tmp_path, knobs=knobs), act)
+
+
+def test_a_device_that_bears_it_is_read_in_one_flight(tmp_path: Path) -> None:
+    first, second, told = twice(tmp_path, Knobs())
+    assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
+    assert not told
+    assert second.round_trips == 5
+    assert not [note for note in (*first.notes, *second.notes) if NOTE in note]
+
+
+def test_a_device_that_hangs_is_asked_again_in_smaller_batches_and_that_is_told(tmp_path: Path) -> None:
+    first, second, told = twice(tmp_path, Knobs(hang_at=25))
+    assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED), first.message
+    assert told == [True]
+    assert [note for note in first.notes if NOTE in note]
+    # What was learnt holds for the verifying session, too: only the first reading was waited for in vain.
+    assert 180 <= first.seconds < 200
+    assert second.round_trips == 6
+    assert not [note for note in second.notes if NOTE in note]
+
+
+def test_a_plan_is_told_so_as_well(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        return await bench.converge(Mode.PLAN)
+
+    result = on(Bench(tmp_path, knobs=Knobs(hang_at=25)), act)
+    assert result.status is Status.PLANNED
+    assert [note for note in result.notes if NOTE in note]
