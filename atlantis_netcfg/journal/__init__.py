@@ -4,6 +4,7 @@
     <state>/<real|rehearsal>/<site>/lock                        who works on the site now
     <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record a line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change
+    <state>/<real|rehearsal>/<site>/archive/<run>/              an older run that nothing needs, as it was
     <state>/<real|rehearsal>/<site>/usage.json                  bytes of each bearer, by month
     <state>/real/<site>/sim/<device>.tried                      a PIN was sent, and was not seen to be taken
     <state>/<real|rehearsal>/<site>/confirmed/<device>-<hash>.rsc    a state that runs have read back at their end
@@ -14,14 +15,31 @@ Everything is readable by its owner only. No record holds a secret: actions arri
 from __future__ import annotations
 
 from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy, StateDamaged
-from atlantis_netcfg.journal._files import make_private, sync_directory, translated, write_all, write_atomically
+from atlantis_netcfg.journal._files import (
+    make_private,
+    new_run,
+    run_order,
+    sync_directory,
+    translated,
+    write_all,
+    write_atomically,
+)
 from atlantis_netcfg.journal._lock import Holder, SiteLock
 from atlantis_netcfg.journal._log import Entry, Log, read
 from atlantis_netcfg.journal._pins import Pins
 from atlantis_netcfg.journal._runs import Confirmed, Run
-from atlantis_netcfg.journal._store import Store
+from atlantis_netcfg.journal._store import KEPT, DeviceHistory, Store, unfinished
 from atlantis_netcfg.journal._usage import Counters, MonthBytes, Usage
-from atlantis_netcfg.journal._writer import Journal, NoJournal, Recorder, utc_now
+from atlantis_netcfg.journal._writer import (
+    NOT_RECORDED,
+    Journal,
+    NoJournal,
+    Recorder,
+    StatesOnly,
+    conclude,
+    unrecorded,
+    utc_now,
+)
 from atlantis_netcfg.journal.records import (
     SETTLED,
     ActionsAcknowledged,
@@ -38,6 +56,7 @@ from atlantis_netcfg.journal.records import (
     Planned,
     PlannedAction,
     Protected,
+    Purpose,
     Rebooting,
     Record,
     Released,
@@ -45,6 +64,7 @@ from atlantis_netcfg.journal.records import (
     RunEnded,
     RunResumed,
     RunStarted,
+    Signed,
     StateConfirmed,
     StateSaved,
     Unrolled,
@@ -52,6 +72,8 @@ from atlantis_netcfg.journal.records import (
 )
 
 __all__ = [
+    "KEPT",
+    "NOT_RECORDED",
     "SETTLED",
     "ActionsAcknowledged",
     "ActionsConfirmed",
@@ -60,6 +82,7 @@ __all__ = [
     "ContactStepDone",
     "CostCounted",
     "Counters",
+    "DeviceHistory",
     "DeviceObserved",
     "Entry",
     "Holder",
@@ -79,6 +102,7 @@ __all__ = [
     "Planned",
     "PlannedAction",
     "Protected",
+    "Purpose",
     "Rebooting",
     "Record",
     "Recorder",
@@ -88,19 +112,26 @@ __all__ = [
     "RunEnded",
     "RunResumed",
     "RunStarted",
+    "Signed",
     "SiteBusy",
     "SiteLock",
     "StateConfirmed",
     "StateDamaged",
     "StateSaved",
+    "StatesOnly",
     "Store",
     "Unrolled",
     "Usage",
     "Verified",
+    "conclude",
     "make_private",
+    "new_run",
     "read",
+    "run_order",
     "sync_directory",
     "translated",
+    "unfinished",
+    "unrecorded",
     "utc_now",
     "write_all",
     "write_atomically",

@@ -11,11 +11,24 @@ from atlantis_netcfg.journal._errors import JournalFailed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from datetime import datetime
     from pathlib import Path
 
-__all__ = ["component", "make_private", "sync_directory", "translated", "unwritable", "write_all", "write_atomically"]
+__all__ = [
+    "component",
+    "make_private",
+    "new_run",
+    "run_order",
+    "sync_directory",
+    "translated",
+    "unwritable",
+    "vanished",
+    "write_all",
+    "write_atomically",
+]
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+_STAMP = re.compile(r"\d{8}T\d{6}Z")
 
 
 def component(name: str) -> str:
@@ -42,6 +55,34 @@ def sync_directory(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def new_run(runs: Path, now: datetime, name: str = "", *, archive: Path | None = None) -> Path:
+    """Make the folder of a run, named after its time, or after `name`; it is later than those that are there.
+
+    Where the clock was set back since the last run, or within its second, it has that one's time and a number. What
+    is in the `archive` keeps its name.
+    """
+    known = (run_order(path.name)[0] for path in runs.iterdir())
+    stamp = name or max(now.strftime("%Y%m%dT%H%M%SZ"), *filter(_STAMP.fullmatch, known), "")
+    number = 1
+    while True:
+        directory = runs / (stamp if number == 1 else f"{stamp}-{number:02}")
+        if archive is not None and (archive / directory.name).exists():
+            number += 1
+            continue
+        try:
+            directory.mkdir(mode=0o700)
+        except FileExistsError:
+            number += 1
+        else:
+            return directory
+
+
+def run_order(name: str) -> tuple[str, int]:
+    """Sort runs by time, and those of one time by number."""
+    stamp, _, number = name.partition("-")
+    return stamp, int(number) if number.isdecimal() else 1
 
 
 def write_all(descriptor: int, data: bytes) -> None:
@@ -83,4 +124,12 @@ def unwritable(what: str, path: Path, error: OSError) -> JournalFailed:
     return JournalFailed(
         f"{what} cannot be written: {reason} ({path})",
         hint="make room on the disk or correct its permissions, then run the same command again",
+    )
+
+
+def vanished(what: str, path: Path) -> JournalFailed:
+    """The error for a file that is open, but no longer where it was: nobody would find what is written to it."""
+    return JournalFailed(
+        f"{what} cannot be written: the folder of the run was deleted or replaced in mid-run ({path})",
+        hint="keep the state folder on a disk that stays, then run the same command again",
     )

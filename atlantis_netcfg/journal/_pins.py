@@ -19,11 +19,14 @@ __all__ = ["Pins"]
 
 _HOST_KEY = "ssh "
 """Before a device's name where its host key is kept; names have no spaces."""
+_WINDOW = "window "
+"""Before a device's name where is kept how many questions it bears at once."""
 
 
 class Pins:
     """SHA-256 (hex) of each device's certificate, and its SSH host key (`SHA256:...`), by device name.
 
+    Beside them stands how many questions a device bears at once, if that was found out: it goes with the certificate.
     Several processes may write at once.
     """
 
@@ -42,6 +45,7 @@ class Pins:
     def change(self, device: str, certificate: str | None) -> None:
         """Trust another certificate from now on, or (None) forget the device; only on a person's word."""
         with self._writing() as pins:
+            pins.pop(_WINDOW + device, None)
             if certificate is None:
                 pins.pop(device, None)
             else:
@@ -58,6 +62,16 @@ class Pins:
     def change_host_key(self, device: str, host_key: str | None) -> None:
         """Trust another host key from now on, or (None) none; only on a person's word."""
         self.change(_HOST_KEY + device, host_key)
+
+    def window(self, device: str) -> int | None:
+        """How many questions the device bears at once; None: as many as it was ever asked. Raises PinsDamaged."""
+        kept = self._read().get(_WINDOW + device, "")
+        return int(kept) if kept.isdecimal() else None
+
+    def narrow(self, device: str, window: int) -> None:
+        """Ask the device no more than `window` questions at once from now on."""
+        with self._writing() as pins:
+            pins[_WINDOW + device] = str(window)
 
     @contextmanager
     def _writing(self) -> Iterator[dict[str, str]]:

@@ -15,9 +15,11 @@ from atlantis_netcfg.journal.records import (
     ActionsConfirmed,
     DeviceObserved,
     Outcome,
+    Purpose,
     RunEnded,
     RunResumed,
     RunStarted,
+    Signed,
     StateConfirmed,
     StateSaved,
 )
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 __all__ = ["Confirmed", "Run"]
+
+
+_DONE = frozenset({"unchanged", "changed"})
+"""Outcomes that stand for a device that was read back as it was to be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +106,45 @@ class Run:
         return {record.device: record for record in self.log.records if isinstance(record, Outcome)}
 
     @property
+    def purpose(self) -> Purpose:
+        """What it was for."""
+        return self.started.purpose if self.started is not None else Purpose.CONFIGURE
+
+    @property
+    def next_command(self) -> str:
+        """What a person types to go on with it: what is no run of the engine is repeated."""
+        if self.started is None or self.purpose is Purpose.CONFIGURE:
+            return f"provision resume site={self.directory.parent.parent.name} run={self.id}"
+        return self.started.command
+
+    @property
     def settled(self) -> frozenset[str]:
         """Devices on which nothing of this run is open."""
-        return frozenset(device for device, outcome in self.outcomes.items() if outcome.status in SETTLED)
+        return frozenset(
+            device for device, outcome in self.outcomes.items() if outcome.status in SETTLED and not outcome.open
+        )
 
     @property
     def unsettled(self) -> tuple[str, ...]:
-        """Devices of the run whose outcome is unknown or was never reached."""
-        hosts = self.started.hosts if self.started is not None else ()
-        return tuple(host for host in hosts if host not in self.settled)
+        """Devices of the run whose outcome is unknown or was never reached; a backup leaves nothing open."""
+        hosts = self.started.hosts if self.started is not None and self.purpose is not Purpose.BACKUP else ()
+        settled = self.settled
+        return tuple(host for host in hosts if host not in settled)
+
+    def settles(self, earlier: Run) -> frozenset[str]:
+        """Devices on which this run has ended what an earlier one had left open: it did the same, and read it back.
+
+        One that was refused, or rolled back, has ended nothing of the earlier one.
+        """
+        alike = self.purpose is earlier.purpose
+        if not alike and (self.purpose, earlier.purpose) != (Purpose.CONFIGURE, Purpose.ADOPT):
+            return frozenset()
+        outcomes = self.outcomes
+        return frozenset(device for device in self.settled if outcomes[device].status in _DONE)
+
+    def signed(self, device: str, sign: str) -> bool:
+        """Whether this sign on the device is of this run."""
+        return any(isinstance(record, Signed) and record.sign == sign for record in self._of(device))
 
     def before(self, device: str) -> Path | None:
         """The device's state before the run's first change, if the run came that far."""
@@ -123,6 +159,11 @@ class Run:
                 site = self.directory.parent.parent
                 return Confirmed(self.id, entry.at, site / record.file, record.sha256)
         return None
+
+    @property
+    def confirmed_devices(self) -> frozenset[str]:
+        """Devices of which the run has kept the state that it read back."""
+        return frozenset(record.device for record in self.log.records if isinstance(record, StateConfirmed))
 
     def state_before(self, device: str) -> str | None:
         """The digest of what was read at the start."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.journal._errors import NoSuchRun
-from atlantis_netcfg.journal._files import component, make_private, sync_directory, translated
+from atlantis_netcfg.journal._files import component, make_private, new_run, run_order, sync_directory, translated
 from atlantis_netcfg.journal._lock import SiteLock
 from atlantis_netcfg.journal._pins import Pins
 from atlantis_netcfg.journal._runs import Confirmed, Run
@@ -13,13 +16,63 @@ from atlantis_netcfg.journal._usage import Usage
 from atlantis_netcfg.journal._writer import Journal, utc_now
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from datetime import datetime
     from pathlib import Path
 
     from atlantis_netcfg.journal.records import RunResumed, RunStarted
 
-__all__ = ["Store"]
+__all__ = ["KEPT", "DeviceHistory", "Store", "unfinished"]
+
+KEPT = 10
+"""So many of the latest runs of a site are listed and searched; older ones are archived once nothing needs them."""
+_ARCHIVE = "archive"
+
+
+def unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Those of a site's runs, oldest first, that have left a device open which no later one has settled."""
+    found: list[Run] = []
+    for place, run in enumerate(runs):
+        if run.unsettled and set(run.unsettled).difference(*(later.settles(run) for later in runs[place + 1 :])):
+            found.append(run)
+    return tuple(found)
+
+
+def _needed(run: Run, later: Iterator[Run]) -> bool:
+    """Whether its outcome is open, or it has the latest confirmed state of a device. Few of `later` are read."""
+    still_open, states = set(run.unsettled), set(run.confirmed_devices)
+    while (still_open or states) and (one := next(later, None)) is not None:
+        still_open -= one.settles(run)
+        states -= one.confirmed_devices
+    return bool(still_open or states)
+
+
+def _listed(folder: Path) -> list[str]:
+    return sorted((path.name for path in folder.iterdir()), key=run_order) if folder.is_dir() else []
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceHistory:
+    """What earlier runs have left on a device, as the journal of this computer tells; read when it is asked."""
+
+    _store: Store
+    _site: str
+    _device: str
+    _current: str
+    _dead: str | None
+
+    def unfinished(self) -> bool:
+        """Whether a run of this computer has left the outcome on the device open. It is dead: we hold its lock."""
+        runs = self._store.unfinished(self._site)
+        return any(self._device in run.unsettled for run in runs if run.id != self._current)
+
+    def signed(self, run: str, sign: str) -> bool:
+        """Whether a sign on the device is of a dead run that may be taken over: ours, or one that a person named."""
+        if run == self._dead:
+            return True
+        with suppress(NoSuchRun):
+            return self._store.run(self._site, run).signed(self._device, sign)
+        return False
 
 
 class Store:
@@ -52,6 +105,7 @@ class Store:
         with translated("the journal", directory):
             sync_directory(directory)
         journal.write(started)
+        self._archive(started.site)
         return journal
 
     def resume(self, site: str, run: str, resumed: RunResumed) -> Journal:
@@ -63,14 +117,18 @@ class Store:
     def run(self, site: str, run: str) -> Run:
         """One run by its name. Raises NoSuchRun."""
         known = self._names(site)
-        if run not in known:
+        if run not in known and run not in self.archived(site):
             listing = ", ".join(known[-5:]) or "none yet"
             raise NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
-        return Run.load(self._runs(site) / run)
+        return self._load(site, run)
 
     def runs(self, site: str) -> tuple[Run, ...]:
-        """All runs of a site, oldest first."""
-        return tuple(Run.load(self._runs(site) / name) for name in self._names(site))
+        """The latest runs of a site and those that are still needed, oldest first; the others are archived."""
+        return tuple(self._load(site, name) for name in self._names(site))
+
+    def archived(self, site: str) -> tuple[str, ...]:
+        """The names of the runs that were put aside, oldest first: nothing but a person needs them."""
+        return tuple(_listed(self._site(site) / _ARCHIVE))
 
     def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, Confirmed]:
         """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
@@ -79,7 +137,7 @@ class Store:
         for name in reversed(self._names(site)):
             if not missing:
                 break
-            run = Run.load(self._runs(site) / name)
+            run = self._load(site, name)
             states = {device: run.confirmed_state(device) for device in missing}
             found |= {device: state for device, state in states.items() if state is not None}
             missing -= found.keys()
@@ -87,13 +145,14 @@ class Store:
 
     def unfinished(self, site: str) -> tuple[Run, ...]:
         """Runs that were killed, or left a device unknown, and that no later run has settled; oldest first."""
-        later: set[str] = set()
-        found: list[Run] = []
-        for run in reversed(self.runs(site)):
-            if set(run.unsettled) - later:
-                found.append(run)
-            later |= run.settled
-        return tuple(reversed(found))
+        return unfinished(self.runs(site))
+
+    def history(self, site: str, device: str, *, current: str = "", dead: str | None = None) -> DeviceHistory:
+        """What earlier runs have left on a device, for the `current` one, which holds the lock of its site.
+
+        `dead`: a run that a person says has died, of whatever computer.
+        """
+        return DeviceHistory(self, site, device, current, dead)
 
     def sites(self) -> tuple[str, ...]:
         """Sites that have runs."""
@@ -108,21 +167,31 @@ class Store:
         return self._site(site) / "runs"
 
     def _names(self, site: str) -> list[str]:
-        runs = self._runs(site)
-        return sorted(path.name for path in runs.iterdir()) if runs.is_dir() else []
+        return _listed(self._runs(site))
+
+    def _load(self, site: str, name: str) -> Run:
+        """Read a run, from wherever it is: it may just have been archived."""
+        directory = self._runs(site) / name
+        return Run.load(directory if directory.is_dir() else self._site(site) / _ARCHIVE / name)
+
+    def _archive(self, site: str) -> None:
+        """Put the runs aside that are neither among the latest ones nor needed; the lock of the site is ours.
+
+        A run whose outcome is open is needed, and one that has the latest confirmed state of a device. A disk that
+        does not take that leaves them where they are.
+        """
+        names = self._names(site)
+        load = cache(lambda name: self._load(site, name))
+        archive = self._site(site) / _ARCHIVE
+        with suppress(OSError):
+            for place, name in enumerate(names[:-KEPT]):
+                if not _needed(load(name), map(load, reversed(names[place + 1 :]))):
+                    (self._runs(site) / name).rename(make_private(archive) / name)
 
     def _new(self, site: str, name: str) -> Path:
         runs = self._runs(site)
-        stamp = name or self._now().strftime("%Y%m%dT%H%M%SZ")
         with translated("the journal", runs):
             make_private(runs)
-            number = 1
-            while True:
-                directory = runs / (stamp if number == 1 else f"{stamp}-{number:02}")
-                try:
-                    directory.mkdir(mode=0o700)
-                except FileExistsError:
-                    number += 1
-                    continue
-                sync_directory(runs)
-                return directory
+            directory = new_run(runs, self._now(), name, archive=self._site(site) / _ARCHIVE)
+            sync_directory(runs)
+            return directory

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import os
+from dataclasses import Field, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 from atlantis_netcfg.journal._errors import JournalFailed
-from atlantis_netcfg.journal._files import component, make_private, translated, unwritable, write_all, write_atomically
+from atlantis_netcfg.journal._files import (
+    component,
+    make_private,
+    translated,
+    unwritable,
+    vanished,
+    write_all,
+    write_atomically,
+)
 from atlantis_netcfg.journal._log import Entry, line
 from atlantis_netcfg.journal.records import Record, StateConfirmed, StateSaved
 
@@ -16,9 +25,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["FILE", "Journal", "NoJournal", "Recorder", "utc_now"]
+    from atlantis_netcfg.errors import ExitCode
+
+__all__ = [
+    "FILE",
+    "NOT_RECORDED",
+    "Journal",
+    "NoJournal",
+    "Recorder",
+    "StatesOnly",
+    "conclude",
+    "unrecorded",
+    "utc_now",
+]
 
 FILE = "journal.jsonl"
+NOT_RECORDED = "not recorded"
+"""What a result says that is not in the journal."""
 
 
 def utc_now() -> datetime:
@@ -50,6 +73,67 @@ class NoJournal:
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
         """Do not even ask for it."""
+
+
+class StatesOnly:
+    """The journal of a run, for a backup that is a part of it: how the backup ended is not how the run ends."""
+
+    def __init__(self, journal: Recorder) -> None:
+        self._journal = journal
+
+    def write(self, record: Record) -> None:
+        """Forget it."""
+
+    def save(self, device: str, text: str) -> None:
+        """As the journal does."""
+        self._journal.save(device, text)
+
+    def confirm(self, device: str, text: Callable[[], str]) -> None:
+        """Do not even ask for it."""
+
+
+def conclude(journal: Recorder, *records: Record) -> JournalFailed | None:
+    """Put the last records of a run on disk. Returns why that was not possible, for the result, which must not be lost.
+
+    A result that is not recorded is never a green one.
+    """
+    try:
+        for record in records:
+            journal.write(record)
+    except JournalFailed as failure:
+        return failure
+    return None
+
+
+class _Result(Protocol):
+    """What every result of a device has."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def exit(self) -> ExitCode: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+
+_R = TypeVar("_R", bound=_Result)
+
+
+def unrecorded(result: _R, failure: JournalFailed | None) -> _R:
+    """Say in a result that it is not in the journal, and why; it is not green then. None: it is there."""
+    if failure is None:
+        return result
+    known = f"{result.message} {' '.join(result.notes)}"
+    changes: dict[str, Any] = {"exit": result.exit.unproved}
+    if NOT_RECORDED not in result.message:
+        changes["message"] = f"{result.message}; {NOT_RECORDED}"
+    if str(failure) not in known:
+        changes["notes"] = (*result.notes, str(failure))
+    if "hint" in result.__dataclass_fields__:
+        changes["hint"] = getattr(result, "hint", None) or failure.hint
+    return replace(result, **changes)
 
 
 def _put(what: str, path: Path, data: bytes) -> None:
@@ -86,9 +170,11 @@ class Journal:
             os.fsync(self._descriptor)
         except OSError as error:
             self._fail(error, size)
+        self._require_present("the journal")
 
     def save(self, device: str, text: str) -> None:
         """Put a device's state before the first change on disk, and record it; an earlier one is kept beside it."""
+        self._require_present("the state before the run")
         data = text.encode()
         path = self._free(component(device), data)
         try:
@@ -104,6 +190,7 @@ class Journal:
 
         If that fails the journal goes on: nothing will be changed any more, and the outcome can still be recorded.
         """
+        self._require_present("the confirmed state")
         data = text().encode()
         digest = hashlib.sha256(data).hexdigest()
         site = self.directory.parent.parent
@@ -123,6 +210,17 @@ class Journal:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _require_present(self, what: str) -> None:
+        """See that the open file is still the one that its name leads to. Raises JournalFailed, and then always."""
+        ours = os.fstat(self._descriptor)
+        try:
+            there = self._path.stat()
+        except OSError:
+            there = None
+        if there is None or (there.st_dev, there.st_ino) != (ours.st_dev, ours.st_ino):
+            self.failure = self.failure or vanished("the journal", self._path)
+            raise vanished(what, self._path)
 
     def _free(self, device: str, data: bytes) -> Path:
         folder = self.directory / "before"

@@ -6,6 +6,7 @@ A record that announces (`LayerSent`, `Releasing`) is on disk before the step, o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -28,6 +29,7 @@ __all__ = [
     "Planned",
     "PlannedAction",
     "Protected",
+    "Purpose",
     "Rebooting",
     "Record",
     "Released",
@@ -35,6 +37,7 @@ __all__ = [
     "RunEnded",
     "RunResumed",
     "RunStarted",
+    "Signed",
     "StateConfirmed",
     "StateSaved",
     "Unrolled",
@@ -44,7 +47,20 @@ __all__ = [
 SETTLED = frozenset(
     {"unchanged", "changed", "planned", "drifted", "refused", "rolled-back", "left-as-found", "half-adopted"}
 )
-"""Outcomes after which nothing is open on the device; the other one is `unknown`."""
+"""Outcomes after which nothing of the run is open on the device; the other one is `unknown`."""
+
+
+class Purpose(StrEnum):
+    """What a run was for: only a run that does the same again settles one that was killed."""
+
+    CONFIGURE = "configure"
+    """To the declared state, or to a saved one."""
+    BACKUP = "backup"
+    """Nothing is changed, so nothing is ever left open."""
+    ADOPT = "adopt"
+    UPGRADE = "upgrade"
+    INSTALL = "install"
+    """An identity of the VPN on a router."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +80,7 @@ class RunStarted:
     """Rollback: the run whose state before it is put back."""
     restore: str | None = None
     """Restore: the run whose confirmed state is put on the device."""
+    purpose: Purpose = Purpose.CONFIGURE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +155,15 @@ class Protected:
     kind: Literal["protected"] = "protected"
     device: str
     how: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signed:
+    """This sign is about to be put on the device: whoever finds it there knows that it is of this run."""
+
+    kind: Literal["signed"] = "signed"
+    device: str
+    sign: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,6 +295,8 @@ class Outcome:
     status: str
     exit: int
     message: str
+    open: bool = False
+    """The device may still hold safe mode or a job of this run, also where nothing was changed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,6 +315,7 @@ Record = Annotated[
     | StateConfirmed
     | Planned
     | Protected
+    | Signed
     | LayerSent
     | ActionsAcknowledged
     | Verified

@@ -5,10 +5,12 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import signal
 import stat
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, NoReturn
 
@@ -27,22 +29,32 @@ from atlantis_netcfg.journal import (
     Planned,
     PlannedAction,
     Protected,
+    Purpose,
     Record,
     Released,
     Releasing,
     RunEnded,
     RunResumed,
     RunStarted,
+    Signed,
     StateConfirmed,
     StateDamaged,
     StateSaved,
+    StatesOnly,
     Store,
     Unrolled,
     Verified,
+    conclude,
+    new_run,
     read,
+    run_order,
+    unrecorded,
 )
+from atlantis_netcfg.operations.lte._result import LteResult
+from atlantis_netcfg.routeros import Status
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 STARTED = RunStarted(
@@ -63,6 +75,7 @@ EVERY: tuple[Record, ...] = (
         ),
     ),
     Protected(device="router", how="safe-mode"),
+    Signed(device="router", sign="run 1 of provision@10.0.0.2"),
     LayerSent(device="router", layer="foundation", actions=(1,)),
     ActionsAcknowledged(device="router", actions=(1,)),
     Verified(device="router", state="33"),
@@ -121,6 +134,29 @@ def test_runs_of_one_second_have_names_in_their_order(store: Store) -> None:
             names.append(journal.run)
     assert names == sorted(set(names))
     assert [run.id for run in store.runs("coastal")] == names
+
+
+def test_runs_stay_in_their_order_where_the_clock_is_set_back(tmp_path: Path) -> None:
+    (tmp_path / "a person's notes").mkdir()
+    moments = [datetime(2026, 5, 4, 3, 2, second, tzinfo=UTC) for second in (30, 10, 10, 40)]
+    names = [new_run(tmp_path, moment).name for moment in moments]
+    assert names == ["20260504T030230Z", "20260504T030230Z-02", "20260504T030230Z-03", "20260504T030240Z"]
+    assert sorted(names, key=run_order) == names
+
+
+def test_more_than_a_hundred_runs_of_one_second_stay_in_their_order(tmp_path: Path) -> None:
+    names = [new_run(tmp_path, datetime(2026, 5, 4, tzinfo=UTC)).name for _ in range(101)]
+    assert names[-1].endswith("-101")
+    assert sorted(names, key=run_order) == names
+
+
+def test_the_run_after_a_clock_was_set_back_is_the_last_one_of_its_site(tmp_path: Path) -> None:
+    moments = [datetime(2026, 5, 4, tzinfo=UTC), datetime(2025, 1, 1, tzinfo=UTC)]
+    made = []
+    for moment in moments:
+        with Store(tmp_path, now=lambda moment=moment: moment).start(STARTED) as journal:  # type: ignore[misc]
+            made.append(journal.run)
+    assert [run.id for run in Store(tmp_path).runs("coastal")] == made
 
 
 def test_a_torn_last_line_is_reported_and_the_rest_is_read(store: Store) -> None:
@@ -245,6 +281,80 @@ def test_a_full_disk_is_said_in_words_and_ends_all_writing(store: Store, monkeyp
     assert read(journal_file(journal)).damage == ()
 
 
+def _deleted(state: Path) -> None:
+    shutil.rmtree(state / "real")
+
+
+def _moved(state: Path) -> None:
+    (state / "real").rename(state / "elsewhere")
+
+
+def _replaced(state: Path) -> None:
+    shutil.copytree(state / "real", state / "copy")
+    shutil.rmtree(state / "real")
+    (state / "copy").rename(state / "real")
+
+
+@pytest.mark.parametrize("lost", [_deleted, _moved, _replaced])
+def test_a_journal_that_is_gone_in_mid_run_is_said_and_nothing_takes_its_place(
+    store: Store, tmp_path: Path, lost: Callable[[Path], None]
+) -> None:
+    with store.start(STARTED) as journal:
+        lost(tmp_path)
+        kept = sorted(tmp_path.rglob("*"))
+        with pytest.raises(JournalFailed, match="the confirmed state cannot be written: the folder of the run was"):
+            journal.confirm("router", lambda: "text")
+        with pytest.raises(JournalFailed, match="the state before the run cannot be written: the folder of the run"):
+            journal.save("router", "text")
+        assert sorted(tmp_path.rglob("*")) == kept
+    shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
+    with store.start(STARTED) as journal:
+        lost(tmp_path)
+        for record in EVERY[2:4]:
+            with pytest.raises(
+                JournalFailed, match="the journal cannot be written: the folder of the run was"
+            ) as failure:
+                journal.write(record)
+        assert failure.value.hint is not None
+        assert "then run the same command again" in failure.value.hint
+
+
+@pytest.mark.parametrize(
+    ("code", "unproved"),
+    [
+        (ExitCode.DONE, ExitCode.CHECKS_FAILED),
+        (ExitCode.CHANGES, ExitCode.CHECKS_FAILED),
+        *((code, code) for code in ExitCode if code not in (ExitCode.DONE, ExitCode.CHANGES)),
+    ],
+)
+def test_a_result_that_is_not_recorded_is_not_green_and_no_other_is_called_better(
+    store: Store, tmp_path: Path, code: ExitCode, unproved: ExitCode
+) -> None:
+    given = LteResult(name="unit", status=Status.CHANGED, exit=code, message="2 settings read back")
+    with store.start(STARTED) as journal:
+        assert unrecorded(given, conclude(journal, EVERY[2])) is given
+        _deleted(tmp_path)
+        failure = conclude(journal, outcome("router", "changed"), RunEnded(exit=0))
+    assert failure is not None
+    told = unrecorded(unrecorded(given, failure), failure)
+    assert (told.exit, told.message) == (unproved, "2 settings read back; not recorded")
+    assert told.notes == (str(failure),)
+    assert told.hint == failure.hint
+
+
+def test_a_backup_that_is_a_part_of_a_run_does_not_end_it(store: Store) -> None:
+    """Killed after it, an upgrade is open: the end of its backup is not its own."""
+    with store.start(replace(STARTED, hosts=("router",), purpose=Purpose.UPGRADE)) as journal:
+        inner = StatesOnly(journal)
+        inner.save("router", "# before\n")
+        inner.confirm("router", lambda: "")
+        inner.write(outcome("router", "unchanged"))
+    run = store.run("coastal", journal.run)
+    assert run.before("router") is not None
+    assert run.unsettled == ("router",)
+    assert run.confirmed_state("router") is None
+
+
 def test_a_saved_state_that_does_not_fit_leaves_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_descriptor: int) -> NoReturn:
         raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
@@ -298,6 +408,60 @@ def test_unfinished_are_runs_with_a_device_that_nobody_has_settled(store: Store)
         again.write(RunEnded(exit=0))
     assert store.unfinished("coastal") == ()
     assert store.unfinished("nowhere") == ()
+
+
+@pytest.mark.parametrize("status", ["left-as-found", "refused", "rolled-back", "planned", "drifted", "half-adopted"])
+def test_a_run_that_was_refused_or_taken_back_settles_nothing_of_an_earlier_one(store: Store, status: str) -> None:
+    with store.start(STARTED) as killed:
+        pass
+    with store.start(STARTED) as refused:
+        for device in STARTED.hosts:
+            refused.write(outcome(device, status))
+        refused.write(RunEnded(exit=4))
+    assert [run.id for run in store.unfinished("coastal")] == [killed.run]
+
+
+SETTLING = {
+    (Purpose.CONFIGURE, Purpose.CONFIGURE),
+    (Purpose.CONFIGURE, Purpose.ADOPT),
+    (Purpose.ADOPT, Purpose.ADOPT),
+    (Purpose.UPGRADE, Purpose.UPGRADE),
+    (Purpose.INSTALL, Purpose.INSTALL),
+}
+
+
+@pytest.mark.parametrize("earlier", Purpose)
+@pytest.mark.parametrize("later", Purpose)
+def test_only_a_run_that_does_the_same_settles_an_earlier_one(store: Store, earlier: Purpose, later: Purpose) -> None:
+    with store.start(replace(STARTED, purpose=earlier)) as killed:
+        pass
+    with store.start(replace(STARTED, purpose=later)) as second:
+        for device in STARTED.hosts:
+            second.write(outcome(device, "changed"))
+    settled = (later, earlier) in SETTLING or earlier is Purpose.BACKUP
+    assert [run.id for run in store.unfinished("coastal")] == ([] if settled else [killed.run])
+
+
+def test_a_device_that_may_still_hold_something_of_a_run_is_not_settled(store: Store) -> None:
+    with store.start(STARTED) as lost:
+        lost.write(outcome("cpe", "unchanged"))
+        lost.write(replace(outcome("router", "left-as-found"), open=True))
+    assert store.run("coastal", lost.run).unsettled == ("router",)
+    assert store.history("coastal", "router").unfinished()
+    assert not store.history("coastal", "cpe").unfinished()
+    assert not store.history("coastal", "router", current=lost.run).unfinished()
+
+
+def test_a_sign_is_known_by_the_journal_that_holds_it_or_by_the_run_that_a_person_names(store: Store) -> None:
+    sign = f"run 20260504T030201Z of {STARTED.command}@10.0.0.2"
+    with store.start(STARTED) as journal:
+        journal.write(Signed(device="router", sign=sign))
+    history = store.history("coastal", "router", dead="another")
+    assert history.signed(journal.run, sign)
+    assert not history.signed(journal.run, sign.replace("10.0.0.2", "10.0.0.3"))
+    assert not store.history("coastal", "cpe").signed(journal.run, sign)
+    assert not history.signed("unknown", sign)
+    assert history.signed("another", "run another of somebody")
 
 
 def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:

@@ -161,3 +161,16 @@ def test_a_lock_that_cannot_be_made_is_said_in_words(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
     with pytest.raises(JournalFailed, match="the site lock cannot be written"), Store(tmp_path).lock("coastal", "c"):
         pass
+
+
+def test_how_much_a_device_bears_is_remembered_until_it_is_another_one(tmp_path: Path) -> None:
+    pins = Pins(tmp_path / "pins.json")
+    pins.pin("coastal-router", "aa")
+    assert pins.window("coastal-router") is None
+    pins.narrow("coastal-router", 24)
+    assert Pins(tmp_path / "pins.json").window("coastal-router") == 24
+    assert pins.window("te4sea-router") is None
+    assert pins.pin("coastal-router", "bb") == "aa"
+    assert pins.window("coastal-router") == 24
+    pins.change("coastal-router", "bb")
+    assert pins.window("coastal-router") is None
