@@ -11,11 +11,12 @@ from typing import NoReturn
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.secret import Secret
 
-__all__ = ["TAG", "UNTAGGED", "Decrypt", "SealedSecret", "VaultError", "unseal"]
+__all__ = ["CLOSED", "TAG", "UNTAGGED", "Decrypt", "SealedSecret", "VaultError", "unseal"]
 
 TAG = "!vault"
 UNTAGGED = "!vault-encrypted"
 """The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""
+CLOSED = "this secret cannot be decrypted"
 Decrypt = Callable[[str], str]
 """Vault text in, secret out; whatever it raises means that the text could not be decrypted."""
 
@@ -33,18 +34,23 @@ class SealedSecret(Secret):
         """Refuse: the value is not known here."""
         raise UsageError(
             "a secret of the inventory is still encrypted",
-            hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
+            hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
         )
 
 
 def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret:
-    """The secret in a vault text; sealed if there is nothing to decrypt it with. Raises VaultError."""
+    """The secret in a vault text; sealed if there is nothing to decrypt it with.
+
+    Raises VaultError, or the UsageError of a `decrypt` that has no password at all.
+    """
     if strict and not text.startswith("$ANSIBLE_VAULT;"):
         raise VaultError("this is not a vaulted value", hint="make one: ansible-vault encrypt_string")
     if decrypt is None or not strict:
         return SealedSecret(text)
     try:
         value = decrypt(text)
+    except UsageError:
+        raise
     except Exception as error:
-        raise VaultError("this secret cannot be decrypted", hint="check the vault's password") from error
+        raise VaultError(CLOSED, hint="check the vault's password: it is not the one of this value") from error
     return Secret(value.rstrip("\r\n"))

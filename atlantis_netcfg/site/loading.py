@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from atlantis_netcfg.site._hosts import lay_out
 from atlantis_netcfg.site._near import choices
 from atlantis_netcfg.site._parts import draft
 from atlantis_netcfg.site._variables import gather
+from atlantis_netcfg.site._vault import CLOSED
 from atlantis_netcfg.site.declaration import Declaration, Host
 from atlantis_netcfg.site.findings import Finding, InventoryInvalid
 from atlantis_netcfg.site.rules import RULES
@@ -60,7 +62,16 @@ def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[Sources, Draft |
     findings += [*sources.findings, *layout.findings, *variables.findings, *wrong]
     for rule in RULES:
         findings.extend(rule(found))
-    return sources, found, sorted(set(findings))
+    return sources, found, _one_closed(sorted(set(findings)))
+
+
+def _one_closed(findings: list[Finding]) -> list[Finding]:
+    """One wrong password closes every vaulted value: tell the first of them, and how many more there are."""
+    closed = [finding for finding in findings if finding.message == CLOSED]
+    if len(closed) < 2:  # noqa: PLR2004 - one is told as it is
+        return findings
+    first = replace(closed[0], message=f"{CLOSED}, nor {len(closed) - 1} more of the inventory")
+    return [first if finding is closed[0] else finding for finding in findings if finding not in closed[1:]]
 
 
 def _filled(root: Node | None, findings: list[Finding], shown: str) -> Layout:

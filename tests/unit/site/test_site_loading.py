@@ -154,7 +154,7 @@ class TestVault:
             load(inventory, decrypt=refuse)
         assert str(caught.value).splitlines()[:2] == [
             f"inventory/{ROUTER}:20:15: this secret cannot be decrypted",
-            "  -> check the vault's password",
+            "  -> check the vault's password: it is not the one of this value",
         ]
 
     def test_opened_secrets_are_checked_without_being_told(self, inventory: Path) -> None:
