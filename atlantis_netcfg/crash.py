@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["Crashed", "crashed"]
+__all__ = ["Crashed", "crashed", "write_log"]
 
 
 class Crashed(NetcfgError):
@@ -27,16 +27,18 @@ def crashed(error: BaseException, doing: str, state: Callable[[], Path]) -> Cras
     """Write the traceback below the state directory and say so; without a place for it, name the cause instead."""
     message = f"provision itself failed ({type(error).__name__}): this is our fault, not a mistake of yours"
     try:
-        hint = f"please send us the log file {_write(error, doing, state())}"
+        text = "".join(traceback.format_exception(error))
+        hint = f"please send us the log file {write_log(text, doing, state())}"
     except (NetcfgError, OSError) as no_log:
         hint = f"no log file could be written ({no_log}); the cause was: {error}"
     return Crashed(message, hint=hint)
 
 
-def _write(error: BaseException, doing: str, state: Path) -> Path:
+def write_log(text: str, doing: str, state: Path) -> Path:
+    """Keep a text for us in a file below the state directory and name it. Raises OSError, UsageError."""
     directory = private_directory(state / "log")
     path = directory / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}-{os.getpid()}.txt"
-    text = f"provision {__version__}, Python {platform.python_version()}, {platform.platform()}\n{doing}\n\n"
+    head = f"provision {__version__}, Python {platform.python_version()}, {platform.platform()}\n{doing}\n\n"
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as log:
-        log.write(text + "".join(traceback.format_exception(error)))
+        log.write(head + text)
     return path

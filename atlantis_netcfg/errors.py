@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 __all__ = [
     "DeviceFailed",
@@ -11,6 +15,7 @@ __all__ = [
     "NothingMatched",
     "OutcomeUnknown",
     "UsageError",
+    "worst",
 ]
 
 
@@ -25,6 +30,28 @@ class ExitCode(IntEnum):
     UNKNOWN = 5
     CHECKS_FAILED = 6
     NOTHING = 7
+
+    @property
+    def unproved(self) -> ExitCode:
+        """The code of what ended so, where that could not be proved or recorded: never a green one."""
+        return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
+
+
+_WORST_FIRST = (
+    ExitCode.OUR_FAULT,
+    ExitCode.UNKNOWN,
+    ExitCode.FAILED,
+    ExitCode.USAGE,
+    ExitCode.CHECKS_FAILED,
+    ExitCode.CHANGES,
+    ExitCode.DONE,
+)
+
+
+def worst(codes: Iterable[ExitCode]) -> ExitCode:
+    """The code that needs somebody most; NOTHING where nothing else is among them (docs/exit-codes.md)."""
+    found = frozenset(codes)
+    return next((code for code in _WORST_FIRST if code in found), ExitCode.NOTHING)
 
 
 class NetcfgError(Exception):

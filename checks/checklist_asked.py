@@ -99,7 +99,6 @@ class Asking:
                 self.how.arguments(site),
                 rehearse=rehearse,
                 via=self.how.via,
-                unsealed=True,
                 chosen=lambda declaration: taking_part(declaration, listed, rehearse=rehearse),
             ) as opened,
             listening(opened, (), ignore, self.how.ssh_config) as ears,

@@ -24,6 +24,13 @@ MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--fault-seeds", default="0:40", help="seeds of the campaign of faults: FIRST:END or a,b,c")
+    parser.addoption(
+        "--fault-records", type=Path, help="file to which the campaign of faults adds a line for each seed"
+    )
+
+
 def pytest_configure(config: pytest.Config) -> None:
     for marker in MARKERS:
         config.addinivalue_line("markers", marker)

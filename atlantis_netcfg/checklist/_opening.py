@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._signing import MANIFEST
-from atlantis_netcfg.journal import make_private, sync_directory, translated
+from atlantis_netcfg.journal import make_private, new_run, run_order, sync_directory, translated
 from atlantis_netcfg.report.checklist import Document
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def runs(folder: Path) -> list[Path]:
     """The books of a site, oldest first, whatever is left of each; a folder that was made and nothing more is none."""
     if not folder.is_dir():
         return []
-    return sorted(path for path in folder.iterdir() if path.is_dir() and any(path.iterdir()))
+    books = (path for path in folder.iterdir() if path.is_dir() and any(path.iterdir()))
+    return sorted(books, key=lambda path: run_order(path.name))
 
 
 def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Callable[[], datetime]) -> Found:
@@ -112,28 +113,15 @@ def _go_on(run: Path, before: Document, checklist: Checklist, head: Head, now: C
 def begin(folder: Path, checklist: Checklist, head: Head, now: Callable[[], datetime]) -> Path:
     """Put a new book's list on disk, and give its folder. Raises JournalFailed."""
     started = now()
-    stamp = head.run or started.strftime("%Y%m%dT%H%M%SZ")
     with translated("the checklist", folder):
         make_private(folder)
-        run = _free(folder, stamp)
+        run = new_run(folder, started, head.run)
         sync_directory(folder)
     with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
         ledger.write(_ledger.Begun(document=_document(run.name, started, checklist, head)))
     with translated("the checklist", run):
         sync_directory(run)
     return run
-
-
-def _free(folder: Path, stamp: str) -> Path:
-    number = 1
-    while True:
-        run = folder / (stamp if number == 1 else f"{stamp}-{number:02}")
-        try:
-            run.mkdir(mode=0o700)
-        except FileExistsError:
-            number += 1
-        else:
-            return run
 
 
 def _document(run: str, started: datetime, checklist: Checklist, head: Head) -> Document:

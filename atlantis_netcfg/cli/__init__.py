@@ -7,28 +7,37 @@ imported when they run, so that `--help` answers at once.
 
 from __future__ import annotations
 
+import errno
+import gc
 import io
 import os
+import signal
 import sys
-from typing import TYPE_CHECKING
+import threading
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.errors import ExitCode, NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from types import FrameType
 
     from atlantis_netcfg.cli._arguments import Command
 
 __all__ = ["main"]
 
+_OBJECTS = 50_000
+"""Between two looks for garbage: nearly all that a start makes stays, and looking took a fifth of its time."""
 _HELP = frozenset({"-h", "--help"})
 
 
 def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = COMMANDS) -> int:
     """Run one command line and give its exit code; `table` stands in for the commands in tests."""
     typed = list(sys.argv[1:] if argv is None else argv)
-    _speak_any_text()
+    gc.set_threshold(_OBJECTS)
+    _open_streams()
+    _take_signals()
     return int(_Line(typed, table).end())
 
 
@@ -47,14 +56,10 @@ class _Line:
         as_json = "--json" in self.typed
         try:
             code = self._run()
-            sys.stdout.flush()
         except NetcfgError as error:
             return _outcome.failed(error, as_json=as_json)
-        except KeyboardInterrupt:
-            return _outcome.interrupted(self.command, self.typed, as_json=as_json)
-        except BrokenPipeError:
-            _drop_stdout()
-            return ExitCode.OUR_FAULT
+        except KeyboardInterrupt as stop:
+            return _outcome.interrupted(self.command, self.typed, stop, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen
             return _outcome.crashed(error, self.typed, as_json=as_json)
         return code
@@ -71,9 +76,12 @@ class _Line:
         self.command = module.COMMAND
         if _HELP & set(rest):
             return _print_help(module.COMMAND)
+        from atlantis_netcfg import temporary
         from atlantis_netcfg.cli._parse import parse
 
-        return module.run(parse(module.COMMAND, rest))
+        arguments = parse(module.COMMAND, rest)
+        temporary.remove_orphans()
+        return module.run(arguments)
 
     def _group(self) -> dict[str, str]:
         """The commands whose first word alone was typed, where it is asked what they are: `provision vpn --help`."""
@@ -104,13 +112,59 @@ def _print_help(command: Command) -> ExitCode:
     return ExitCode.DONE
 
 
-def _speak_any_text() -> None:
-    """A console that cannot show a character gets a question mark, not a crash."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+class _Reader(io.FileIO):
+    """A stream whose reader may leave (`provision runs | head`, a terminal that is closed): the rest goes nowhere.
+
+    That changes neither what is done nor the exit code.
+    """
+
+    def write(self, data: Any, /) -> int:  # noqa: ANN401 - any buffer, as FileIO has it
+        """Write; once nobody reads any more, pretend."""
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno not in {errno.EPIPE, errno.EIO}:
+                raise
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self.fileno())
+        os.close(nowhere)
+        return len(data)
 
 
-def _drop_stdout() -> None:
-    """The reader of our output has left (`provision runs | head`): what is still buffered must not fail at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _open_streams() -> None:
+    """A console that cannot show a character gets a question mark, and one that is closed nothing: neither a crash."""
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        stream = getattr(sys, name)
+        if not isinstance(stream, io.TextIOWrapper):
+            continue
+        stream.reconfigure(errors="replace")
+        if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _Reader):
+            buffered = io.BufferedWriter(_Reader(number, "w", closefd=False))
+            setattr(
+                sys,
+                name,
+                io.TextIOWrapper(buffered, stream.encoding, "replace", line_buffering=stream.line_buffering),
+            )
+
+
+def _number_of(stream: io.TextIOWrapper) -> int | None:
+    try:
+        return stream.fileno()
+    except OSError:  # somebody captures what we print
+        return None
+
+
+def _take_signals() -> None:
+    """`kill` and a terminal that is closed stop a command as Ctrl-C does, so that it settles and tells what is known.
+
+    Signals that we were told to ignore (`nohup`) stay ignored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _stop)
+
+
+def _stop(number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt(signal.Signals(number).name)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ACCEPT_COST",
+    "ASK_VAULT_PASS",
     "INVENTORY",
     "JSON",
     "ONLY",
@@ -86,6 +87,7 @@ UNPROTECTED = Flag(
 ACCEPT_COST = Flag(
     "accept-cost", "pay for what is sent over a link that is paid by the byte; `--yes` does not say that"
 )
+ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 
 
@@ -93,7 +95,8 @@ VERBOSE = Flag("verbose", "say more about each step", short="v")
 class Command:
     """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown.
 
-    `again` says what to do then, where that is not `provision resume`.
+    `again` says what to do then, where that is not `provision resume`. `plays` says that devices change in plays alone:
+    these settle when they are stopped, so that nothing is unknown beside what their report says.
     """
 
     name: str
@@ -103,6 +106,7 @@ class Command:
     details: str = ""
     changes: bool = False
     again: str = ""
+    plays: bool = False
 
     def word(self, name: str) -> Word | None:
         """The declared word of that name."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.cli._outcome import signal_of
 from atlantis_netcfg.errors import DeviceFailed, UsageError
 from atlantis_netcfg.operations.costs import unpaid
 
@@ -27,12 +28,19 @@ def agreed(question: str) -> None:
             "nobody is here to agree to these changes, so nothing was changed",
             hint="look at what would change, then type the same with `--yes`",
         )
-    try:
-        answer = input(f"{question}? Type yes to go on: ")
-    except EOFError:
-        answer = ""
+    answer = _answer(f"{question}? Type yes to go on: ")
     if answer.strip().lower() not in {"yes", "y"}:
         raise Declined("not agreed, so nothing was changed")
+
+
+def _answer(question: str) -> str:
+    """What a person types; nothing at the end of the input. Raises Declined at Ctrl-C: nothing was sent yet."""
+    try:
+        return input(question)
+    except EOFError:
+        return ""
+    except KeyboardInterrupt as stop:
+        raise Declined(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
 
 
 def pays(words: Sequence[str], *, ask: bool) -> None:
@@ -41,9 +49,6 @@ def pays(words: Sequence[str], *, ask: bool) -> None:
         raise unpaid(words)
     for each in words:
         print(f"This goes {each}")
-    try:
-        answer = input(f"Pay for it? Type {_PAY} to go on: ")
-    except EOFError:
-        answer = ""
+    answer = _answer(f"Pay for it? Type {_PAY} to go on: ")
     if answer.strip().lower() != _PAY:
         raise unpaid(words)

@@ -21,7 +21,7 @@ MEANING: Mapping[ExitCode, str] = {
     ExitCode.USAGE: "the command line, the inventory or this machine's set-up has an error; no device was contacted",
     ExitCode.FAILED: "something failed; the device was rolled back or left as found",
     ExitCode.UNKNOWN: "the outcome on a device is unknown: the link was lost before it was confirmed",
-    ExitCode.CHECKS_FAILED: "checks failed, or devices differ from the declaration",
+    ExitCode.CHECKS_FAILED: "checks failed, devices differ, or something that was asked for could not be proved",
     ExitCode.NOTHING: "nothing matched, or nothing was checked",
 }
 """The exit codes in words; docs/exit-codes.md holds the same table."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.cli._arguments import Command
 
-__all__ = ["crashed", "failed", "harmless", "interrupted", "tell"]
+__all__ = ["Stopped", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
 
 
 def failed(error: NetcfgError, *, as_json: bool) -> ExitCode:
@@ -22,14 +22,29 @@ def failed(error: NetcfgError, *, as_json: bool) -> ExitCode:
     return error.exit
 
 
-def interrupted(command: Command | None, typed: Sequence[str], *, as_json: bool) -> ExitCode:
+class Stopped(DeviceFailed):
+    """A person has stopped the command where nothing was in flight: what was read back before stands."""
+
+    def __init__(self, stop: KeyboardInterrupt, changed: Sequence[str]) -> None:
+        kept = f"what was read back of {', '.join(dict.fromkeys(changed))} stays" if changed else "nothing was changed"
+        super().__init__(f"stopped by {signal_of(stop)}; {kept}")
+
+
+def signal_of(stop: KeyboardInterrupt) -> str:
+    """How a person has stopped us: `Ctrl-C`, or the name of another signal."""
+    name = str(stop) or "SIGINT"
+    return "Ctrl-C" if name == "SIGINT" else name
+
+
+def interrupted(command: Command | None, typed: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool) -> ExitCode:
     """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
+    how = signal_of(stop)
     if command is not None and command.changes and not _changes_nothing(command, typed):
-        message = "stopped by Ctrl-C; what a device kept is not known here"
+        message = f"stopped by {how}; what a device kept is not known here"
         hint = command.again or "`provision runs` shows what was confirmed, `provision resume` goes on from there"
         _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
-    _tell([("stopped by Ctrl-C; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
+    _tell([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
     return ExitCode.FAILED
 
 

@@ -1,4 +1,4 @@
-"""The passphrase of the CA key: typed on a terminal or read from a file descriptor.
+"""The passphrase of the CA key, typed or read from a file descriptor, and the password of the inventory's vault.
 
 Never an argument, never in the environment: both are open to other programs, and are kept by shells and by logs.
 """
@@ -9,7 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import Flag
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Flag
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.secret import Secret
 
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.operations.vault import Vault
 
-__all__ = ["PASSPHRASE_FD", "asked", "chosen"]
+__all__ = ["PASSPHRASE_FD", "asked", "chosen", "vault_of"]
 
 PASSPHRASE_FD = Flag("passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N")
 _MOST = 1024
@@ -53,6 +54,30 @@ def chosen(arguments: Arguments, least: int) -> Secret:
     if _typed("The same again: ") != first:
         raise UsageError("the two are not the same, so nothing was made", hint="type the command again")
     return first
+
+
+def vault_of(arguments: Arguments) -> Vault:
+    """The inventory's vault: on a terminal its password is typed, once, where none is configured.
+
+    Raises UsageError where somebody wants to type it and cannot.
+    """
+    from atlantis_netcfg.operations.vault import Vault
+
+    insist = arguments.command.flag(ASK_VAULT_PASS.name) is not None and arguments.flag(ASK_VAULT_PASS.name)
+    if not sys.stdin.isatty():
+        if insist:
+            raise UsageError(
+                "the vault's password is needed, and nobody is here to type it",
+                hint="type the command on a terminal, or name a file: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
+            )
+        return Vault()
+    by_program = arguments.command.flag(JSON.name) is not None and arguments.flag(JSON.name)
+    return Vault(_vault_password if insist or not by_program else None, insist=insist)
+
+
+def _vault_password(vault_id: str) -> Secret:
+    named = "" if vault_id == "default" else f" ({vault_id})"
+    return _typed(f"Password of the inventory's vault{named}: ")
 
 
 def _number(arguments: Arguments) -> int | None:

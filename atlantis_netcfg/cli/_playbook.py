@@ -1,30 +1,42 @@
-"""Runs `playbooks/site.yml` for a request and listens to the engine's events while it runs."""
+"""Runs `playbooks/site.yml` inside this process, and listens to the engine's events while it runs.
+
+Ansible is imported, configured and given the inventory at most once for a command; each play after that costs the forks
+of its tasks. What a task tells comes over a pipe, so that whatever was told before a task died has been heard.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
-import subprocess
-import sys
-import tempfile
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.operations.ansible_settings import import_ansible
+from atlantis_netcfg.operations.asking import shared
+from atlantis_netcfg.operations.play_control import PlayControl
+from atlantis_netcfg.operations.unreported import without_result
+from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
+    from pathlib import Path
 
     from atlantis_netcfg.events import Subscriber
-    from atlantis_netcfg.operations import Mode, Request
+    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations.vault import Vault
+    from atlantis_netcfg.site import Declaration
 
-__all__ = ["Ended", "Outcome", "Told", "play"]
+__all__ = ["EngineError", "Outcome", "PlaybookRunner"]
 
 
-class Told(NetcfgError):
+class EngineError(NetcfgError):
     """An error that the engine has already put into words, with the exit code that it chose."""
 
     def __init__(self, message: str, hint: str | None, code: int) -> None:
@@ -39,94 +51,217 @@ class Outcome:
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     runs: dict[str, str] = field(default_factory=dict)
     """Site to run id, as `provision runs` lists it."""
+    stopped_by: str = ""
+    """The signal with which a person has stopped it, as `SIGINT`."""
 
 
 Ended = Callable[[str, Mapping[str, Any]], object]
-"""Told the name and the result of a device as soon as it has ended."""
+"""Gets the name and the result of a device as soon as it has ended."""
 
 
-def play(  # noqa: PLR0913 - one call, from one place
-    checkout: Path,
-    inventory: Path,
-    limit: Sequence[str],
-    request: Request,
-    notify: Subscriber,
-    *,
-    ended: Ended = lambda _name, _result: None,
-) -> Outcome:
-    """Run the playbook to its end. Raises Told for an error in the engine's words, NetcfgError if Ansible fails."""
-    playbook = checkout / "playbooks" / "site.yml"
-    if not playbook.is_file():
-        raise UsageError(f"there is no {playbook}", hint="run `provision` from a checkout of the toolkit")
-    reader, writer = os.pipe()
-    with tempfile.TemporaryDirectory(prefix="provision-") as folder, os.fdopen(reader, encoding="utf-8") as events:
-        variables = Path(folder) / "request.json"
-        asked = request.model_copy(update={"events_fd": writer})
-        variables.write_text(json.dumps({"atlantis_request": asked.model_dump(mode="json")}), encoding="utf-8")
-        command = _command(playbook, inventory, limit, variables, request.mode)
-        with subprocess.Popen(  # noqa: S603 - our own interpreter and playbook
-            command,
-            env=_environment(checkout),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            pass_fds=(writer,),
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-        ) as process:
-            os.close(writer)
-            outcome = _listen(events, notify, ended)
-            said, _ = process.communicate()
-    if outcome is None:
-        raise NetcfgError(f"Ansible stopped before any device was asked:\n{said.strip()}")
-    order = {name: place for place, name in enumerate(limit)}
-    outcome.devices = dict(sorted(outcome.devices.items(), key=lambda item: order.get(item[0], len(order))))
-    return outcome
+_UNTOUCHED = Status.LEFT_AS_FOUND.value
 
 
-def _command(playbook: Path, inventory: Path, limit: Sequence[str], variables: Path, mode: Mode) -> list[str]:
-    return [
-        *(sys.executable, "-m", "ansible", "playbook"),
-        *("--inventory", str(inventory)),
-        *("--limit", ",".join(limit)),
-        *("--extra-vars", f"@{variables}"),
-        *("--skip-tags", "recap"),
-        *(("--check", "--diff") if mode.reads_only else ()),
-        str(playbook),
-    ]
+class PlaybookRunner:
+    """Ansible in this process. `declaration` is what the engine works from: it is not read again."""
+
+    def __init__(self, checkout: Path, declaration: Declaration, vault: Vault) -> None:
+        self._checkout = checkout
+        self._vault = vault
+        self._declaration = declaration
+        self._ansible: _Ansible | None = None
+
+    def play(
+        self,
+        names: Sequence[str],
+        request: Request,
+        notify: Subscriber,
+        *,
+        ended: Ended = lambda _name, _result: None,
+    ) -> Outcome:
+        """Run the playbook for these hosts to its end; each of them has a result then, whatever happened.
+
+        A stop signal is handed to the engine, which settles: it is no KeyboardInterrupt here. Raises EngineError where
+        the request was refused, and no device was changed or found as declared.
+        """
+        self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
+        control = PlayControl()
+        with _Listener(notify, ended) as heard, control.current(), shared(self._declaration):
+            sent = request.model_copy(update={"events_fd": heard.writer})
+            reason, output = self._ansible.play(names, sent, control)
+            if reason:
+                control.cut_off(reason)
+        outcome, refusal = heard.outcome, heard.refusal
+        outcome.stopped_by = control.stopped_by
+        missing = [name for name in names if name not in outcome.devices]
+        unreported = without_result(missing, self._declaration, request, outcome.runs, refusal or reason, output)
+        known = {**outcome.devices, **unreported}
+        if refusal is not None and all(result["status"] == _UNTOUCHED for result in known.values()):
+            raise refusal
+        for name, result in unreported.items():
+            ended(name, result)
+        outcome.devices = known
+        order = {name: place for place, name in enumerate(names)}
+        outcome.devices = dict(sorted(outcome.devices.items(), key=lambda item: order.get(item[0], len(order))))
+        return outcome
 
 
-def _environment(checkout: Path) -> dict[str, str]:
-    """The person's own environment, with our configuration and nothing printed but problems."""
-    return {
-        **os.environ,
-        "ANSIBLE_CONFIG": str(checkout / "ansible.cfg"),
-        "ANSIBLE_STDOUT_CALLBACK": "atlantis.netcfg.events",
-        "ANSIBLE_NOCOLOR": "1",
-    }
+class _Ansible:
+    """Ansible's own objects that outlive a play. Its command line is left out: it would parse what we know."""
 
+    def __init__(self, checkout: Path, inventory: Path, vault: Vault) -> None:
+        self._playbook = checkout / "playbooks" / "site.yml"
+        if not self._playbook.is_file():
+            raise UsageError(f"there is no {self._playbook}", hint="run `provision` from a checkout of the toolkit")
+        self._inventory = str(inventory)
+        import_ansible()
+        from ansible.inventory.manager import InventoryManager
+        from ansible.parsing.dataloader import DataLoader
+        from ansible.parsing.vault import VaultSecretsContext
+        from ansible.plugins.loader import add_all_plugin_dirs, init_plugin_loader
+        from ansible.utils.collection_loader import AnsibleCollectionConfig
 
-def _listen(lines: Iterator[str], notify: Subscriber, ended: Ended) -> Outcome | None:
-    """Pass events on until the engine closes its end; None when it never told an outcome."""
-    outcome: Outcome | None = None
-    problem: Told | None = None
-    for line in lines:
-        told = json.loads(line)
-        if "event" in told:
-            notify(_event(told["event"]))
-        elif "error" in told:
-            problem = Told(told["error"]["message"], told["error"]["hint"], told["error"]["exit"])
+        self._set_options({}, ())
+        if AnsibleCollectionConfig.collection_finder is None:
+            init_plugin_loader()
+        folder = str(self._playbook.parent)
+        add_all_plugin_dirs(folder)
+        AnsibleCollectionConfig.playbook_paths = [folder]
+        self._loader = DataLoader()
+        self._loader.set_vault_secrets(vault.opened)
+        if (secrets := VaultSecretsContext.current(optional=True)) is None:
+            VaultSecretsContext.initialize(VaultSecretsContext(vault.opened))
         else:
-            outcome = outcome or Outcome()
-            outcome.devices.update(told["devices"])
-            for name, result in told["devices"].items():
-                ended(name, result)
-            outcome.runs.update(told["runs"])
-    if problem is not None:
-        raise problem
-    return outcome
+            secrets.secrets = vault.opened
+        self._hosts = InventoryManager(loader=self._loader, sources=[self._inventory])
+        # Each task runs in a process of its own, which inherits what is imported.
+        import_module("atlantis_netcfg.operations.site")
+
+    def play(self, names: Sequence[str], request: Request, control: PlayControl) -> tuple[str, str]:
+        """Run the playbook; give why it was cut off, if it was, and what Ansible has printed."""
+        from ansible.errors import AnsibleError
+        from ansible.executor.playbook_executor import PlaybookExecutor
+        from ansible.vars.manager import VariableManager
+
+        self._set_options({"atlantis_request": request.model_dump(mode="json")}, names, check=request.mode.reads_only)
+        self._hosts.subset(",".join(names))
+        printed, reason = io.StringIO(), ""
+        executor = PlaybookExecutor(
+            playbooks=[str(self._playbook)],
+            inventory=self._hosts,
+            variable_manager=VariableManager(loader=self._loader, inventory=self._hosts, version_info=_version()),
+            loader=self._loader,
+            passwords={},
+        )
+        manager = executor._tqm  # noqa: SLF001 - Ansible tells nobody else which tasks run
+        control.workers = lambda: [task.pid for task in manager.get_workers() if task is not None and task.is_alive()]
+        control.take_signals()
+        with (
+            contextlib.closing(manager._connection_lockfile),  # noqa: SLF001 - as above; Ansible leaves it to its end
+            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stderr(printed),
+        ):
+            try:
+                executor.run()
+            except AnsibleError as error:
+                reason = str(error)
+            except KeyboardInterrupt:
+                reason = f"stopped by {control.stopped_by}"
+        if control.stopped_by and reason:
+            reason = f"stopped by {control.stopped_by}"
+        elif "dead state" in reason:
+            reason = "the process that worked on it was killed"
+        return reason, printed.getvalue().strip()
+
+    def _set_options(self, variables: Mapping[str, Any], names: Sequence[str], *, check: bool = False) -> None:
+        """Set what `ansible-playbook` takes from its command line, as Ansible's Python API has it done."""
+        from ansible import constants, context
+        from ansible.utils.context_objects import CLIArgs
+        from ansible.utils.vars import load_extra_vars, load_options_vars
+
+        # Both keep what they have read once; a command may run more than one play.
+        load_extra_vars.extra_vars = load_options_vars.options_vars = None
+        context.CLIARGS = CLIArgs(
+            {
+                "args": (str(self._playbook),),
+                "become": False,
+                "become_method": constants.DEFAULT_BECOME_METHOD,
+                "check": check,
+                "connection": constants.DEFAULT_TRANSPORT,
+                "diff": check,
+                "extra_vars": (json.dumps(variables),),
+                "flush_cache": False,
+                "force_handlers": constants.DEFAULT_FORCE_HANDLERS,
+                "forks": constants.DEFAULT_FORKS,
+                "inventory": (self._inventory,),
+                "listhosts": False,
+                "listtags": False,
+                "listtasks": False,
+                "skip_tags": ("recap",),
+                "start_at_task": None,
+                "step": False,
+                "subset": ",".join(names),
+                "syntax": False,
+                "tags": ("all",),
+                "verbosity": 0,
+            }
+        )
 
 
-def _event(told: dict[str, Any]) -> Event:
-    return Event(**{**told, "stage": Stage(told["stage"])})
+def _version() -> dict[str, Any]:
+    """Ansible's version as playbooks see it in `ansible_version`."""
+    from ansible.release import __version__ as version
+
+    major, minor, revision = (int(part) if part.isdigit() else 0 for part in version.split(".")[:3])
+    return {"string": version, "full": version, "major": major, "minor": minor, "revision": revision}
+
+
+class _Listener:
+    """Hears what tasks tell over a pipe, in a thread of its own, and passes it on at once."""
+
+    def __init__(self, notify: Subscriber, ended: Ended) -> None:
+        self.outcome = Outcome()
+        self.refusal: EngineError | None = None
+        self._notify, self._ended = notify, ended
+        reader, self.writer = os.pipe()
+        self._lines = os.fdopen(reader, encoding="utf-8")
+        self._thread = threading.Thread(target=self._listen, name="events", daemon=True)
+        self._failure: BaseException | None = None
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Hear the rest: a blank line of ours comes after whatever tasks have written, also after half a line."""
+        os.write(self.writer, b"\n\n")
+        self._thread.join()
+        os.close(self.writer)
+        self._lines.close()
+        if self._failure is not None:
+            raise self._failure
+
+    def _listen(self) -> None:
+        for line in self._lines:
+            if not line.strip():
+                return
+            try:
+                message = json.loads(line)
+            except ValueError:
+                continue  # whoever wrote it was killed in the middle
+            try:
+                self._hear(message)
+            except BaseException as failure:  # noqa: BLE001 - told in the main thread; results are still taken in
+                self._failure = self._failure or failure
+
+    def _hear(self, message: Mapping[str, Any]) -> None:
+        if "event" in message:
+            self._notify(Event(**{**message["event"], "stage": Stage(message["event"]["stage"])}))
+        elif "error" in message:
+            error = message["error"]
+            self.refusal = self.refusal or EngineError(error["message"], error["hint"], error["exit"])
+        else:
+            self.outcome.runs.update(message["runs"])
+            self.outcome.devices.update(message["devices"])
+            for name, result in message["devices"].items():
+                self._ended(name, result)

@@ -12,8 +12,6 @@ from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.report.run import Pass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.report.run import RunReport
@@ -29,7 +27,7 @@ def rehearse(opened: Session, twins: Rehearsal) -> RunReport:
         opened.show_plan(first)
     if first.exit is not ExitCode.DONE:
         return first
-    return replace(first, passes=tuple(_again(opened, twins)))
+    return _again(opened, twins, first)
 
 
 def _announce(opened: Session) -> None:
@@ -39,17 +37,22 @@ def _announce(opened: Session) -> None:
         print(f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted")
 
 
-def _again(opened: Session, twins: Rehearsal) -> Iterator[Pass]:
-    """Run again over each bearer; a device whose site lacks it is left at its own."""
+def _again(opened: Session, twins: Rehearsal, first: RunReport) -> RunReport:
+    """Run again over each bearer; a device whose site lacks it is left at its own. Ctrl-C ends it: that is no green."""
+    passes: list[Pass] = []
     sites = opened.declaration.sites
     units = {host.name for host in opened.hosts if is_unit(host)}
     for name in dict.fromkeys([LAN.name, *(one.name for host in opened.contacted for one in sites[host.site].bearers)]):
         via = {host.name: name for host in opened.contacted if name in {LAN.name, *_names(opened, host.site)}}
         for host in opened.contacted:
             twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
-        for device, result in opened.perform(Mode.APPLY, via=via).devices.items():
+        again = opened.perform(Mode.APPLY, via=via)
+        for device, result in again.devices.items():
             if device in via or device in units or result.get("other_end") in via:
-                yield Pass(device, name, result)
+                passes.append(Pass(device, name, result))
+        if again.stopped_by:
+            return replace(first, passes=tuple(passes), stopped_by=again.stopped_by)
+    return replace(first, passes=tuple(passes))
 
 
 def _names(opened: Session, site: str) -> list[str]:

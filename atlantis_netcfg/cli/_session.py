@@ -7,25 +7,28 @@ import re
 import shlex
 import sys
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from atlantis_netcfg import paths
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pays
-from atlantis_netcfg.cli._playbook import Outcome, play
+from atlantis_netcfg.cli._outcome import Stopped
+from atlantis_netcfg.cli._passphrase import vault_of
+from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers import is_computer, refuse_unfounded
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
-from atlantis_netcfg.operations.vault import decrypter
 from atlantis_netcfg.report.cost import asked
 from atlantis_netcfg.report.run import RunReport
 from atlantis_netcfg.site import choose, load
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments, Flag
     from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.vault import Vault
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Session", "session"]
@@ -50,6 +54,8 @@ class Session:
     hosts: tuple[Host, ...]
     rehearsal: Rehearsal | None
     state: Path
+    vault: Vault
+    """What opened the secrets of the declaration."""
     via: str | None = None
     back_to: str | None = None
     """Rollback: the run before which the devices were as they shall be again."""
@@ -57,6 +63,9 @@ class Session:
     """Restore: the run that has read back what the device shall be."""
     offline: Path | None = None
     """A bundle, which gateways take everything from."""
+    changed: list[str] = field(default_factory=list)
+    """Devices that plays of this command have changed, as they were read back."""
+    _runner: PlaybookRunner | None = None
 
     @property
     def rehearsed(self) -> bool:
@@ -131,13 +140,14 @@ class Session:
         if not self.declaration.pilot.example_values:
             refuse_unfounded(declared, request)
         request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
+        names = [host.name for host in (*self.asked, *declared)]
+        self._refuse_early(request)
+        self._runner = self._runner or PlaybookRunner(paths.checkout(), self.declaration, self.vault)
         with progress(quiet=self.as_json) as notify:
-            names = [host.name for host in (*self.asked, *declared)]
-            outcome = (
-                play(paths.checkout(), self.declaration.root, names, request, notify, ended=self._ended)
-                if names
-                else Outcome()
-            )
+            ended = partial(self._ended, sys.stdout)
+            outcome = self._runner.play(names, request, notify, ended=ended) if names else Outcome()
+        if not mode.reads_only:
+            self.changed += [name for name, result in outcome.devices.items() if result["confirmed"]]
         return RunReport(
             site=self.site,
             rehearsed=self.rehearsed,
@@ -150,7 +160,17 @@ class Session:
             left_out=self.left_out,
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(dict.fromkeys(outcome.runs.values())),
+            stopped_by=outcome.stopped_by,
         )
+
+    def _refuse_early(self, request: Request) -> None:
+        """Refuse what can be known before anything is started: a wrong bearer, a site that somebody works at."""
+        for host in self.hosts:
+            bearer_of(self.declaration, host, request.via.get(host.name))
+        if not request.mode.reads_only:
+            for site in sorted({host.site for host in self.hosts}):
+                with self.store.lock(site, request.command):
+                    pass
 
     def paid(self, request: Request) -> Request:
         """The request with a person's word to pay, if it needs one. Raises CostRefused.
@@ -176,9 +196,11 @@ class Session:
         if mode is Mode.BACKUP or self.back_to is not None or self.restore is not None:
             return ()
         computers = [host for host in self.hosts if is_computer(host) and host.name not in self.left_out]
-        if mode is Mode.DRIFT:
-            return tuple(computers)
-        others = [host for host in self.hosts if is_unit(host) or (is_terminal(host) and mode is not Mode.RESUME)]
+        others = [
+            host
+            for host in self.hosts
+            if (is_unit(host) and mode is not Mode.DRIFT) or (is_terminal(host) and mode is not Mode.RESUME)
+        ]
         return (*others, *computers)
 
     @property
@@ -195,10 +217,10 @@ class Session:
         """Whether a flag was given that not every command has."""
         return self.arguments.command.flag(flag.name) is not None and self.arguments.flag(flag.name)
 
-    def _ended(self, name: str, result: Mapping[str, Any]) -> None:
+    def _ended(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
         """Give a program that reads along the result of a device while others are still in work."""
         if self.as_json and self._says(STREAM):
-            print(json.dumps({"device": name, **result}, ensure_ascii=False), flush=True)
+            print(json.dumps({"device": name, **result}, ensure_ascii=False), file=out, flush=True)
 
     def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
@@ -224,7 +246,8 @@ class Session:
         dear = [asked(one["cost"]) for one in planned.devices.values() if one["planned"] and "cost" in one]
         if dear and not self._says(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
-        agreed(f"Change {', '.join(name for name, one in planned.devices.items() if one['planned'])} now")
+        changing = (name for name, one in planned.devices.items() if one["planned"] or one["status"] == "planned")
+        agreed(f"Change {', '.join(changing)} now")
         plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
         return self.perform(Mode.APPLY, plans=plans, paid=bool(dear))
 
@@ -237,30 +260,13 @@ class Session:
 
     def show_plan(self, report: RunReport) -> None:
         """Print the changes in the device's own language, and what they cost."""
-        if self.as_json:
-            return
-        for name, result in report.devices.items():
-            if result["status"] == "declared":
-                print(f"{name}:\n  {result['message']}\n")
-                continue
-            print(f"{name}:\n{result['diff'].rstrip() or '  nothing to change'}\n{_cost(result)}\n")
+        if not self.as_json:
+            print(report.plan_as_text(), end="", flush=True)
 
     def close(self, report: RunReport) -> ExitCode:
         """Print how it ended."""
         print(json.dumps(report.as_json(), ensure_ascii=False) if self.as_json else report.as_text())
         return report.exit
-
-
-def _cost(result: Mapping[str, Any]) -> str:
-    """The estimate in words; for a refused plan there may be none."""
-    estimate = result["estimate"]
-    if estimate is None:
-        return "  no estimate"
-    size = estimate["bytes"] / 1000
-    cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
-    changes = f"  {result['planned']} changes over {estimate['bearer']}: {cost}"
-    dear = f"\n  {asked(result['cost'])}" if "cost" in result else ""
-    return f"{changes}{dear}\n  protection: {result['protection_words']}"
 
 
 @contextmanager
@@ -271,28 +277,25 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     via: str | None = None,
     site: str | None = None,
     only: Sequence[str] | None = None,
-    unsealed: bool = False,
     chosen: Callable[[Declaration], tuple[Host, ...]] | None = None,
 ) -> Iterator[Session]:
     """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
 
-    `site` and `only` are those of the words, unless the command finds them in another way. `unsealed`: the command
-    logs in to devices by itself, without a play. `chosen` looks at the declaration, before anything is started, and
-    says which hosts take part, in place of `only`: also none.
+    `site` and `only` are those of the words, unless the command finds them in another way. `chosen` looks at the
+    declaration, before anything is started, and says which hosts take part, in place of `only`: also none. Between
+    plays nothing is in flight: a stop signal there leaves every device as its last result says. Raises Stopped.
     """
     named = arguments.optional("inventory")
-    # Emulated devices get the passwords of the real ones; real ones are opened by the play, which decrypts for itself.
-    declaration = load(
-        Path(named) if named else paths.checkout() / "inventory",
-        decrypt=decrypter() if rehearse or unsealed else None,
-    )
+    # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
+    vault = vault_of(arguments)
+    declaration = load(Path(named) if named else paths.checkout() / "inventory", decrypt=vault.decrypt)
     if only is None:
         only = arguments.many("only") if arguments.command.word("only") else ()
     if site is None:
         site = arguments.word("site")
     if chosen is None:
         hosts = choose(declaration, site, only)
-        _require_handled(hosts, arguments.command.name)
+        _require_handled(hosts, only, arguments.command.name)
     else:
         hosts = chosen(declaration)
     with ExitStack() as stack:
@@ -302,14 +305,31 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
 
             with progress(quiet=arguments.flag(JSON.name)) as notify:
                 twins = stack.enter_context(rehearsal(declaration, hosts, via, notify))
-        yield Session(arguments, declaration, site, hosts, twins, paths.state_dir(), via)
+        opened = Session(arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via)
+        try:
+            yield opened
+        except KeyboardInterrupt as stop:
+            if not arguments.command.plays:
+                raise
+            raise Stopped(stop, opened.changed) from stop
 
 
-def _require_handled(hosts: tuple[Host, ...], command: str) -> None:
-    """Refuse where no role has anything to do; some commands also look at what the engine does not handle."""
-    also = [is_terminal, is_unit] if command in {DEFAULT, "links"} else []
+def _require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:
+    """Refuse where no role has anything to do, and what is named and would be passed over.
+
+    Some commands also look at what the engine does not handle.
+    """
+    also = [is_unit] if command in {DEFAULT, "links"} else []
+    if command in {DEFAULT, "links", "drift"}:
+        also.append(is_terminal)
     if command in {DEFAULT, "drift"}:
         also.append(is_computer)
-    if not any(takes(host) for host in hosts for takes in (handled, *also)):
+    passed_over = [host for host in hosts if not any(takes(host) for takes in (handled, *also))]
+    named = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
+    if named and len(passed_over) < len(hosts):
+        raise NothingMatched(
+            f"`provision {command}` does nothing with {', '.join(named)}", hint="leave it out of `only=`"
+        )
+    if len(passed_over) == len(hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
         raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")

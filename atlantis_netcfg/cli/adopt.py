@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, Command, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -39,6 +39,7 @@ COMMAND = Command(
         Flag("take-over", "also a router that somebody has configured; its export is saved first"),
         Flag("replaced", "it is another box than before, or was reset: forget the certificate and host key of before"),
         Flag("yes", "do not ask before changing the router"),
+        ASK_VAULT_PASS,
         JSON,
     ),
     details="It may be repeated after a break at any moment: it goes on where it stopped.",
@@ -65,12 +66,12 @@ def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
     from pathlib import Path
 
     from atlantis_netcfg import paths
-    from atlantis_netcfg.operations.vault import decrypter
+    from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.site import choose, load
 
     named = arguments.optional("inventory")
     root = Path(named) if named else paths.checkout() / "inventory"
-    declaration = load(root, decrypt=decrypter())
+    declaration = load(root, decrypt=vault_of(arguments).decrypt)
     (host,) = choose(declaration, arguments.word("site"), [arguments.word("device")])
     return declaration, host
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, ONLY, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, ONLY, VERBOSE, Command, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -20,7 +20,7 @@ COMMAND = Command(
         ONLY,
         INVENTORY,
     ),
-    flags=(ACCEPT_COST, JSON, VERBOSE),
+    flags=(ACCEPT_COST, ASK_VAULT_PASS, JSON, VERBOSE),
     details="The saved export hides secrets, as RouterOS does; they are not in the backup.",
 )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, ONLY, Command, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Command, Word
 from atlantis_netcfg.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ COMMAND = Command(
         Word("key", "with `check=`: take bundles signed by this key from now on", example="4B63CF8F…"),
         INVENTORY,
     ),
-    flags=(JSON,),
+    flags=(ASK_VAULT_PASS, JSON),
     details=(
         "Needs apt, gpg and git, and no root; the board may be of another architecture. What was fetched before is not "
         "fetched again. `provision site=S --offline BUNDLE` then takes nothing from anywhere else."
@@ -48,16 +48,16 @@ def run(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg import paths
+    from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.operations.bundling import gateways_of, has_tokens
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.operations.vault import decrypter
     from atlantis_netcfg.site import load
 
     named, check = arguments.optional("inventory"), arguments.optional("check")
     inventory = Path(named) if named else paths.checkout() / "inventory"
     declaration = load(inventory)
     if check is None and has_tokens(declaration):
-        declaration = load(inventory, decrypt=decrypter())
+        declaration = load(inventory, decrypt=vault_of(arguments).decrypt)
     hosts = gateways_of(declaration, arguments.word("site"), arguments.many("only"))
     request = Request()
     if check is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -35,6 +35,7 @@ COMMAND = Command(
         Flag("sign-as", "sign with this name when nothing is open, without asking", takes="NAME"),
         Flag("rehearse", "the same with emulated vehicles and devices of the site"),
         ACCEPT_COST,
+        ASK_VAULT_PASS,
         JSON,
     ),
     details=(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.journal import Run
     from atlantis_netcfg.report.drift import DriftReport
 
 __all__ = ["COMMAND", "run"]
@@ -31,6 +32,7 @@ COMMAND = Command(
         Flag("junit", "write a JUnit file for a build server: a suite a device, a case a menu", takes="FILE"),
         Flag("rehearse", "the same against emulated devices of the site, as they are after `provision adopt`"),
         ACCEPT_COST,
+        ASK_VAULT_PASS,
         JSON,
     ),
     details="Exit code 6 says that something differs, 0 that nothing does, 4 that a device could not be read.",
@@ -64,6 +66,7 @@ def run(arguments: Arguments) -> ExitCode:
 def _report(opened: Session, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
     from atlantis_netcfg.report.drift import DriftReport
 
+    unfinished = _unfinished(opened)
     return DriftReport(
         site=opened.site,
         rehearsed=opened.rehearsed,
@@ -74,17 +77,18 @@ def _report(opened: Session, devices: Mapping[str, Mapping[str, Any]]) -> DriftR
             if host.name not in devices and host.name not in opened.left_out
         },
         left_out=opened.left_out,
-        unfinished=_unfinished(opened),
+        unfinished={host: run.id for host, run in unfinished.items()},
+        next_commands={host: run.next_command for host, run in unfinished.items()},
     )
 
 
-def _unfinished(opened: Session) -> dict[str, str]:
+def _unfinished(opened: Session) -> dict[str, Run]:
     """The runs that left the outcome on one of these devices open; of emulated devices none is left."""
     if opened.rehearsed:
         return {}
     asked = {host.name: host.site for host in opened.asked}
     runs = [run for site in sorted(set(asked.values())) for run in opened.store.unfinished(site)]
-    return {host: run.id for run in runs for host in run.unsettled if host in asked}
+    return {host: run for run in runs for host in run.unsettled if host in asked}
 
 
 def _file(name: str | None) -> Path | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -27,6 +27,7 @@ COMMAND = Command(
     flags=(
         Flag("rehearse", "the same with emulated devices of the site, configured first"),
         ACCEPT_COST,
+        ASK_VAULT_PASS,
         JSON,
     ),
     details=(
@@ -43,9 +44,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._session import session
 
     _one_site(arguments.word("site"))
-    with session(
-        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), unsealed=True
-    ) as opened:
+    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if opened.rehearsal is not None:
             _configure(opened)
         report = _report(opened, _look(opened))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding
-    from atlantis_netcfg.bearers.cost import Bill
+    from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.errors import ExitCode
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.proving import Proof, Proving
-    from atlantis_netcfg.site import Host
+    from atlantis_netcfg.operations.proving import Proof
+    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["COMMAND", "run"]
 
@@ -37,11 +37,13 @@ COMMAND = Command(
         ),
         Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
         ACCEPT_COST,
+        ASK_VAULT_PASS,
         JSON,
     ),
     details=(
         "The router pings from the satellite's own address, targets of yours only. Silence counts after 90 s, "
-        "because gaps of 70 s are ordinary. Exit code 0: proved, 6: something failed, 7: nothing could be proved."
+        "because gaps of 70 s are ordinary. Exit code 0: all is proved, 6: something failed or could not be proved, "
+        "7: nothing was tried."
     ),
     changes=True,
 )
@@ -52,34 +54,48 @@ def run(arguments: Arguments) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.operations.proving import satellite_of
+    from atlantis_netcfg.site import choose
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        choose(declaration, arguments.word("site"), ())
+        return (satellite_of(declaration, arguments.word("site"), arguments.optional("bearer")).router,)
 
     with session(
-        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), only=(), unsealed=True
+        arguments,
+        rehearse=arguments.flag("rehearse"),
+        via=arguments.optional("via"),
+        chosen=chosen,
     ) as opened:
-        proof, bill = _prove(opened)
+        proof, expected, paid = _prove(opened)
     beyond = (_NOT_REHEARSED,) if opened.rehearsed else ()
     if opened.as_json:
-        told = {"rehearsed": opened.rehearsed, "not_rehearsed": beyond, "cost": bill.as_dict()}
+        told = {
+            "rehearsed": opened.rehearsed,
+            "not_rehearsed": beyond,
+            "expected": [one.as_dict() for one in expected],
+            "cost": paid[proof.bearer].as_dict(),
+            "costs": {name: bill.as_dict() for name, bill in paid.items()},
+        }
         print(json.dumps({**proof.as_json(), **told}, ensure_ascii=False))
     else:
-        cost = f"  {'would have ' if opened.rehearsed else ''}cost over {proof.bearer}: {bill.words}"
-        print("\n".join([proof.as_text(), cost, *(f"  not rehearsed: {one}" for one in beyond)]))
+        would = "would have " if opened.rehearsed else ""
+        costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in paid.items()]
+        print("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {one}" for one in beyond)]))
     return proof.exit
 
 
-def _prove(opened: Session) -> tuple[Proof, Bill]:
+def _prove(opened: Session) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
+    """The proof, what it was expected to cost at most, and by link what it did: only what is paid by the byte."""
     import time
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._progress import progress
-    from atlantis_netcfg.operations.costs import link_of
     from atlantis_netcfg.operations.examples import refuse_examples
-    from atlantis_netcfg.operations.proving import satellite_of, try_out
+    from atlantis_netcfg.operations.proving import bills, previews, satellite_of, try_out
 
     found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
-    opened.hosts = (found.router,)
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     declared = _declared(opened, found.terminal)
     with ExitStack() as stack:
@@ -91,16 +107,24 @@ def _prove(opened: Session) -> tuple[Proof, Bill]:
             open_filter=opened.arguments.flag("open-filter"),
             try_all=opened.arguments.flag("try-all"),
             rehearsed=opened.rehearsed,
+            via=opened.arguments.optional("via"),
         )
         proving.notify = notify
-        _pay(opened, proving)
+        expected = tuple(one for one in previews(opened.declaration, proving) if one.link.metered)
+        _pay(opened, expected)
         if proving.open_filter or proving.try_all:
             stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
         begun = time.monotonic()
         proof = try_out(opened.declaration, found.router, _request(opened), proving)
-    link = link_of(opened.declaration, opened.site, proof.bearer)
-    bill = preview(proof.bytes_counted, time.monotonic() - begun, link).bill
-    return replace(proof, findings=(*proof.findings, *declared)), bill
+    paid = bills(opened.declaration, proof, time.monotonic() - begun)
+    dear = {name: bill for name, bill in paid.items() if name == proof.bearer or _metered(opened, name)}
+    return replace(proof, findings=(*proof.findings, *declared)), expected, dear
+
+
+def _metered(opened: Session, name: str) -> bool:
+    from atlantis_netcfg.operations.costs import link_of
+
+    return link_of(opened.declaration, opened.site, name).metered
 
 
 def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
@@ -135,25 +159,20 @@ def _request(opened: Session) -> Request:
     return opened.request(Mode.DRIFT)
 
 
-def _pay(opened: Session, proving: Proving) -> None:
+def _pay(opened: Session, expected: tuple[Preview, ...]) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
-    from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._consent import pays
-    from atlantis_netcfg.operations.costs import gate, link_of
 
-    # The session to the router may go over a link that is paid by the byte as well.
-    gate(opened.declaration, opened.hosts, _request(opened))
-    link = link_of(opened.declaration, opened.site, proving.bearer.name)
-    estimate = preview(proving.expected_bytes, proving.seconds, link)
+    words = [one.words for one in expected]
     if opened.rehearsed:
-        if not opened.as_json:
-            print(f"a real proof asks first: {estimate.words}")
+        if words and not opened.as_json:
+            print(f"a real proof asks first: {'; '.join(words)}")
         return
-    if estimate.over_cap:
-        raise estimate.refusal()
-    if opened.arguments.flag(ACCEPT_COST.name):
-        if not opened.as_json:
-            print(f"This goes {estimate.words}", flush=True)
-        return
-    if estimate.link.metered:
-        pays([estimate.words], ask=not opened.as_json)
+    for one in expected:
+        if one.over_cap:
+            raise one.refusal()
+    if not opened.arguments.flag(ACCEPT_COST.name):
+        if words:
+            pays(words, ask=not opened.as_json)
+    elif not opened.as_json:
+        print("".join(f"This goes {each}\n" for each in words), end="", flush=True)

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, UNPROTECTED, VERBOSE, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    UNPROTECTED,
+    VERBOSE,
+    VIA,
+    Command,
+    Flag,
+    Word,
+)
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -30,6 +41,7 @@ COMMAND = Command(
         Flag("yes", "do not ask before changing the device"),
         ACCEPT_COST,
         UNPROTECTED,
+        ASK_VAULT_PASS,
         JSON,
         VERBOSE,
     ),
@@ -38,6 +50,7 @@ COMMAND = Command(
         "Secrets are not in a saved state: they are taken from the declaration, and what it lacks is named."
     ),
     changes=True,
+    plays=True,
 )
 
 
@@ -79,4 +92,4 @@ def _tell(opened: Session, state: Confirmed) -> None:
     when = f"{state.at:%Y-%m-%d %H:%M} UTC"
     print(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}", flush=True)
     if run is not None and run.started is not None and run.started.revision != opened.declaration.revision:
-        print("  the inventory has changed since then: `provision site=` brings what it declares now", flush=True)
+        print(f"  the inventory has changed: `provision site={opened.site}` brings what it declares now", flush=True)

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, UNPROTECTED, VERBOSE, Command, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    UNPROTECTED,
+    VERBOSE,
+    Command,
+    Word,
+)
 from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.journal import Run
+    from atlantis_netcfg.report.run import RunReport
 
 __all__ = ["COMMAND", "run"]
 
@@ -22,46 +32,87 @@ COMMAND = Command(
         Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
         INVENTORY,
     ),
-    flags=(ACCEPT_COST, UNPROTECTED, JSON, VERBOSE),
+    flags=(ACCEPT_COST, UNPROTECTED, ASK_VAULT_PASS, JSON, VERBOSE),
     changes=True,
+    plays=True,
 )
 
 
 def run(arguments: Arguments) -> ExitCode:
     """Wait until the devices have taken back what the broken run left open, then bring them to the declared state."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations import Mode
 
     with session(arguments) as opened:
-        broken = _broken(opened, arguments.optional("run"))
-        _engine_only(broken)
-        _tell(opened, broken)
-        opened.narrow(broken.unsettled)
-        if broken.started is not None:
-            opened.back_to, opened.restore = broken.started.back_to, broken.started.restore
-        report = opened.perform(Mode.RESUME, run=broken.id)
+        try:
+            broken = _broken(opened, arguments.optional("run"))
+        except NothingMatched as nothing:
+            report = _left_by_others(opened, arguments.optional("run"), nothing)
+        else:
+            report = _resumed(opened, broken)
     return opened.close(report)
 
 
 def _broken(opened: Session, name: str | None) -> Run:
+    """The run that was named, or the latest unfinished one. Raises NothingMatched."""
+    from atlantis_netcfg.journal import Purpose
+
     store = opened.store
     if name is not None:
         return store.run(opened.site, name)
     unfinished = store.unfinished(opened.site)
     if not unfinished:
         raise NothingMatched(f"no run of {opened.site} is unfinished", hint="`provision runs` lists all of them")
-    return unfinished[-1]
+    return next((run for run in reversed(unfinished) if run.purpose is Purpose.CONFIGURE), unfinished[-1])
 
 
-_REPEATED = {"provision adopt ": "a first contact", "provision upgrade ": "an upgrade"}
+def _resumed(opened: Session, broken: Run) -> RunReport:
+    """Go on with a run of this computer."""
+    from atlantis_netcfg.operations import Mode
+
+    _refuse_others(broken)
+    _tell(opened, broken)
+    opened.narrow(broken.unsettled)
+    if broken.started is not None:
+        opened.back_to, opened.restore = broken.started.back_to, broken.started.restore
+    return opened.perform(Mode.RESUME, run=broken.id)
 
 
-def _engine_only(broken: Run) -> None:
-    """First contact and upgrades are no runs of the engine: they are repeated, and go on by what the device says."""
-    command = broken.started.command if broken.started else ""
-    what = next((words for beginning, words in _REPEATED.items() if command.startswith(beginning)), None)
-    if what is not None:
-        raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{command}`")
+def _left_by_others(opened: Session, name: str | None, nothing: NothingMatched) -> RunReport:
+    """The journal here knows of nothing: look on the devices for what a run of another computer has left open.
+
+    Raises `nothing` where there is nothing on them either.
+    """
+    from atlantis_netcfg.operations import Mode
+
+    if opened.declaration.pilot.example_values or not opened.asked:
+        raise nothing
+    opened.narrow([host.name for host in opened.asked])
+    if not opened.as_json:
+        print(f"{nothing}; looking on its devices", flush=True)
+    looked = opened.perform(Mode.PLAN)
+    busy = {device: str(result["busy"]) for device, result in looked.devices.items() if result.get("busy")}
+    if name is not None:
+        busy = {device: words for device, words in busy.items() if f"run {name} of " in words}
+    if busy:
+        opened.narrow([*busy])
+        return opened.perform(Mode.RESUME, run=name)
+    if looked.exit in (ExitCode.DONE, ExitCode.CHANGES):
+        raise nothing
+    return looked
+
+
+def _refuse_others(broken: Run) -> None:
+    """What is no run of the engine is repeated, and goes on by what the device says. Raises UsageError."""
+    from atlantis_netcfg.journal import Purpose
+
+    repeated = {
+        Purpose.ADOPT: "a first contact",
+        Purpose.UPGRADE: "an upgrade",
+        Purpose.INSTALL: "an import of a VPN identity",
+    }
+    if broken.purpose in repeated:
+        what = repeated[broken.purpose]
+        raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
 
 
 def _tell(opened: Session, broken: Run) -> None:

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, ONLY, UNPROTECTED, VERBOSE, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    ONLY,
+    UNPROTECTED,
+    VERBOSE,
+    Command,
+    Flag,
+    Word,
+)
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -21,9 +32,10 @@ COMMAND = Command(
         ONLY,
         INVENTORY,
     ),
-    flags=(Flag("yes", "do not ask before changing devices"), ACCEPT_COST, UNPROTECTED, JSON, VERBOSE),
+    flags=(Flag("yes", "do not ask before changing devices"), ACCEPT_COST, UNPROTECTED, ASK_VAULT_PASS, JSON, VERBOSE),
     details="Secrets are not in the saved state: what the device holds of them stays.",
     changes=True,
+    plays=True,
 )
 
 

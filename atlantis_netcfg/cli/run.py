@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import (
     ACCEPT_COST,
+    ASK_VAULT_PASS,
     INVENTORY,
     JSON,
     ONLY,
@@ -42,11 +43,13 @@ COMMAND = Command(
         Flag("yes", "do not ask before changing devices"),
         ACCEPT_COST,
         UNPROTECTED,
+        ASK_VAULT_PASS,
         JSON,
         STREAM,
         VERBOSE,
     ),
     changes=True,
+    plays=True,
 )
 
 

@@ -8,7 +8,7 @@ from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
 from atlantis_netcfg.errors import ExitCode, NothingMatched
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.journal import Run, Store
@@ -19,7 +19,11 @@ COMMAND = Command(
     "runs",
     "list the runs that changed something or tried to, and what is still open",
     words=(Word("site", "only the runs of this site", example="coastal"),),
-    flags=(Flag("rehearsed", "the runs of rehearsals instead of real ones"), JSON),
+    flags=(
+        Flag("rehearsed", "the runs of rehearsals instead of real ones"),
+        Flag("all", "also those that were put aside, since nothing is open in them and later ones followed"),
+        JSON,
+    ),
 )
 
 
@@ -31,13 +35,23 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.journal import Store
 
     store = Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
-    listed = [row for site in _sites(store, arguments.optional("site")) for row in _rows(store, site)]
+    sites = _sites(store, arguments.optional("site"))
+    aside = {site: store.archived(site) for site in sites}
+    everything = arguments.flag("all")
+    listed = [row for site in sites for row in _rows(store, site, aside[site] if everything else ())]
+    archived = sum(map(len, aside.values()))
     if not listed:
         raise NothingMatched("there are no runs", hint="`provision site=NAME` makes the first one")
     if arguments.flag("json"):
-        print(json.dumps({"exit": int(ExitCode.DONE), "errors": [], "runs": listed}, ensure_ascii=False))
+        print(
+            json.dumps(
+                {"exit": int(ExitCode.DONE), "errors": [], "runs": listed, "archived": archived}, ensure_ascii=False
+            )
+        )
     else:
         print("\n".join(_line(row) for row in listed))
+        if archived and not everything:
+            print(f"{archived} older runs are put aside: `provision runs --all` lists them too")
     return ExitCode.DONE
 
 
@@ -52,9 +66,13 @@ def _sites(store: Store, site: str | None) -> tuple[str, ...]:
     return (site,)
 
 
-def _rows(store: Store, site: str) -> Iterator[dict[str, Any]]:
-    open_runs = {unfinished.id for unfinished in store.unfinished(site)}
-    for one in store.runs(site):
+def _rows(store: Store, site: str, archived: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """One row a run; each journal is read once."""
+    from atlantis_netcfg.journal import unfinished
+
+    runs = store.runs(site)
+    open_runs = {run.id for run in unfinished(runs)}
+    for one in sorted((*(store.run(site, name) for name in archived), *runs), key=lambda run: run.id):
         yield _row(one, site, unfinished=one.id in open_runs)
 
 
@@ -67,6 +85,7 @@ def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
         "exit": one.exit,
         "unfinished": unfinished,
         "command": started.command if started else "",
+        "next": one.next_command if unfinished else None,
         "devices": {
             host: {
                 "status": outcome.status if (outcome := one.outcomes.get(host)) else "not reached",
@@ -80,7 +99,7 @@ def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
 
 
 def _line(row: dict[str, Any]) -> str:
-    end = "UNFINISHED, see `provision resume`" if row["unfinished"] else f"exit {row['exit']}"
+    end = f"UNFINISHED, go on: `{row['next']}`" if row["unfinished"] else f"exit {row['exit']}"
     devices = ", ".join(_device(name, told) for name, told in row["devices"].items())
     return f"{row['run']}  {row['site']:<10} {end}  {devices}"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -37,6 +37,7 @@ COMMAND = Command(
         Flag("rehearse", "the same against the emulated device", harmless=True),
         Flag("yes", "do not ask before sending and rebooting"),
         ACCEPT_COST,
+        ASK_VAULT_PASS,
         JSON,
     ),
     details="Nothing is downloaded. The device reboots; what it feeds and carries is down meanwhile.",
@@ -59,7 +60,6 @@ def run(arguments: Arguments) -> ExitCode:
             rehearse=arguments.flag("rehearse"),
             via=arguments.optional("via"),
             only=[arguments.word("device")],
-            unsealed=True,
         ) as opened,
         progress(quiet=opened.as_json) as notify,
     ):

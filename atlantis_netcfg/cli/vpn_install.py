@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
 from atlantis_netcfg.cli._vpn import AUTHORITY
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ COMMAND = Command(
         Flag("rehearse", "the same against an emulated router", harmless=True),
         Flag("yes", "do not ask before changing the router"),
         ACCEPT_COST,
+        ASK_VAULT_PASS,
         JSON,
     ),
     details=(
@@ -51,7 +52,6 @@ def run(arguments: Arguments) -> ExitCode:
         via=arguments.optional(VIA.name),
         site=host.site,
         only=[host.name],
-        unsealed=True,
     ) as opened:
         return _installed(opened)
 

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
-from atlantis_netcfg.journal import ContactStep, JournalFailed, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.journal import (
+    NOT_RECORDED,
+    ContactStep,
+    NoJournal,
+    Outcome,
+    Purpose,
+    RunEnded,
+    RunStarted,
+    Store,
+    conclude,
+    unrecorded,
+)
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.ways import HostKey, SerialWay, SshWay, Ways
@@ -21,7 +31,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.firstcontact import Way
-    from atlantis_netcfg.journal import Journal, Recorder
+    from atlantis_netcfg.journal import Journal, JournalFailed, Recorder
     from atlantis_netcfg.journal.records import Record
     from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site import Declaration, Host
@@ -107,15 +117,16 @@ class Adoption:
         try:
             found = self._contact(watched).adopt(agree)
         except NetcfgError as error:
-            self._end(journal, _status(error, touched=watched.touched), error.exit, str(error))
+            failure = self._end(journal, _status(error, touched=watched.touched), error.exit, str(error))
+            if failure is not None:
+                error.args = (f"{error}; {NOT_RECORDED}: {failure}",)
             raise
         if found.status is Status.ALREADY:
             result = self._unchanged(found, journal.run)
         else:
             message = f"adopted: {len(found.steps)} steps, read back; {self.wish.host} is on {self.wish.port}"
             result = self._result(found, ExitCode.DONE, message, journal.run)
-        self._end(journal, result.status, result.exit, result.message)
-        return result
+        return unrecorded(result, self._end(journal, result.status, result.exit, result.message))
 
     def _contact(self, journal: Recorder) -> FirstContact:
         pins = Store(self.state, rehearsed=self.rehearsed).pins
@@ -166,13 +177,13 @@ class Adoption:
             hosts=(self.host.name,),
             rehearsed=self.rehearsed,
             command=self.command,
+            purpose=Purpose.ADOPT,
         )
 
-    def _end(self, journal: Journal, status: str, code: ExitCode, message: str) -> None:
-        """A disk that is full by now is told in the result, which must not be lost over it."""
-        with suppress(JournalFailed):
-            journal.write(Outcome(device=self.host.name, status=status, exit=int(code), message=message))
-            journal.write(RunEnded(exit=int(code)))
+    def _end(self, journal: Journal, status: str, code: ExitCode, message: str) -> JournalFailed | None:
+        """Record the end; a disk that is full by now is told in the result, which must not be lost over it."""
+        outcome = Outcome(device=self.host.name, status=status, exit=int(code), message=message)
+        return conclude(journal, outcome, RunEnded(exit=int(code)))
 
 
 class _Watched:

@@ -9,11 +9,33 @@ from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
 
-__all__ = ["asked_for"]
+    from atlantis_netcfg.site import Declaration
+
+__all__ = ["asked_for", "declaration_of", "shared"]
+
+_shared: dict[Path, Declaration] = {}
+
+
+@contextmanager
+def shared(declaration: Declaration) -> Iterator[None]:
+    """Let the tasks of this process, and those that it forks, take this declaration instead of reading it again."""
+    folder = declaration.root.absolute()
+    _shared[folder] = declaration
+    try:
+        yield
+    finally:
+        del _shared[folder]
+
+
+def declaration_of(inventory: Path, decrypt: Callable[[str], str] | None = None) -> Declaration:
+    """The declaration in a folder: the shared one, or as it is read now. Raises what `site.load` raises."""
+    return _shared.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
 
 
 @contextmanager

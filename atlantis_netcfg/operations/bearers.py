@@ -1,18 +1,27 @@
-"""What a session to a device runs over: the declared bearer, or the cable on the management port."""
+"""What a session to a device runs over: the declared bearer, or the cable on the management port; and its patience."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.routeros.estimate import Bearer
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Bearer as Declared
 
-__all__ = ["LAN", "as_bearer", "bearer_of"]
+__all__ = ["FAST_S", "LAN", "PATIENCE_S", "as_bearer", "bearer_of", "patient"]
+
+FAST_S: Final = 0.2
+"""Round trip below which a link has no gaps of minutes, as a satellite has."""
+PATIENCE_S: Final = 15.0
+"""For a connection and its login over a fast link: a device that is there answers at once."""
+_REPLY_S: Final = 60.0
+"""For an answer over such a link: a small board works for some seconds on a script, or waits for its flash."""
 
 LAN = Bearer(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
 """The technician's cable: an ordinary 100 Mbit/s port."""
@@ -28,6 +37,18 @@ def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> B
         known = ", ".join([LAN.name, *bearers])
         raise UsageError(f"`via={name}`: {host.site} has no such bearer", hint=f"it has: {known}")
     return as_bearer(bearers[name])
+
+
+def patient(endpoint: Endpoint, bearer: Bearer) -> Endpoint:
+    """The endpoint with as much patience as its bearer needs.
+
+    A cable or a bridge on land has no gaps: what is dead there is given up in seconds. Everything else keeps the
+    defaults, which outlive the gaps of 70 s of a satellite; so does what is metered, since a modem that looks for its
+    network is gone for as long.
+    """
+    if bearer.metered or bearer.rtt_s >= FAST_S:
+        return endpoint
+    return replace(endpoint, connect_timeout_s=PATIENCE_S, reply_timeout_s=_REPLY_S)
 
 
 def as_bearer(bearer: Declared) -> Bearer:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.errors import NetcfgError, NothingMatched
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Journal, Store
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.restoring import confirmed_state, restored
 from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
-from atlantis_netcfg.routeros.api import Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, Fitting, SshEndpoint
+from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
+from atlantis_netcfg.routeros.apply import DeviceJob, Fitting, NoHistory, SshEndpoint
 from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.site.model import LteRouter
 
@@ -25,11 +26,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Pins, Recorder
     from atlantis_netcfg.operations.kinds import Managed
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.apply import History
     from atlantis_netcfg.routeros.desired import Desired
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Access
 
-__all__ = ["device_job"]
+__all__ = ["device_job", "narrow"]
 
 _SSH = 22
 
@@ -42,14 +44,15 @@ def device_job(
     access = known.access
     store = Store(request.state, rehearsed=request.rehearsed)
     pins, states = store.pins, _states(known, request, store)
+    bearer = bearer_of(declaration, host, request.via.get(host.name))
     return DeviceJob(
         name=host.name,
         site=host.site,
         address=str(access.address),
-        endpoint=_endpoint(host, access, request, pins.get(host.name)),
+        endpoint=patient(_endpoint(host, access, request, pins), bearer),
         desired=next(iter(states.values())),
         fitting=None if "" in states else Fitting(states, known.unfit),
-        bearer=bearer_of(declaration, host, request.via.get(host.name)),
+        bearer=bearer,
         events=notify,
         journal=_minding_the_sim(host, request, store, journal),
         pin=partial(_first_contact, pins, notify),
@@ -57,7 +60,14 @@ def device_job(
         ssh=_console(host, access, request, pins),
         run=journal.run if isinstance(journal, Journal) else "",
         unprotected=request.unprotected,
+        history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
     )
+
+
+def _history(host: Host, request: Request, store: Store, journal: Recorder) -> History:
+    """What earlier runs have left there; in `resume` a person has named the run that has died."""
+    current = journal.run if isinstance(journal, Journal) else ""
+    return store.history(host.site, host.name, current=current, dead=request.run)
 
 
 def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) -> None:
@@ -100,8 +110,23 @@ def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEnd
     return SshEndpoint(target.host, target.ssh or _SSH, access.user, access.password, target.host_key)
 
 
-def _endpoint(host: Host, access: Access, request: Request, pin: str | None) -> Endpoint:
-    if not request.rehearsed:
-        return Endpoint(str(access.address), access.port, access.user, access.password, pin)
-    target = request.targets[host.name]
-    return Endpoint(target.host, target.port, access.user, access.password, target.pin)
+def _endpoint(host: Host, access: Access, request: Request, pins: Pins) -> Endpoint:
+    address, port, pin = str(access.address), access.port, pins.get(host.name)
+    if request.rehearsed:
+        target = request.targets[host.name]
+        address, port, pin = target.host, target.port, target.pin
+    return Endpoint(
+        address,
+        port,
+        access.user,
+        access.password,
+        pin,
+        window=pins.window(host.name) or READING_WINDOW,
+        narrowed=partial(narrow, pins, host.name),
+    )
+
+
+def narrow(pins: Pins, name: str) -> None:
+    """Remember that the device does not bear many questions at once; where that fails it is found out again."""
+    with suppress(NetcfgError):
+        pins.narrow(name, WINDOW)

@@ -6,12 +6,12 @@ management port, nothing else. A rehearsal therefore shows the first configurati
 
 from __future__ import annotations
 
-import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.events import ignore
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
@@ -101,10 +101,10 @@ def rehearsal(
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
     others = [host for host in hosts if is_unit(host)]
     with (
-        tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
-        emulated_units(others, Path(folder)) as units,
-        rehearsed_computers(declaration, hosts, Path(folder) / "computers", notify) as computers,
-        spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - asked), Path(folder)) as twins,
+        temporary.folder("twins") as folder,
+        emulated_units(others, folder) as units,
+        rehearsed_computers(declaration, hosts, folder / "computers", notify) as computers,
+        spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - asked), folder) as twins,
     ):
         targets = {
             name: Target(
@@ -158,8 +158,8 @@ def rehearse_adoption(adoption: Adoption) -> Iterator[SpawnedSite]:
     name = adoption.host.name
     spec = factory_spec(adoption.declaration, adoption.host, serial=adoption.via != "ssh")
     with (
-        tempfile.TemporaryDirectory(prefix="provision-twins-") as folder,
-        spawn(SiteSpec(name=adoption.host.site, twins=(spec,)), Path(folder)) as twins,
+        temporary.folder("twins") as folder,
+        spawn(SiteSpec(name=adoption.host.site, twins=(spec,)), folder) as twins,
     ):
         if spec.router.serial:
             adoption.via = f"serial:{twins.ready[name]['serial']}"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NothingMatched
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal import NoSuchRun, Store
 from atlantis_netcfg.near import nearest
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.replacement import for_replacement
@@ -30,18 +31,19 @@ def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = Fals
 
     A rehearsal takes real states, and where there are none those of earlier rehearsals; a real run only real ones.
     """
-    known: dict[str, Confirmed] = {}
-    for emulated in (False, True) if rehearsed else (False,):
-        known = known or _known(Store(state, rehearsed=emulated), host)
-    if not known:
+    stores = [Store(state, rehearsed=emulated) for emulated in ((False, True) if rehearsed else (False,))]
+    latest = {store: states for store in stores if (states := store.last_confirmed(host.site, (host.name,)))}
+    if not latest:
         raise NothingMatched(
             f"no run has confirmed a state of {host.name}",
             hint=f"`provision site={host.site}` keeps what it reads back at its end; `provision runs` lists all runs",
         )
-    found = known[max(known)] if run == LATEST else known.get(run)
+    store = next(iter(latest))
+    found = latest[store][host.name] if run == LATEST else _state_of(store, host, run)
     if found is None:
+        known = [one.id for one in store.runs(host.site) if one.confirmed_state(host.name) is not None]
         near = nearest(run, [*known, LATEST])
-        listed = f"these have: {', '.join(sorted(known)[-_SHOWN:])}; or type `to={LATEST}`"
+        listed = f"these have: {', '.join(known[-_SHOWN:])}; or type `to={LATEST}`"
         raise NothingMatched(
             f"run {run} has confirmed no state of {host.name}",
             hint=f"did you mean `to={near}`? {listed}" if near else listed,
@@ -55,6 +57,7 @@ def restored(confirmed: Confirmed, declared: Desired) -> Desired:
     return for_replacement(saved, declared)
 
 
-def _known(store: Store, host: Host) -> dict[str, Confirmed]:
-    states = (run.confirmed_state(host.name) for run in store.runs(host.site))
-    return {state.run: state for state in states if state is not None}
+def _state_of(store: Store, host: Host, run: str) -> Confirmed | None:
+    with suppress(NoSuchRun):
+        return store.run(host.site, run).confirmed_state(host.name)
+    return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.crash import crashed
 from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.asking import asked_for
+from atlantis_netcfg.journal import Store, unrecorded
+from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
@@ -20,8 +19,8 @@ from atlantis_netcfg.operations.members import Member, members_of
 from atlantis_netcfg.operations.pairs import far_bearer, pair_of
 from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
-from atlantis_netcfg.routeros import fleet
-from atlantis_netcfg.site import load
+from atlantis_netcfg.routeros import Status, fleet
+from atlantis_netcfg.worker import run_until_settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -53,7 +52,7 @@ def perform(
     Of `hosts`, those that the engine does not handle are passed over, and have no entry.
     """
     with asked_for(request, plan_only=plan_only) as (asked, channel):
-        results = _perform(load(inventory, decrypt=decrypt), hosts, asked, channel)
+        results = _perform(declaration_of(inventory, decrypt), hosts, asked, channel)
     return _for_ansible(results, hosts)
 
 
@@ -82,17 +81,16 @@ def _perform(
     def ended(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
         paid = costs.told(result, turns[site].journal, store)
-        turns[site].ended(result)
-        told = _logged(result, request)
-        results[told.name] = {**told.as_dict(), **paid, "other_end": others.get(told.name)}
-        run = turns[site].run
-        channel.outcome({told.name: results[told.name]}, {site: run} if run else {})
+        told = unrecorded(_logged(result, request), turns[site].ended(result))
+        notes = list(dict.fromkeys((*paid["notes"], *told.notes)))
+        results[told.name] = {**told.as_dict(), **paid, "notes": notes, "other_end": others.get(told.name)}
+        channel.outcome({told.name: results[told.name]}, {} if request.mode.reads_only else {site: turns[site].run})
 
     with ExitStack() as stack:
         for turn in turns.values():
             stack.callback(turn.close)
         waiting = _waiting(costs, members, turns, channel)
-        asyncio.run(fleet.stream(waiting, ended, mode=request.mode.value))
+        run_until_settled(fleet.stream(waiting, ended, mode=request.mode.value))
     return results
 
 
@@ -104,9 +102,13 @@ def _waiting(
     A bridge to another site waits for its turn in any case: only its two ends fail if somebody works at that site.
     """
 
+    def begun(site: str) -> Turn:
+        turns[site].begin()
+        channel.outcome({}, {site: turns[site].run} if turns[site].run else {})
+        return turns[site]
+
     def job_of(host: Host) -> DeviceJob:
-        turn = turns[host.site]
-        turn.begin()
+        turn = begun(host.site)
         job = device_job(costs.declaration, host, costs.request, turn.journal, channel.event)
         return costs.beside(replace(job, confirmed=turn.confirmed.get(host.name)))
 
@@ -114,7 +116,7 @@ def _waiting(
         if member.bridge is None:
             return job_of(member.hosts[0])
         for site in sorted({host.site for host in member.hosts}):
-            turns[site].begin()
+            begun(site)
         near, far = (job_of(host) for host in member.bridge.ends)
         pair = pair_of(member.bridge, near, replace(far, bearer=far_bearer(costs.declaration, member.bridge, near)))
         return replace(pair, grace_s=_REHEARSED_GRACE_S) if costs.request.rehearsed else pair
@@ -161,7 +163,7 @@ def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **result,
         "ok": fine,
-        "changed": bool(result["planned"]) and fine,
+        "changed": result["status"] in (Status.CHANGED, Status.PLANNED) and fine,
         "message": _words(result),
         "shown": _shown(name, result),
     }

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
-from atlantis_netcfg.operations.asking import asked_for
+from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.request import Mode
-from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Router, SatelliteTerminal
 from atlantis_netcfg.verdicts import Verdict, worst
 
@@ -113,7 +112,7 @@ def perform(
 ) -> dict[str, Any]:
     """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
     with asked_for(request, plan_only=plan_only) as (asked, channel):
-        declaration = load(inventory)
+        declaration = declaration_of(inventory)
         store = Store(asked.state, rehearsed=asked.rehearsed)
         today = datetime.now(UTC).astimezone().date()
         results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}

@@ -7,23 +7,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.errors import worst
 from atlantis_netcfg.journal import (
     Journal,
-    JournalFailed,
     NoJournal,
     NoSuchRun,
+    Purpose,
     RunEnded,
     RunResumed,
     RunStarted,
     Store,
+    conclude,
 )
 from atlantis_netcfg.operations.request import Mode
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.journal import Confirmed, Recorder
+    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.journal import Confirmed, JournalFailed, Recorder
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
 
@@ -66,7 +68,7 @@ class Turn:
         self._request = request
         self._hosts = sorted(host.name for host in hosts if host.site == site)
         self._left = set(self._hosts)
-        self._worst = ExitCode.DONE
+        self._ends: list[ExitCode] = []
         self._open = ExitStack()
         self._opened = False
         self.journal: Recorder = NoJournal()
@@ -92,17 +94,20 @@ class Turn:
             self.confirmed = Store(request.state).last_confirmed(self._site, self._hosts)
         self._opened = True
 
-    def ended(self, result: Ended) -> None:
+    def ended(self, result: Ended) -> JournalFailed | None:
         """Take the result of one of its devices; after the last one, write the last record and free the site.
 
-        A disk that is full by now is told in the devices' own results, which must not be lost over it.
+        Returns why that could not be written: the result of this device says so. A run that is not recorded to its end
+        has no name any more.
         """
         self._left.discard(result.name)
-        self._worst = max(self._worst, result.exit)
+        self._ends.append(result.exit)
+        failure = None
         if not self._left:
-            with suppress(JournalFailed):
-                self.journal.write(RunEnded(exit=int(self._worst)))
+            failure = conclude(self.journal, RunEnded(exit=int(worst(self._ends))))
+            self.run = "" if failure is not None else self.run
             self.close()
+        return failure
 
     def close(self) -> None:
         """Free the site; may be repeated."""
@@ -125,6 +130,7 @@ class Turn:
                 command=request.command,
                 back_to=request.back_to,
                 restore=request.restore,
+                purpose=Purpose.BACKUP if request.mode is Mode.BACKUP else Purpose.CONFIGURE,
             ),
             self._called.name,
         )

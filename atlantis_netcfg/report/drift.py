@@ -7,15 +7,16 @@ from datetime import datetime
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.errors import ExitCode, worst
 from atlantis_netcfg.report.cost import cost_lines
+from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.verdicts import worst as worst_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 __all__ = ["DriftReport", "difference_lines", "drift_lines"]
 
-_WORST_FIRST = (ExitCode.OUR_FAULT, ExitCode.UNKNOWN, ExitCode.FAILED, ExitCode.USAGE, ExitCode.CHECKS_FAILED)
 _ENDS = {ExitCode.DONE: "PASS", ExitCode.CHECKS_FAILED: "FAIL"}
 
 
@@ -31,6 +32,8 @@ class DriftReport:
     """Device name to its kind, for what no role handles yet."""
     unfinished: Mapping[str, str] = field(default_factory=dict)
     """Device name to the run that left its outcome open."""
+    next_commands: Mapping[str, str] = field(default_factory=dict)
+    """Device name to what is typed to go on with that run."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Rehearsal: device name to why nothing stands for it here."""
 
@@ -43,10 +46,7 @@ class DriftReport:
     @property
     def exit(self) -> ExitCode:
         """The worst of any device: one that could not be read is worse than one that differs."""
-        if not self.devices:
-            return ExitCode.NOTHING
-        codes = {ExitCode(result["exit"]) for result in self.devices.values()}
-        return next((code for code in _WORST_FIRST if code in codes), ExitCode.DONE)
+        return worst(ExitCode(result["exit"]) for result in self.devices.values())
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints; docs/drift.md describes it."""
@@ -99,7 +99,7 @@ class DriftReport:
         yield from cost_lines(result, rehearsed=self.rehearsed)
         yield from (f"note: {note}" for note in result["notes"])
         if name in self.unfinished:
-            yield f"note: run {self.unfinished[name]} left its outcome open; `provision resume` settles it"
+            yield f"note: run {self.unfinished[name]} left its outcome open: `{self.next_commands[name]}` goes on"
 
 
 def _last(comparison: Mapping[str, Any]) -> str:
@@ -110,8 +110,15 @@ def _last(comparison: Mapping[str, Any]) -> str:
 
 
 def verdict(result: Mapping[str, Any]) -> str:
-    """PASS as declared, FAIL drift, ERROR could not tell."""
+    """PASS as declared, FAIL drift, ERROR could not tell; of a satellite terminal what a run says of its evidence."""
+    if of_evidence(result):
+        return str(worst_verdict([Verdict.PASS, *(Verdict(finding["verdict"]) for finding in result["findings"])]))
     return _ENDS.get(ExitCode(result["exit"]), "ERROR")
+
+
+def of_evidence(result: Mapping[str, Any]) -> bool:
+    """Whether nothing is read from the device itself: a satellite terminal, which has no interface."""
+    return result.get("status") == "declared"
 
 
 def drift_lines(comparison: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.report._xml import add, count, skip, tell, written
-from atlantis_netcfg.report.drift import difference_lines, verdict
+from atlantis_netcfg.report.drift import difference_lines, of_evidence, verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["junit"]
 
 _READ = "the device can be read"
+_EVIDENCE = "what is declared agrees with the evidence"
 
 
 def junit(report: DriftReport) -> bytes:
@@ -37,8 +38,11 @@ def junit(report: DriftReport) -> bytes:
 
 def _suite(name: str, result: Mapping[str, Any]) -> ET.Element:
     suite = ET.Element("testsuite", name=name, hostname=name, time=f"{result['seconds']:.3f}")
-    case = ET.SubElement(suite, "testcase", name=_READ, classname=name, time=f"{result['seconds']:.3f}")
-    if verdict(result) == "ERROR":
+    what = _EVIDENCE if of_evidence(result) else _READ
+    case = ET.SubElement(suite, "testcase", name=what, classname=name, time=f"{result['seconds']:.3f}")
+    if of_evidence(result):
+        _judge_evidence(case, result)
+    elif verdict(result) == "ERROR":
         add(case, "error", "error", "\n".join(filter(None, (result["message"], result["hint"]))))
     comparison = result["comparison"] or {"menus": (), "differences": (), "confirmed": None}
     for menu in comparison["menus"]:
@@ -46,6 +50,15 @@ def _suite(name: str, result: Mapping[str, Any]) -> ET.Element:
         _judge(case, [one for one in comparison["differences"] if one["menu"] == menu], comparison["confirmed"])
     count(suite)
     return suite
+
+
+def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
+    """Fail for evidence that contradicts the declaration; what is weak or missing is only told."""
+    text = "\n".join([result["message"], *result["notes"]])
+    if verdict(result) in {"FAIL", "ERROR"}:
+        add(case, "failure", "evidence", text)
+    elif verdict(result) != "PASS":
+        tell(case, text)
 
 
 def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.report.cost import cost_lines
+from atlantis_netcfg.report.cost import asked, cost_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -58,6 +58,8 @@ class RunReport:
     runs: tuple[str, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Rehearsal: device name to why nothing stands for it here."""
+    stopped_by: str = ""
+    """The signal with which a person has stopped the run, as `SIGINT`; what was still to come was not done."""
 
     @property
     def exit(self) -> ExitCode:
@@ -66,6 +68,8 @@ class RunReport:
             return ExitCode.NOTHING
         codes = {ExitCode(result["exit"]) for result in self.devices.values()}
         codes |= {ExitCode.FAILED if one.left else ExitCode(one.result["exit"]) for one in self.passes}
+        if self.stopped_by:
+            codes.add(ExitCode.FAILED)
         if codes == {ExitCode.NOTHING}:
             return ExitCode.NOTHING
         return next((code for code in _WORST_FIRST if code in codes), ExitCode.DONE)
@@ -76,7 +80,7 @@ class RunReport:
             "site": self.site,
             "rehearsed": self.rehearsed,
             "exit": int(self.exit),
-            "runs": list(self.runs),
+            "runs": [run for run in self.runs if run],
             "devices": {
                 **{name: self._device(name, result) for name, result in self.devices.items()},
                 **{name: {"status": "not rehearsed", "message": why} for name, why in self.left_out.items()},
@@ -97,6 +101,14 @@ class RunReport:
             "bearers": {one.bearer: one.as_json() for one in passes},
             "not_rehearsed": list(self.not_rehearsed) if self.rehearsed else [],
         }
+
+    def plan_as_text(self) -> str:
+        """What would change, device by device, and what it costs; one that has no plan has its closing line alone."""
+        return "".join(
+            f"{name}:\n" + "".join(f"{line}\n" for line in _plan(result)) + "\n"
+            for name, result in self.devices.items()
+            if not _without_plan(result)
+        )
 
     def as_text(self) -> str:
         """The closing lines that a person reads."""
@@ -119,11 +131,44 @@ class RunReport:
             yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
         if self.rehearsed:
             yield from (f"  not rehearsed: {one}" for one in self.not_rehearsed)
-        if self.runs:
-            yield f"  recorded as {', '.join(self.runs)}"
+        if self.stopped_by:
+            yield f"  {self._stopped()}"
+        recorded = [run for run in self.runs if run]
+        if recorded:
+            yield f"  recorded as {', '.join(recorded)}"
+
+    def _stopped(self) -> str:
+        how = "Ctrl-C" if self.stopped_by == "SIGINT" else self.stopped_by
+        scope = "; only emulated devices were changed" if self.rehearsed else ""
+        return f"stopped by {how} before its end{scope}"
 
     def _bill(self, result: Mapping[str, Any]) -> Iterable[str]:
         return (f"  {'':<18} {line}" for line in cost_lines(result, rehearsed=self.rehearsed))
+
+
+def _without_plan(result: Mapping[str, Any]) -> bool:
+    """Whether nothing can be said of what would change: the device was not reached, or failed before it was read."""
+    fine = (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)
+    return result["exit"] not in fine and result["status"] != "declared" and not result["diff"]
+
+
+def _plan(result: Mapping[str, Any]) -> Iterable[str]:
+    if result["status"] == "declared":
+        yield f"  {result['message']}"
+        return
+    nothing = f"  {result['message']}" if result["status"] == "planned" else "  nothing to change"
+    yield from result["diff"].rstrip().splitlines() or [nothing]
+    estimate = result["estimate"]
+    if estimate is not None:
+        size = estimate["bytes"] / 1000
+        cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
+        yield f"  {result['planned']} changes over {estimate['bearer']}: {cost}"
+    elif result["planned"]:
+        yield "  no estimate"
+    if "cost" in result:
+        yield f"  {asked(result['cost'])}"
+    if result["planned"] or estimate is not None:
+        yield f"  protection: {result['protection_words']}"
 
 
 def _left(one: Pass) -> str:

@@ -1,7 +1,8 @@
 """`python -m atlantis_netcfg.twin SITE.json --state DIR`: the twins of a site as a process.
 
 One JSON line on stdout when all listen (or cannot), then one for each command on stdin (see control.py). Ends when
-stdin closes or on SIGTERM; the state is on flash by then.
+stdin closes, when the process `--owner` ends (a fork of it may hold stdin open) or on SIGTERM; the state is on flash by
+then.
 """
 
 from __future__ import annotations
@@ -30,20 +31,23 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m atlantis_netcfg.twin", description="emulated routers of a site")
     parser.add_argument("site", type=Path, help="specification of the site's twins (JSON)")
     parser.add_argument("--state", type=Path, required=True, help="folder that stands for the routers' flash")
+    parser.add_argument("--owner", type=int, help="the parent process, with whose end the twins end")
     given = parser.parse_args()
     try:
         spec = SiteSpec.model_validate_json(given.site.read_bytes())
     except (OSError, ValidationError) as error:
         sys.stderr.write(f"{given.site}: {error}\n")
         return ExitCode.USAGE
-    return asyncio.run(_serve(spec, given.state))
+    return asyncio.run(_serve(spec, given.state, given.owner))
 
 
-async def _serve(spec: SiteSpec, state_dir: Path) -> ExitCode:
+async def _serve(spec: SiteSpec, state_dir: Path, owner: int | None) -> ExitCode:
     lines: asyncio.Queue[str | None] = asyncio.Queue()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, lines.put_nowait, None)
+    if owner is not None:
+        _end_with(owner, loop, lines)
     site = Site(spec, state_dir)
     try:
         await site.start()
@@ -59,6 +63,24 @@ async def _serve(spec: SiteSpec, state_dir: Path) -> ExitCode:
     finally:
         await site.stop()
     return ExitCode.DONE
+
+
+def _end_with(owner: int, loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -> None:
+    """Take the end of this process for the end of stdin."""
+    try:
+        handle = os.pidfd_open(owner)
+    except ProcessLookupError:
+        lines.put_nowait(None)
+        return
+    if os.getppid() != owner:  # it is dead, and its number another's
+        lines.put_nowait(None)
+    else:
+        loop.add_reader(handle, _ended, loop, handle, lines)
+
+
+def _ended(loop: asyncio.AbstractEventLoop, handle: int, lines: asyncio.Queue[str | None]) -> None:
+    loop.remove_reader(handle)
+    lines.put_nowait(None)
 
 
 def _listen(loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -> None:

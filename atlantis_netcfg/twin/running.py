@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -145,9 +146,10 @@ def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the twins of `spec` in a process of their own and wait until they listen."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
     private.write(file, spec.model_dump_json(indent=1).encode())
+    twins = (sys.executable, "-m", "atlantis_netcfg.twin", str(file))
     with log.open("ab") as errors:
         process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)
-            [sys.executable, "-m", "atlantis_netcfg.twin", str(file), "--state", str(state_dir)],
+            (*twins, "--state", str(state_dir), "--owner", str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,

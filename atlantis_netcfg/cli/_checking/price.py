@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
-from atlantis_netcfg.operations.costs import link_of
-from atlantis_netcfg.operations.proving import satellite_of
+from atlantis_netcfg.operations.proving import previews, satellite_of
 from atlantis_netcfg.probes import Prove
 
 if TYPE_CHECKING:
@@ -32,8 +30,8 @@ def price_of(opened: Session, entry: Entry) -> Price | None:
     """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
-    estimates = [_estimate(opened, one.bearer) for one in entry.step.probe.asks() if isinstance(one, Prove)]
-    metered = [one for one in estimates if one.link.metered]
+    proofs = [one for one in entry.step.probe.asks() if isinstance(one, Prove)]
+    metered = [each for one in proofs for each in _previews(opened, one.bearer) if each.link.metered]
     for one in metered:
         if one.over_cap and not opened.rehearsed:
             raise one.refusal()
@@ -43,8 +41,7 @@ def price_of(opened: Session, entry: Entry) -> Price | None:
     return Price("; ".join(one.words for one in metered), due)
 
 
-def _estimate(opened: Session, bearer: str) -> Preview:
+def _previews(opened: Session, bearer: str) -> tuple[Preview, ...]:
     found = satellite_of(opened.declaration, opened.site, bearer)
-    proving = found.proving(opened.declaration, open_filter=False, try_all=False, rehearsed=opened.rehearsed)
-    link = link_of(opened.declaration, opened.site, bearer)
-    return preview(proving.expected_bytes, proving.seconds, link)
+    via = opened.arguments.optional("via")
+    return previews(opened.declaration, found.proving(opened.declaration, rehearsed=opened.rehearsed, via=via))

@@ -103,7 +103,6 @@ def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
             arguments,
             rehearse=arguments.flag("rehearse"),
             via=arguments.optional("via"),
-            unsealed=True,
             chosen=prepared.hosts,
         ) as opened:
             return _sit(opened, prepared, desk)

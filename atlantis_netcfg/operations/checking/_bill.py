@@ -9,6 +9,7 @@ from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers import is_computer, is_gateway
 from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
+from atlantis_netcfg.operations.proving import previews as proof_previews
 from atlantis_netcfg.operations.proving import satellite_of
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.probes import Ask, Listen, Look, Place, Prove, Run
@@ -55,7 +56,7 @@ def previews(declaration: Declaration, site: str, entries: Sequence[Entry], requ
     found = (
         *_of_gateway(declaration, site, questions, request),
         *_of_routers(declaration, site, questions, request),
-        *_of_proofs(declaration, site, questions),
+        *_of_proofs(declaration, site, questions, request),
     )
     return tuple(one for one in found if one.link.metered)
 
@@ -83,10 +84,13 @@ def _of_routers(
     yield from beforehand(declaration, computers, reading, at_most=False)
 
 
-def _of_proofs(declaration: Declaration, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
+def _of_proofs(
+    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
+) -> Iterator[Preview]:
     for name in dict.fromkeys(one.bearer for one in questions if isinstance(one, Prove)):
-        proving = satellite_of(declaration, site, name).proving(declaration, open_filter=False, rehearsed=False)
-        yield preview(proving.expected_bytes, proving.seconds, link_of(declaration, site, name))
+        found = satellite_of(declaration, site, name)
+        via = request.via.get(found.router.name)
+        yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
 
 
 def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Asked) -> Preview:

@@ -7,15 +7,14 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.checking._gateway import in_words
 from atlantis_netcfg.operations.checking._unanswered import all_unanswered, unanswered
 from atlantis_netcfg.operations.computers import is_computer
-from atlantis_netcfg.operations.costs import gate, link_of, unpaid
+from atlantis_netcfg.operations.costs import gate, unpaid
 from atlantis_netcfg.operations.links import command, door_to, look, rows
-from atlantis_netcfg.operations.proving import satellite_of, try_out
+from atlantis_netcfg.operations.proving import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.probes import Ask, Look, Looked, Prove, Proved, Rows, Trouble
 
@@ -105,27 +104,27 @@ class Routers:
 
     async def _proved(self, question: Prove) -> Answer:
         found = satellite_of(self.declaration, self.site, question.bearer)
-        proving = found.proving(self.declaration, open_filter=False, rehearsed=self.request.rehearsed)
+        via = self.request.via.get(found.router.name)
+        proving = found.proving(self.declaration, rehearsed=self.request.rehearsed, via=via)
         proving.notify = self.notify
-        self._pay(found.router, proving)
+        self._pay(proving)
         began = time.monotonic()
         proof = await asyncio.to_thread(try_out, self.declaration, found.router, self._reading, proving)
         seconds = time.monotonic() - began
-        bill = preview(proof.bytes_counted, seconds, link_of(self.declaration, self.site, question.bearer)).bill
+        bill = bills(self.declaration, proof, seconds)[question.bearer]
         judged = (finding for _, finding in proof.judged)
         return Proved(None, "", (*judged, *proof.findings), bill.words, seconds)
 
-    def _pay(self, router: Host, proving: Proving) -> None:
+    def _pay(self, proving: Proving) -> None:
         """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
-        gate(self.declaration, [router], self._reading)
-        link = link_of(self.declaration, self.site, proving.bearer.name)
-        found = preview(proving.expected_bytes, proving.seconds, link)
         if self.request.rehearsed:
             return
-        if found.over_cap:
-            raise found.refusal()
-        if link.metered and not self.request.accept_cost:
-            raise unpaid([found.words], self.request.command)
+        dear = [one for one in previews(self.declaration, proving) if one.link.metered]
+        for one in dear:
+            if one.over_cap:
+                raise one.refusal()
+        if dear and not self.request.accept_cost:
+            raise unpaid([one.words for one in dear], self.request.command)
 
 
 def _rows(reply: Reply, asked: float, now: float) -> Rows:

@@ -10,7 +10,7 @@ from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # i
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
 from atlantis_netcfg.errors import NetcfgError, UsageError
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.checking._carrier import Carrier, Ended
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.examples import refuse_examples
@@ -30,8 +30,6 @@ _OPTIONS = (
     "ServerAliveInterval=20",
     "ServerAliveCountMax=6",
 )
-_FAST_S = 0.2
-"""Round trip below which a link has no gaps of minutes, as a satellite has."""
 _CONNECT_S, _CONNECT_SLOWLY_S = 15, 120
 _GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
 """To connect, to send and to hear the last answer; over a slow way a gap of 70 s may come in each of these."""
@@ -114,7 +112,7 @@ def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: s
     try:
         refuse_examples(declaration, rehearsed=request.rehearsed or ssh_config is not None)
         access = PARTS[ACCESS](declaration, host, request)
-        slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= _FAST_S
+        slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
     except UsageError as error:
         raise NotReached(str(error), hint=error.hint) from None
     if request.rehearsed and host.name not in request.targets:

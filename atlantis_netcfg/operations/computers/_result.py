@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.journal import NOT_RECORDED
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.journal import JournalFailed
 
 __all__ = ["ComputerResult"]
 
@@ -36,6 +38,7 @@ class ComputerResult:
     hint: str | None = None
     status: Status = Status.UNCHANGED
     seconds: float = 0.0
+    recorded: bool = True
 
     def ok(self, task: str, told: Mapping[str, Any]) -> None:
         """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
@@ -55,12 +58,25 @@ class ComputerResult:
         self.changes += [str(change) for change in told.get("changes") or ()]
         self.status = status
 
+    def not_reached(self, told: Mapping[str, Any]) -> None:
+        """Take why it could not be connected to: it is as it was. Of Ansible's words the reason alone is told."""
+        words = str(told.get("msg") or "it does not answer").strip()
+        self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
+        self.hint = str(told["hint"]) if told.get("hint") else None
+        self.status = Status.LEFT_AS_FOUND
+
     def rescued(self) -> None:
         """Forget a failure that the role itself has dealt with."""
         if self.failure is None:
             return
         self.failure, self.hint = None, None
         self.status = self._changed if self.changes else Status.UNCHANGED
+
+    def unrecorded(self, failure: JournalFailed) -> None:
+        """Take why the result is not in the journal: it is not green then."""
+        self.recorded = False
+        self.hint = self.hint or failure.hint
+        self.notes.append(str(failure))
 
     @property
     def _changed(self) -> Status:
@@ -69,11 +85,20 @@ class ComputerResult:
     @property
     def exit(self) -> ExitCode:
         """The exit code of a run that ended so on its only device."""
-        return self.status.exit
+        return self.status.exit if self.recorded else self.status.exit.unproved
+
+    @property
+    def confirmed(self) -> int:
+        """Changes that its tasks have made; of a run that failed none is counted."""
+        return 0 if self.mode.reads_only or self.failure is not None else len(self.changes)
 
     @property
     def message(self) -> str:
         """What stands in the report beside its name."""
+        return self._message if self.recorded else f"{self._message}; {NOT_RECORDED}"
+
+    @property
+    def _message(self) -> str:
         count = f"{len(self.changes)} change{'' if len(self.changes) == 1 else 's'}"
         if self.failure is not None:
             return f"{self.failure} (after {count})" if self.changes else self.failure
@@ -110,8 +135,9 @@ class ComputerResult:
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint,
+            "busy": "",
             "planned": len(self.changes),
-            "confirmed": 0 if self.mode.reads_only or self.failure is not None else len(self.changes),
+            "confirmed": self.confirmed,
             "diff": "\n".join(lines),
             "drift": [],
             "comparison": self._comparison() if self.mode is Mode.DRIFT and self.failure is None else None,

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.operations.asking import asked_for
+from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.computers._fetching import bundle_of, fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,7 +30,7 @@ def perform(
     with asked_for(request, plan_only=plan_only) as (asked, _):
         if part not in PARTS:
             raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
-        declaration = load(inventory)
+        declaration = declaration_of(inventory)
         computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
         refuse_examples(declaration, rehearsed=asked.rehearsed)
         gate(declaration, computers, asked)

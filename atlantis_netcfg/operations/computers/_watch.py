@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.journal import JournalFailed, Outcome
+from atlantis_netcfg.journal import ActionsConfirmed, Outcome, conclude
+from atlantis_netcfg.operations.asking import declaration_of
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers._result import ComputerResult
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -50,22 +50,30 @@ class Watch:
     _results: dict[str, ComputerResult] = field(default_factory=dict)
     _started: dict[str, float] = field(default_factory=dict)
     _answered: set[str] = field(default_factory=set)
+    _running: dict[str, str] = field(default_factory=dict)
+    """Host to the task that it is at."""
 
     @property
     def _channel(self) -> Channel:
         return Channel(self.request.events_fd)
 
+    @property
+    def _reads_only(self) -> bool:
+        return self.plan_only or self.request.mode.reads_only
+
     def begin(self, hosts: Sequence[str]) -> None:
         """Lock the sites of these hosts and open their journals; a plan needs neither. What fails a task raises."""
         reads = self.plan_only and not self.request.mode.reads_only
         request = self.request.model_copy(update={"mode": Mode.PLAN}) if reads else self.request
+        _refusals.clear()
         try:
-            declaration = load(self.inventory)
+            declaration = declaration_of(self.inventory)
             computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
             called = RunName()
             for site in sorted({host.site for host in computers}):
                 self._turns[site] = Turn(declaration, site, computers, request, called)
                 self._turns[site].begin()
+                self._tell_run(site)
         except NetcfgError as error:
             _refusals.append(error)
             self.close()
@@ -77,11 +85,13 @@ class Watch:
         """A task begins on a host."""
         if host in self._results:
             self._started.setdefault(host, time.monotonic())
+            self._running[host] = task
             stage = Stage.OBSERVED if self.plan_only else Stage.APPLYING
             self._channel.event(Event(host, stage, task))
 
     def ok(self, host: str, task: str, told: Mapping[str, Any]) -> None:
         """A task ended well; one that works out what is wanted, or takes in other tasks, has contacted nobody."""
+        self._running.pop(host, None)
         if host in self._results:
             self._results[host].ok(task, told)
             if "per_host" not in told and "include" not in told:
@@ -89,16 +99,20 @@ class Watch:
 
     def failed(self, host: str, task: str, told: Mapping[str, Any]) -> None:
         """A task failed, and with it the host."""
+        self._running.pop(host, None)
         if host in self._results:
             status = Status.LEFT_AS_FOUND if not told.get("rolled_back") else Status.ROLLED_BACK
             self._results[host].failed(task, told, status)
 
     def unreachable(self, host: str, task: str, told: Mapping[str, Any]) -> None:
         """The host does not answer: if it never did it is as it was; how far a task had come nobody knows."""
+        self._running.pop(host, None)
         if host in self._results:
             result = self._results[host]
-            known = result.mode.reads_only or host not in self._answered
-            result.failed(task, told, Status.LEFT_AS_FOUND if known else Status.UNKNOWN)
+            if host not in self._answered:
+                result.not_reached(told)
+            else:
+                result.failed(task, told, Status.LEFT_AS_FOUND if result.mode.reads_only else Status.UNKNOWN)
             result.hint = result.hint or "look at its power and its cable, then type the same again"
 
     def end(self, failed: Collection[str]) -> None:
@@ -112,10 +126,25 @@ class Watch:
             turn = self._turns[self._sites[name]]
             self._journal(turn, result)
             self._channel.outcome(
-                {name: result.as_dict()}, {f"{self._sites[name]} computers": turn.run} if turn.run else {}
+                {name: result.as_dict()}, {} if self._reads_only else {f"{self._sites[name]} computers": turn.run}
             )
-            turn.ended(result)
         self.close()
+
+    def cut_off(self, reason: str) -> None:
+        """The playbook has ended without its last event: whoever was at a task may have carried it out, or a part."""
+        for name, result in self._results.items():
+            if result.failure is None and name in self._started:
+                task = self._running.get(name)
+                unknown = task is not None and name in self._answered and not result.mode.reads_only
+                status = Status.UNKNOWN if unknown else Status.LEFT_AS_FOUND
+                result.failed(task or "stopped before its next task", {"msg": reason}, status)
+                result.hint = "type the same again: it goes on from whatever is there"
+        self.end(self._results)
+
+    def _tell_run(self, site: str) -> None:
+        """Name the run as soon as there is one: who asked may have to say how to resume it."""
+        run = self._turns[site].run
+        self._channel.outcome({}, {f"{site} computers": run} if run else {})
 
     def close(self) -> None:
         """Free the sites; may be repeated."""
@@ -124,9 +153,10 @@ class Watch:
 
     @staticmethod
     def _journal(turn: Turn, result: ComputerResult) -> None:
-        try:
-            turn.journal.write(
-                Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
-            )
-        except JournalFailed as error:
-            result.notes.append(str(error))
+        """Record how a computer ended; after the last one of its site, how the run ended."""
+        actions = tuple(range(1, result.confirmed + 1))
+        confirmed = (ActionsConfirmed(device=result.name, actions=actions),) if actions else ()
+        outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
+        for failure in (conclude(turn.journal, *confirmed, outcome), turn.ended(result)):
+            if failure is not None:
+                result.unrecorded(failure)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import NetcfgError, UsageError
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.bearers import FAST_S, PATIENCE_S, bearer_of
+from atlantis_netcfg.operations.jobs import narrow
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links._door import Door
 from atlantis_netcfg.operations.links._own import Silent
@@ -17,7 +19,7 @@ from atlantis_netcfg.operations.links._radio import read_radio
 from atlantis_netcfg.operations.links._router import read_router
 from atlantis_netcfg.operations.links._unit import UnitLook, read_by_driver, read_routeros
 from atlantis_netcfg.operations.lte import Unit
-from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.routeros.api import READING_WINDOW, Endpoint
 from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 
 if TYPE_CHECKING:
@@ -29,12 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["PATIENCE_S", "Round", "boxes", "door_to"]
-
-PATIENCE_S = 15.0
-"""For a connection to a device that is reached over a fast link: one that is there answers at once."""
-_FAST_S = 0.2
-"""Round trip below which a link has no gaps of minutes, as a satellite has."""
+__all__ = ["Round", "boxes", "door_to"]
 
 
 @dataclass(slots=True)
@@ -146,14 +143,22 @@ def door_to(  # noqa: PLR0913, PLR0917 - all that a look knows
     """
     access = managed(declaration, host).access
     pins = Store(request.state, rehearsed=request.rehearsed).pins
-    endpoint = Endpoint(str(access.address), access.port, access.user, access.password, pins.get(host.name))
+    endpoint = Endpoint(
+        str(access.address),
+        access.port,
+        access.user,
+        access.password,
+        pins.get(host.name),
+        window=pins.window(host.name) or READING_WINDOW,
+        narrowed=partial(narrow, pins, host.name),
+    )
     if request.rehearsed:
         if host.name not in request.targets:
             raise UsageError(f"{host.name} is not emulated in this rehearsal")
         target = request.targets[host.name]
         endpoint = replace(endpoint, host=target.host, port=target.port, pin=target.pin)
     router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), host)
-    if _carrier(declaration, router, host, request).rtt_s < _FAST_S:
+    if _carrier(declaration, router, host, request).rtt_s < FAST_S:
         endpoint = replace(endpoint, connect_timeout_s=patience_s)
     return Door(host.name, endpoint, _first_contact(pins.pin, notify))
 

@@ -36,7 +36,7 @@ class Door:
         try:
             yield session
         finally:
-            await session.close()
+            await session.close(wait=False)
 
     async def _open(self) -> Session:
         try:
@@ -48,12 +48,12 @@ class Door:
 
     @property
     def round_trips(self) -> int:
-        """Turns on the link after the TLS handshakes, logins included."""
+        """Turns on the link, handshakes and logins included."""
         return sum(traffic.round_trips for traffic in self.spent)
 
     @property
     def bytes(self) -> int:
-        """Sent and received, above TLS."""
+        """Sent and received, handshakes and TLS included."""
         return sum(traffic.sent + traffic.received for traffic in self.spent)
 
 

@@ -10,8 +10,9 @@ from atlantis_netcfg.bearers.policy import active_bearers
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.errors import NetcfgError, NothingMatched
 from atlantis_netcfg.journal import MonthBytes, Store
+from atlantis_netcfg.operations.bearers import PATIENCE_S
 from atlantis_netcfg.operations.costs import ways_of
-from atlantis_netcfg.operations.links._ask import PATIENCE_S, Round, boxes
+from atlantis_netcfg.operations.links._ask import Round, boxes
 from atlantis_netcfg.operations.links._bearer import Seen, ranked, told, twice
 from atlantis_netcfg.operations.links._counted import bills, months, ping_bytes
 from atlantis_netcfg.operations.links._looked import Looked

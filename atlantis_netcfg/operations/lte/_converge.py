@@ -12,7 +12,7 @@ from atlantis_netcfg.bearers.lte.judge import quality
 from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.events import Event, Stage
-from atlantis_netcfg.journal import ActionsConfirmed, JournalFailed, LayerSent, Outcome, Planned
+from atlantis_netcfg.journal import ActionsConfirmed, LayerSent, Outcome, Planned, conclude, unrecorded
 from atlantis_netcfg.operations.lte._came import Came
 from atlantis_netcfg.operations.lte._result import FINE, LteResult, words
 from atlantis_netcfg.operations.lte._uci import LAYER, masked, planned_action, sections_of
@@ -68,11 +68,8 @@ class Converge:
             result = self._failed(error, Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND)
         result = replace(result, seconds=time.monotonic() - began)
         self._tell(Stage.DONE if result.exit in FINE else Stage.FAILED, result.message)
-        with suppress(JournalFailed):
-            self._journal.write(
-                Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
-            )
-        return result
+        outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
+        return unrecorded(result, conclude(self._journal, outcome))
 
     def _run(self) -> LteResult:
         self._tell(Stage.CONNECTING, f"driver {self._unit.device.driver}")

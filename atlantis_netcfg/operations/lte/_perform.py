@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.journal import Journal, JournalFailed, NoJournal, RunEnded, RunResumed, RunStarted, Store
-from atlantis_netcfg.operations.asking import asked_for
+from atlantis_netcfg.errors import ExitCode, worst
+from atlantis_netcfg.journal import (
+    NOT_RECORDED,
+    Journal,
+    NoJournal,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    Store,
+    conclude,
+    unrecorded,
+)
+from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.lte._came import Patience
@@ -19,7 +29,6 @@ from atlantis_netcfg.operations.lte._result import FINE, LteResult
 from atlantis_netcfg.operations.lte._unit import Unit
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import LteRouter
 
 if TYPE_CHECKING:
@@ -49,7 +58,7 @@ def perform(
     only saves or compares, is none of ours: then nothing is asked.
     """
     with asked_for(request, plan_only=plan_only) as (asked, channel):
-        declaration = load(inventory, decrypt=decrypt)
+        declaration = declaration_of(inventory, decrypt)
         units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
         results = _perform(declaration, units, asked, channel) if _ours(asked) else {}
     return {"per_host": {name: _of_host(result) for name, result in results.items()}}
@@ -85,12 +94,14 @@ def _site(
             stack.enter_context(store.lock(site, request.command))
             opened = stack.enter_context(_journal(declaration, site, units, request, store))
             journal, run = opened, opened.run
+            channel.outcome({}, {f"{site} 4G": run})
         for host in units:
-            result = _unit(host, request, store, journal, channel)
-            results[host.name] = result
-            channel.outcome({host.name: result.as_dict()}, {f"{site} 4G": run} if run else {})
-        with suppress(JournalFailed):
-            journal.write(RunEnded(exit=int(max(result.exit for result in results.values()))))
+            result = results[host.name] = _unit(host, request, store, journal, channel)
+            if host is units[-1]:
+                ended = RunEnded(exit=int(worst(result.exit for result in results.values())))
+                result = results[host.name] = unrecorded(result, conclude(journal, ended))
+                run = "" if NOT_RECORDED in result.message else run
+            channel.outcome({host.name: result.as_dict()}, {} if request.mode.reads_only else {f"{site} 4G": run})
     return results
 
 

@@ -51,6 +51,7 @@ class LteResult:
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint,
+            "busy": "",
             "planned": self.planned,
             "confirmed": self.confirmed,
             "diff": self.diff,

@@ -18,7 +18,7 @@ from atlantis_netcfg.operations.proving._names import named_targets, resolve
 from atlantis_netcfg.operations.proving._plan import BUDGET_BYTES, Task, tasks
 from atlantis_netcfg.operations.proving._proof import Proof
 from atlantis_netcfg.operations.proving._prove import Pace, Proving
-from atlantis_netcfg.operations.proving._site import Satellite, names_of, satellite_of, try_out
+from atlantis_netcfg.operations.proving._site import Satellite, bills, names_of, previews, satellite_of, try_out
 
 __all__ = [
     "BUDGET_BYTES",
@@ -28,8 +28,10 @@ __all__ = [
     "Proving",
     "Satellite",
     "Task",
+    "bills",
     "named_targets",
     "names_of",
+    "previews",
     "resolve",
     "satellite_of",
     "tasks",

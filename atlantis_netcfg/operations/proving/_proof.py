@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Proof"]
 
 _BAD = (Verdict.FAIL, Verdict.ERROR)
+_PROVED = (Verdict.PASS, Verdict.WARN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +39,24 @@ class Proof:
     """Packets that the filter has kept off the satellite since its rules were made."""
     turned_away: int
     """Packets that came in by the satellite and were dropped, since then."""
+    carrier: str
+    """The link that the session to the router goes over."""
+    opening_bytes: int = 0
+    """What that session has carried before the first count, above TLS."""
+    session_bytes: int = 0
+    """All that it has carried, above TLS."""
+    sessions: int = 1
 
     @property
     def exit(self) -> ExitCode:
-        """6 if anything failed; 0 if something was proved; 7 if nothing could be: silence is never green."""
-        verdicts = [one.verdict for _, one in self.judged]
-        if any(verdict in _BAD for verdict in (*verdicts, *(one.verdict for one in self.findings))):
+        """0 if everything was proved; 6 if anything failed or stays open; 7 if nothing was tried and nothing failed."""
+        verdicts = [one.verdict for one in (*(finding for _, finding in self.judged), *self.findings)]
+        if any(verdict in _BAD for verdict in verdicts):
             return ExitCode.CHECKS_FAILED
-        proved = any(verdict in (Verdict.PASS, Verdict.WARN) for verdict in verdicts)
-        return ExitCode.DONE if proved else ExitCode.NOTHING
+        if all(attempt.outcome is Outcome.NOT_TRIED for attempt, _ in self.judged):
+            return ExitCode.NOTHING
+        proved = all(verdict in _PROVED for verdict in verdicts)
+        return ExitCode.DONE if proved else ExitCode.CHECKS_FAILED
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
@@ -75,9 +85,9 @@ class Proof:
             if finding.hint:
                 yield f"  {'':<12} {finding.hint}"
         tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not Outcome.NOT_TRIED]
-        proved = sum(verdict in (Verdict.PASS, Verdict.WARN) for verdict in tried)
+        proved = sum(verdict in _PROVED for verdict in tried)
         yield f"  {proved} of {len(self.judged)} targets proved, {len(self.judged) - len(tried)} could not be tried"
-        counted = f"{self.bytes_counted} bytes on the satellite's port meanwhile, of {self.budget_bytes} at most"
+        counted = f"{self.bytes_counted} bytes on the satellite's port meanwhile (asking stops at {self.budget_bytes})"
         yield f"  the router counted {counted}; kept off {self.kept_off} packets, turned away {self.turned_away}"
 
 

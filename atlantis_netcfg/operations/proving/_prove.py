@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import active_bearer
@@ -13,9 +14,10 @@ from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.proving._asking import RULES, STATUS, ask_now, connected, outcome, rows
 from atlantis_netcfg.operations.proving._opening import filter_rows, temporarily
-from atlantis_netcfg.operations.proving._plan import BUDGET_BYTES, expected_bytes, tasks
+from atlantis_netcfg.operations.proving._plan import BUDGET_BYTES, HELD, expected_bytes, session_bytes, tasks
 from atlantis_netcfg.operations.proving._proof import Proof
 from atlantis_netcfg.operations.proving._reading import answered, factory_ping, ping, read, reads
+from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_wire
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Pace", "Proving"]
 
-_HELD = (Probe.TCP, Probe.TIME)
 _COUNTED = (Probe.UDP_COUNTER, Probe.TUNNEL)
 _REFUSALS = 3
 """Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
@@ -63,38 +64,55 @@ class Proving:
     ways: Sequence[Way]
     terminal: str
     """Name of the terminal, for findings."""
+    carrier: str
+    """The link that the session to the router goes over."""
     open_filter: bool = False
     try_all: bool = False
     pace: Pace = Pace()
     notify: Subscriber = lambda _event: None
     _attempts: list[Attempt] = field(default_factory=list)
     _start_bytes: int = 0
+    _opening_bytes: int = 0
 
     @property
     def expected_bytes(self) -> int:
-        """What the pings cost over the satellite at most."""
+        """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        return min(BUDGET_BYTES, expected_bytes(planned, self.pace.rounds))
+        asked = expected_bytes(planned, self.pace.rounds)
+        if self.carrier != self.bearer.name:
+            return min(BUDGET_BYTES, asked)
+        always, by_turns = self._session()
+        return min(BUDGET_BYTES, asked + ceil((1 + HEADERS) * by_turns)) + on_the_wire(always + HANDSHAKE_BYTES, 1)
+
+    @property
+    def session_bytes(self) -> int:
+        """What the session to the router carries at most where it goes over another link."""
+        return on_the_wire(sum(self._session()) + HANDSHAKE_BYTES, 1)
+
+    def _session(self) -> tuple[int, int]:
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return session_bytes(planned, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
 
     @property
     def seconds(self) -> float:
         """How long it lasts at most, about."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
-        held = any(task.probe in _HELD for task in planned)
+        held = any(task.probe in HELD for task in planned)
         return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + held)
 
     async def run(self, session: Session) -> Proof:
         """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
         before = await self._read(session)
         self._start_bytes = before.port_bytes
+        self._opening_bytes = session.traffic.sent + session.traffic.received
         active = active_bearer(before.routes, self.ways) == self.bearer.name
         terminal = await self._terminal(session)
         planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
         for task in planned:
             if task.probe is Probe.NONE:
                 self._attempts.append(_attempt(task, Outcome.NOT_TRIED, note=task.why_not))
-        alone = [task for task in planned if task.probe not in (Probe.NONE, *_HELD)]
+        alone = [task for task in planned if task.probe not in (Probe.NONE, *HELD)]
         reached = [task for task in alone if task.expected is Expected.REACHED]
         self._attempts += await self._reach(session, reached, before)
         for task in planned:
@@ -102,11 +120,12 @@ class Proving:
                 self._attempts.append(await self._refuse(session, task))
                 if self.open_filter:
                     self._attempts.append(await self._beyond(session, task))
-        held = [task for task in planned if task.probe in _HELD]
+        held = [task for task in planned if task.probe in HELD]
         if held:
             self._attempts += await self._ask(session, held, active=active)
         after = await self._read(session)
-        return self._proof(before, after, terminal, active=active)
+        proof = self._proof(before, after, terminal, active=active)
+        return replace(proof, session_bytes=session.traffic.sent + session.traffic.received)
 
     def _proof(self, before: Reading, after: Reading, terminal: Sequence[Finding], *, active: bool) -> Proof:
         seen = any(one.expected is Expected.REACHED and one.outcome is Outcome.ANSWERED for one in self._attempts)
@@ -120,6 +139,8 @@ class Proving:
             budget_bytes=BUDGET_BYTES,
             kept_off=after.dropped(self._chains[0]),
             turned_away=after.dropped(self._chains[1]),
+            carrier=self.carrier,
+            opening_bytes=self._opening_bytes,
         )
 
     @property

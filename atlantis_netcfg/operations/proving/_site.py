@@ -6,24 +6,30 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.journal import NoJournal
-from atlantis_netcfg.operations.costs import ports_of, ways_of
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.proving._errors import NothingToProve
 from atlantis_netcfg.operations.proving._names import named_targets, resolve
 from atlantis_netcfg.operations.proving._prove import Pace, Proving
 from atlantis_netcfg.routeros.api import CertificateUnknown, Session
+from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.site.model import BearerKind, Router
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.operations.proving._proof import Proof
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Bearer
 
-__all__ = ["Satellite", "names_of", "satellite_of", "try_out"]
+__all__ = ["Satellite", "bills", "names_of", "previews", "satellite_of", "try_out"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +43,18 @@ class Satellite:
     terminal: Host
 
     def proving(
-        self, declaration: Declaration, *, open_filter: bool, rehearsed: bool, try_all: bool = False
+        self,
+        declaration: Declaration,
+        *,
+        open_filter: bool = False,
+        rehearsed: bool,
+        try_all: bool = False,
+        via: str | None = None,
     ) -> Proving:
-        """What is to be done; in a rehearsal nobody waits, each turn counts as the seconds that it stands for."""
+        """What is to be done; in a rehearsal nobody waits, each turn counts as the seconds that it stands for.
+
+        `via`: the link to the router, where it is not the declared one. Raises UsageError if there is none of the name.
+        """
         return Proving(
             pilot=declaration.pilot,
             site=self.site,
@@ -48,6 +63,7 @@ class Satellite:
             port=self.port,
             ways=ways_of(declaration, self.router),
             terminal=self.terminal.name,
+            carrier=bearer_of(declaration, self.router, via).name,
             open_filter=open_filter,
             try_all=try_all,
             pace=Pace(sleep=_no_wait) if rehearsed else Pace(),
@@ -96,14 +112,39 @@ def try_out(declaration: Declaration, router: Host, request: Request, proving: P
 
 async def _try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
     job = device_job(declaration, router, request, NoJournal(), proving.notify)
+    sessions = 1
     try:
         session = await Session.open(job.endpoint)
     except CertificateUnknown as unknown:
         if job.pin is not None:
             job.pin(job.name, unknown.fingerprint)
         session = await Session.open(replace(job.endpoint, pin=unknown.fingerprint))
+        sessions += 1
     async with session:
-        return await proving.run(session)
+        return replace(await proving.run(session), sessions=sessions)
+
+
+def previews(declaration: Declaration, proving: Proving) -> tuple[Preview, ...]:
+    """What a proof costs at most: over the link of its session where that is another one, then over the satellite."""
+    links = links_of(declaration, proving.site)
+    satellite = preview(proving.expected_bytes, proving.seconds, links[proving.bearer.name], at_most=True)
+    if proving.carrier == proving.bearer.name:
+        return (satellite,)
+    return preview(proving.session_bytes, proving.seconds, links[proving.carrier], at_most=True), satellite
+
+
+def bills(declaration: Declaration, proof: Proof, seconds: float) -> Mapping[str, Bill]:
+    """What a proof has cost, by link: the satellite first, and the link of its session where that is another one.
+
+    The router's count begins within the session: what opened it is added.
+    """
+    links = links_of(declaration, proof.site)
+    if proof.carrier == proof.bearer:
+        opening = on_the_wire(proof.opening_bytes, proof.sessions)
+        return {proof.bearer: preview(proof.bytes_counted + opening, seconds, links[proof.bearer]).bill}
+    carried = on_the_wire(proof.session_bytes, proof.sessions)
+    found = {proof.bearer: proof.bytes_counted, proof.carrier: carried}
+    return {name: preview(nbytes, seconds, links[name]).bill for name, nbytes in found.items()}
 
 
 async def _no_wait(_seconds: float) -> None:

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Any, Self
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched
-from atlantis_netcfg.journal import Journal, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.journal import (
+    Journal,
+    NoJournal,
+    Outcome,
+    Purpose,
+    RunEnded,
+    RunStarted,
+    StatesOnly,
+    Store,
+    conclude,
+    unrecorded,
+)
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import gate, link_of, unpaid
 from atlantis_netcfg.operations.jobs import device_job
@@ -127,11 +138,10 @@ class Prepared:
         store = Store(request.state, rehearsed=request.rehearsed)
         with store.lock(self.job.site, request.command), store.start(self._started(declaration, request)) as journal:
             result = self._journalled(journal)
-            journal.write(
-                Outcome(device=result.device, status=result.status.value, exit=int(result.exit), message=result.message)
+            outcome = Outcome(
+                device=result.device, status=result.status.value, exit=int(result.exit), message=result.message
             )
-            journal.write(RunEnded(exit=int(result.exit)))
-            return result
+            return unrecorded(result, conclude(journal, outcome, RunEnded(exit=int(result.exit))))
 
     def affordable(self, request: Request) -> None:
         """Raise CostRefused for files beyond the bearer's cap, which nobody's consent lifts; a rehearsal goes on."""
@@ -166,6 +176,7 @@ class Prepared:
             hosts=(self.job.name,),
             rehearsed=request.rehearsed,
             command=request.command,
+            purpose=Purpose.UPGRADE,
         )
 
     def _journalled(self, journal: Journal) -> Upgraded:
@@ -190,7 +201,7 @@ class Prepared:
         )
 
     async def _run(self, journal: Journal) -> tuple[Seen, DeviceResult]:
-        saved = await converge(replace(self.job, journal=journal), mode=Mode.BACKUP)
+        saved = await converge(replace(self.job, journal=StatesOnly(journal)), mode=Mode.BACKUP)
         if saved.exit is not ExitCode.DONE:
             raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
         back = await self.upgrading.carry_out(self.seen, self.upgrade, journal)

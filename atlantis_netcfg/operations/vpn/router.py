@@ -22,7 +22,18 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.events import ignore
-from atlantis_netcfg.journal import Journal, NoJournal, Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.journal import (
+    Journal,
+    NoJournal,
+    Outcome,
+    Purpose,
+    RunEnded,
+    RunStarted,
+    StatesOnly,
+    Store,
+    conclude,
+    unrecorded,
+)
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
@@ -122,13 +133,12 @@ def install(  # noqa: PLR0913 - all that a command line says
         hosts=(host.name,),
         rehearsed=request.rehearsed,
         command=request.command,
+        purpose=Purpose.INSTALL,
     )
     with store.lock(host.site, request.command), store.start(started) as journal:
-        result = _journalled(importing, replace(job, journal=journal), journal)
+        result = _journalled(importing, replace(job, journal=StatesOnly(journal)), journal)
         said = Outcome(device=host.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        journal.write(said)
-        journal.write(RunEnded(exit=int(result.exit)))
-    return result
+        return unrecorded(result, conclude(journal, said, RunEnded(exit=int(result.exit))))
 
 
 def _prepared(

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.own._reading import printed
-from atlantis_netcfg.probes.own._site import OwnSite, run, step
+from atlantis_netcfg.probes.own._site import OwnSite, by_hand, run, step
 from atlantis_netcfg.probes.own._words import declared, fail, good, listed, read, unknown, unreadable, warn
 from atlantis_netcfg.probes.step import Judged
+from atlantis_netcfg.site.model import ControlCentre
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -90,10 +91,24 @@ class _Heard:
 
 def of(site: OwnSite) -> Step:
     """The gateway computer's table of UDP sockets."""
-    unless = "no DDS is declared for the pilot" if site.declaration.pilot.dds is None else ""
-    if site.gateway is None:
-        unless = "the site has no gateway computer on which DDS would run"
-    return step("dds", "DDS is seen on the gateway computer", _Seen(site), site.hosts[1:], unless)
+    title = "DDS is seen on the gateway computer"
+    dds = site.declaration.pilot.dds
+    if dds is None:
+        return step("dds", title, None, site.hosts[1:], "no DDS is declared for the pilot")
+    if site.gateway is not None:
+        return step("dds", title, _Seen(site), site.hosts[1:])
+    hosts = site.declaration.site_hosts(site.name)
+    centres = tuple(host.name for host in hosts if isinstance(host.device, ControlCentre))
+    if not centres:
+        return step("dds", title, None, site.hosts, "the site has no computer on which DDS would run")
+    return by_hand(
+        "dds",
+        "DDS of another site is seen",
+        f"On {' and '.join(centres)}, list what DDS domain {dds.domain} carries, as with `ros2 topic list`: the site"
+        " has no gateway computer that a program could ask.",
+        "Topics of a robot or a gateway at another site are there.",
+        centres,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.own._reading import offers, rows, yes
-from atlantis_netcfg.probes.own._site import OwnSite, ask, step
+from atlantis_netcfg.probes.own._site import OwnSite, ask, by_hand, step
 from atlantis_netcfg.probes.own._words import fail, good, measured, unknown
 from atlantis_netcfg.probes.questions import Place, Probing
 from atlantis_netcfg.probes.step import Judged
@@ -27,8 +27,17 @@ _HINT = "unplug it, or switch its DHCP server off: a robot that takes its lease 
 
 def of(site: OwnSite) -> Step:
     """The router is asked for alerts, and the LAN for offers."""
-    unless = "" if site.gateway else "the site has no gateway computer that could ask its LAN for DHCP servers"
-    return step("rogue-dhcp", "No other DHCP server on the LAN", _RogueDhcp(site), site.hosts, unless)
+    title = "No other DHCP server on the LAN"
+    if site.gateway is None:
+        return by_hand(
+            "rogue-dhcp",
+            title,
+            f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
+            " computer in it: the site has no gateway computer that a program could ask from.",
+            f"Only the router offers an address: {site.declared.lan.gateway}.",
+            site.hosts,
+        )
+    return step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)

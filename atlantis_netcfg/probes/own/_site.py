@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Site
 
-__all__ = ["Computer", "OwnSite", "ask", "look", "own_site", "run", "step"]
+__all__ = ["Computer", "OwnSite", "ask", "by_hand", "look", "own_site", "run", "step"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def own_site(cell: Cell) -> OwnSite:
 
 
 def step(name: str, title: str, probe: Probe | None, concerns: tuple[str, ...] = (), unless: str = "") -> Step:
-    """Make the step of a check; all are automatic, and on the bench."""
+    """Make the step of a check by the tool; `unless` says that there is nothing to check at this site."""
     return Step(
         name=name,
         title=title,
@@ -89,6 +89,19 @@ def step(name: str, title: str, probe: Probe | None, concerns: tuple[str, ...] =
         phase=Phase.BENCH,
         probe=None if unless else probe,
         unless=unless,
+        concerns=concerns,
+    )
+
+
+def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, ...]) -> Step:
+    """Make the step of a check that no program can make at this site: it applies, so a person looks."""
+    return Step(
+        name=name,
+        title=title,
+        kind=Kind.PERSON,
+        phase=Phase.BENCH,
+        do=do,
+        look_for=look_for,
         concerns=concerns,
     )
 

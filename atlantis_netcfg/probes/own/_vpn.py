@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.answers import Looked, Ran
 from atlantis_netcfg.probes.own._reading import addresses, rows, yes
-from atlantis_netcfg.probes.own._site import OwnSite, ask, look, run, step
+from atlantis_netcfg.probes.own._site import OwnSite, ask, by_hand, look, run, step
 from atlantis_netcfg.probes.own._words import fail, good, measured, read, silent, unknown, unreadable, warn
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.site.model import BearerKind
+from atlantis_netcfg.site.model import BearerKind, ControlCentre, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -35,8 +35,24 @@ def of(site: OwnSite) -> Step:
     """Both tunnels, and five pings of the server from the gateway computer."""
     router = site.router is not None and site.device.vpn_client is not None
     gateway = site.gateway is not None and site.gateway.device.vpn_address is not None
-    unless = "" if router or gateway else "neither router nor gateway computer of this site is declared in the VPN"
-    return step("vpn", "The VPN is up", _Vpn(site), site.hosts, unless)
+    title = "The VPN is up"
+    if router or gateway:
+        return step("vpn", title, _Vpn(site), site.hosts)
+    members = {
+        host.name: str(host.device.vpn_address)
+        for host in site.declaration.site_hosts(site.name)
+        if isinstance(host.device, VpnServer | ControlCentre) and host.device.vpn_address is not None
+    }
+    if not members:
+        return step("vpn", title, None, site.hosts, "no host of this site is declared in the VPN")
+    return by_hand(
+        "vpn",
+        title,
+        f"On {' and '.join(members)}, look at the tunnel's address, and ping a member at another site through the"
+        " tunnel: neither router nor gateway computer of this site is in the VPN, so no program can.",
+        f"{' and '.join(f'{name} has {address}' for name, address in members.items())}, and the other site answers.",
+        tuple(members),
+    )
 
 
 @dataclass(frozen=True, slots=True)

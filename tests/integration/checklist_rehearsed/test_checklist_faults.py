@@ -43,7 +43,6 @@ def coastal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session
     with session(
         arguments,
         rehearse=True,
-        unsealed=True,
         chosen=lambda declaration: tuple(one for one in declaration.site_hosts(SITE) if not is_computer(one)),
     ) as opened:
         assert opened.perform(Mode.APPLY).exit == 0

@@ -77,7 +77,7 @@ class Stand:
             os.close(write)
             with os.fdopen(read) as lines:
                 told = [json.loads(line) for line in lines]
-        results = [line["devices"][NAME] for line in told if "devices" in line]
+        results = [line["devices"][NAME] for line in told if line.get("devices")]
         assert len(results) == 1, f"{(self.folder / 'said').read_text()}\n{told}"
         result: dict[str, Any] = results[0]
         return result

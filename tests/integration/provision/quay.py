@@ -97,6 +97,20 @@ class Quay:
         assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
         return done
 
+    def playbook(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Run the playbook for the router without `provision`."""
+        return subprocess.run(
+            [
+                *(sys.executable, "-m", "ansible", "playbook", "-i", str(self.inventory)),
+                *("--limit", ROUTER, *words, str(CHECKOUT / "playbooks" / "site.yml")),
+            ],
+            env={**self.environment(), "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
     def configure(self) -> None:
         """Do what `provision site=coastal only=coastal-router --yes` does, without its command line and Ansible.
 

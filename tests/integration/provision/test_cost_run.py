@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from quay import CHECKOUT, ROUTER, Quay, quay
+from quay import ROUTER, Quay, quay
 
 from atlantis_netcfg.journal import CostCounted, Store
 from atlantis_netcfg.routeros.estimate import Bearer, beforehand
@@ -131,24 +129,10 @@ def test_a_plain_playbook_is_asked_too(at: Quay, words: tuple[str, ...], code: i
     text = file.read_text(encoding="utf-8")
     assert "access: {address: 10.64.101.1, " in text
     file.write_text(text.replace("access: {address:", "access: {via: satellite, address:"), encoding="utf-8")
-    done = playbook(at, *words, "--check")
+    done = at.playbook(*words, "--check")
     assert done.returncode == code, done.stdout + done.stderr
     assert said in done.stdout + done.stderr
     assert (connections(at) == 0) == (code != 0)
-
-
-def playbook(at: Quay, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [
-            *(sys.executable, "-m", "ansible", "playbook", "-i", str(at.inventory)),
-            *("--limit", ROUTER, *words, str(CHECKOUT / "playbooks" / "site.yml")),
-        ],
-        env={**at.environment(), "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_a_rehearsal_says_what_a_real_run_would_ask(at: Quay) -> None:

@@ -140,6 +140,14 @@ def test_a_device_that_cannot_be_read_is_an_error_and_no_drift(at: Quay, tmp_pat
     assert (suite.get("errors"), suite.get("failures"), suite.get("tests")) == ("1", "0", "1")
 
 
+def test_a_terminal_is_judged_as_in_a_run(at: Quay) -> None:
+    typed = ("site=coastal", "only=coastal-sat", "--yes")
+    run = at.json(*typed, code=0)["devices"]["coastal-sat"]
+    drift = at.json("drift", "site=coastal", "only=coastal-sat", code=0)["devices"]["coastal-sat"]
+    assert (drift["verdict"], drift["message"]) == ("WARN", run["message"])
+    assert drift["notes"] == run["notes"]
+
+
 def test_drift_does_not_wait_for_a_run(at: Quay) -> None:
     with Store(at.state).lock("coastal", "somebody else's run"):
         at.provision("site=coastal", "--yes", code=4)

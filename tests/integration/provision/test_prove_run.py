@@ -32,7 +32,7 @@ def test_nothing_is_sent_before_somebody_pays_and_nothing_is_left_behind(at: Qua
     before = at.export()
     refused = at.provision("prove", "site=coastal", "bearer=satellite", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in refused.stderr
-    told = at.json("prove", "site=coastal", "--accept-cost", code=0)
+    told = at.json("prove", "site=coastal", "--accept-cost", code=6)
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
     assert found[STRANGER] == ("refused here", "PASS")
     assert (told["rehearsed"], told["not_rehearsed"]) == (False, [])
@@ -40,7 +40,7 @@ def test_nothing_is_sent_before_somebody_pays_and_nothing_is_left_behind(at: Qua
     names = [one for one in told["findings"] if one["code"].startswith("allow-list-name-")]
     assert [one["verdict"] in ("INCONCLUSIVE", "WARN") for one in names] == [True]
 
-    opened = at.json("prove", "site=coastal", "--open-filter", "--accept-cost", code=0)
+    opened = at.json("prove", "site=coastal", "--open-filter", "--accept-cost", code=6)
     seen = {row["target"]: row["code"] for row in opened["targets"] if row["filter_open"]}
     assert seen == {STRANGER: "only-the-router-enforces"}
     assert 0 < opened["bytes_counted"] < opened["budget_bytes"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -49,6 +50,13 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay) -> None:
     done = at.provision("site=coastal", code=3)
     assert "--yes" in done.stderr
     assert at.export().splitlines() == before.splitlines()
+
+
+def test_the_plan_of_a_router_that_is_not_reached_says_only_that(at: Quay) -> None:
+    at.door.port = 0
+    done = at.provision("site=coastal", "--plan", code=4)
+    assert done.stdout.startswith(f"  {ROUTER}     could not be read: 10.64.101.1:8729 ")
+    assert not re.search("nothing to change|no estimate|protection", done.stdout)
 
 
 def test_the_checks_of_the_site_tell_declared_from_not(at: Quay) -> None:
@@ -110,6 +118,28 @@ def test_a_killed_run_is_resumed(at: Quay) -> None:
     assert told["devices"][ROUTER]["status"] in {"changed", "unchanged"}
     assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
     assert [row["unfinished"] for row in at.runs()][:1] == [False]
+
+
+@pytest.mark.parametrize("kind", ["layer-sent", "releasing", "released"])
+def test_a_state_folder_that_is_deleted_in_mid_run_is_not_green(at: Quay, kind: str) -> None:
+    """Before the release the change is taken back; after it the router is as declared, and nobody could know."""
+    before = at.export()
+    at.do("link", delay_s=0.15)
+    with subprocess.Popen(
+        [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
+        env=at.environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as running:
+        await_record(at.state, f'"kind":"{kind}"')
+        shutil.rmtree(at.state)
+        out, err = running.communicate()
+    assert running.returncode in {4, 6}, out + err
+    assert "recorded as" not in out
+    assert "; not recorded" in out
+    assert "was deleted or replaced in mid-run" in out
+    assert (at.export() == before) == (running.returncode == 4)
 
 
 def await_record(state: Path, wanted: str, run: int = 0) -> str:

@@ -32,10 +32,10 @@ def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProces
 @pytest.mark.slow
 def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> None:
     told: dict[str, Any] = json.loads(
-        provision(tmp_path, "site=coastal", "bearer=satellite", "--rehearse", "--json", code=0).stdout
+        provision(tmp_path, "site=coastal", "bearer=satellite", "--rehearse", "--json", code=6).stdout
     )
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
-    assert (told["exit"], told["rehearsed"], told["active"]) == (0, True, False)
+    assert (told["exit"], told["rehearsed"], told["active"]) == (6, True, False)
     assert found[STRANGER] == ("refused here", "PASS")
     assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
     assert told["kept_off_packets"] == 3
@@ -45,7 +45,7 @@ def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_the_filter_is_closed_again_after_it_was_opened(tmp_path: Path) -> None:
-    done = provision(tmp_path, "site=coastal", "--open-filter", "--rehearse", code=0)
+    done = provision(tmp_path, "site=coastal", "--open-filter", "--rehearse", code=6)
     assert f"({STRANGER}) is refused by the router, nothing was sent" in done.stdout
     assert f"({STRANGER}) did not answer, but nothing else was reached" in done.stdout
     assert "a real proof asks first: over satellite of coastal" in done.stdout
@@ -70,6 +70,16 @@ def test_rows_of_a_moment_are_taken_by_the_emulated_router_and_gone_afterwards(t
 def test_a_site_that_declares_nothing_to_refuse_is_not_called_proved(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=te4sea", "--rehearse", code=7)
     assert "0 of 3 targets proved, 3 could not be tried" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_proof_asks_for_what_it_bills(tmp_path: Path) -> None:
+    """The session to the vessel's router goes over the satellite as well, and its handshake is paid for."""
+    told = json.loads(provision(tmp_path, "site=te4sea", "--rehearse", "--json", code=7).stdout)
+    ((expected,), cost) = told["expected"], told["cost"]
+    assert (expected["bearer"], expected["at_most"], set(told["costs"])) == ("satellite", True, {"satellite"})
+    assert cost["payload_bytes"] > told["bytes_counted"] + 4_000
+    assert cost["payload_bytes"] <= expected["payload_bytes"] <= 40_000
 
 
 def test_what_cannot_be_proved_is_said_before_anything_is_contacted(tmp_path: Path) -> None:

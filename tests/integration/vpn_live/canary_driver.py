@@ -30,4 +30,5 @@ if __name__ == "__main__":
         vars(handout)["handout"] = crash if CRASH in line else whole
         typed = [word for word in line if word != CRASH]
         sys.stdout.write(f"$ provision {' '.join(typed)}\n")
-        sys.stdout.write(f"exit {main(typed)}\n")
+        code = main(typed)  # it may put another stream in place of standard output
+        sys.stdout.write(f"exit {code}\n")

@@ -212,7 +212,7 @@ class Stand:
         with self.starting(*words) as (process, lines):
             told = [json.loads(line) for line in lines]
             process.wait()
-        results = [line["devices"][NAME] for line in told if "devices" in line]
+        results = [line["devices"][NAME] for line in told if line.get("devices")]
         assert len(results) == 1, f"{self.said[-3000:]}\n{told}"
         result: dict[str, Any] = results[0]
         return result

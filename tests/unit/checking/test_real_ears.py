@@ -275,8 +275,8 @@ def test_what_a_whole_checklist_costs_is_told_before() -> None:
     entries = plan(SHIPPED, "coastal").entries
     assert _bill.previews(SHIPPED, "coastal", entries, Request())[0].words.startswith("over satellite"), "the proof"
     asked = Request(via={"coastal-gateway": "satellite", "coastal-router": "4g"})
-    gateway, router, proof_ = _bill.previews(SHIPPED, "coastal", entries, asked)
-    assert [one.link.name for one in (gateway, router, proof_)] == ["satellite", "4g", "satellite"]
+    gateway, router, session, proof_ = _bill.previews(SHIPPED, "coastal", entries, asked)
+    assert [one.link.name for one in (gateway, router, session, proof_)] == ["satellite", "4g", "4g", "satellite"]
     assert gateway.at_most
     assert 100_000 < gateway.bill.payload_bytes < 1_500_000
     assert router.bill.payload_bytes < 200_000
@@ -333,6 +333,7 @@ def proof() -> Proof:
         budget_bytes=20_000,
         kept_off=0,
         turned_away=0,
+        carrier="lan",
     )
 
 

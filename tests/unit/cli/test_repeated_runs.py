@@ -6,35 +6,42 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.cli.resume import _engine_only
+from atlantis_netcfg.cli.resume import _refuse_others
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.journal import Run, RunStarted, Store
+from atlantis_netcfg.journal import Purpose, Run, RunStarted, Store
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
-def broken(state: Path, command: str) -> Run:
-    started = RunStarted(site="quay", revision="", tool="", hosts=("router",), rehearsed=False, command=command)
+def broken(state: Path, command: str, purpose: Purpose) -> Run:
+    started = RunStarted(
+        site="quay", revision="", tool="", hosts=("router",), rehearsed=False, command=command, purpose=purpose
+    )
     with Store(state).start(started) as journal:
         pass
     return Store(state).run("quay", journal.run)
 
 
 @pytest.mark.parametrize(
-    ("command", "what"),
+    ("command", "purpose", "what"),
     [
-        ("provision adopt site=quay device=router", "a first contact"),
-        ("provision upgrade site=quay device=router packages=x.npk", "an upgrade"),
+        ("provision adopt site=quay device=router", Purpose.ADOPT, "a first contact"),
+        ("provision upgrade site=quay device=router packages=x.npk", Purpose.UPGRADE, "an upgrade"),
+        ("provision vpn install host=router", Purpose.INSTALL, "an import of a VPN identity"),
     ],
 )
-def test_the_command_to_repeat_is_told(tmp_path: Path, command: str, what: str) -> None:
+def test_the_command_to_repeat_is_told(tmp_path: Path, command: str, purpose: Purpose, what: str) -> None:
     with pytest.raises(UsageError, match=f"was {what}") as refused:
-        _engine_only(broken(tmp_path, command))
+        _refuse_others(broken(tmp_path, command, purpose))
     assert refused.value.hint == f"repeat it: `{command}`"
 
 
 def test_a_run_of_the_engine_goes_on(tmp_path: Path) -> None:
-    run = broken(tmp_path, "provision site=quay")
-    _engine_only(run)
+    run = broken(tmp_path, "provision site=quay", Purpose.CONFIGURE)
+    _refuse_others(run)
     assert run.unsettled == ("router",)
+
+
+def test_a_backup_leaves_nothing_to_go_on_with(tmp_path: Path) -> None:
+    assert broken(tmp_path, "provision backup site=quay", Purpose.BACKUP).unsettled == ()

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -16,6 +17,7 @@ from atlantis_netcfg.operations.computers import Watch, _watch, perform
 from atlantis_netcfg.operations.computers._fetching import fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
+from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.site import load
 
@@ -57,7 +59,7 @@ def watch(tmp_path: Path, listener: Listener) -> Watch:
 
 def outcome(listener: Listener) -> dict[str, Any]:
     """The one result that was told."""
-    (told,) = [one for one in listener.told() if "devices" in one]
+    (told,) = [one for one in listener.told() if one.get("devices")]
     result: dict[str, Any] = told["devices"][HOST]
     return {**result, "run": told["runs"]}
 
@@ -117,6 +119,7 @@ def test_changes_are_counted_and_journalled(watch: Watch, listener: Listener, tm
     assert run.id in result["run"].values()
     assert run.exit == 0
     assert run.outcomes[HOST].status == "changed"
+    assert len(run.confirmed(HOST)) == 3
 
 
 def test_nothing_to_change(watch: Watch, listener: Listener) -> None:
@@ -171,6 +174,7 @@ def test_who_fell_silent_is_known_only_who_never_answered(
     watch.end({HOST})
     result = outcome(listener)
     assert result["status"] == status
+    assert result["message"] == ("Install: " if answered else "not reached: ") + "Connection timed out"
     assert result["hint"] == "look at its power and its cable, then type the same again"
 
 
@@ -197,6 +201,17 @@ def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(watch: Watch
         watch.begin([HOST])
     with pytest.raises(SiteBusy, match="provision site=coastal"):
         ask(tmp_path, "computer_access", rehearsed=True)
+
+
+def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path) -> None:
+    declaration = load(SHIPPED)
+    hosts = list(declaration.site_hosts("coastal"))[:3]
+    turn = Turn(declaration, "coastal", hosts, Request(state=tmp_path, rehearsed=True), RunName())
+    turn.begin()
+    for host, code in zip(hosts, (ExitCode.CHECKS_FAILED, ExitCode.UNKNOWN, ExitCode.NOTHING), strict=True):
+        turn.ended(SimpleNamespace(name=host.name, exit=code))
+    (run,) = Store(tmp_path, rehearsed=True).runs("coastal")
+    assert run.exit == ExitCode.UNKNOWN
 
 
 def test_the_site_is_held_until_the_end(watch: Watch, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
     def broken(*_: object, **__: object) -> NoReturn:
         raise ZeroDivisionError("the password is swordfish")
 
-    monkeypatch.setattr(site, "load", broken)
+    monkeypatch.setattr(site, "declaration_of", broken)
     reader, writer = os.pipe()
     request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
     with pytest.raises(Crashed, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:

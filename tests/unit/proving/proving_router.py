@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.api import Command, Reply, Trap
+from atlantis_netcfg.routeros.api import Command, Reply, Traffic, Trap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 PORT, OUT, BACK = "ether3", "to-satellite", "from-satellite"
 VPN_RULE = {"action": "return", "src-address": "203.0.113.2", "src-port": "1194", "protocol": "udp"}
 NTP_RULE = {"action": "return", "src-address": "192.0.2.123", "src-port": "123", "protocol": "udp"}
+
+SECOND_NTP_RULE = {**NTP_RULE, "src-address": "192.0.2.124"}
 
 
 @dataclass
@@ -34,6 +36,7 @@ class Fake:
     """The rows stay when safe mode is unrolled."""
     burst_bytes: int = 0
     """What somebody else sends over the satellite between two readings."""
+    traffic: Traffic = field(default_factory=Traffic)
     rows: list[dict[str, str]] = field(default_factory=list)
     sent: list[Command] = field(default_factory=list)
     bytes: int = 1000
@@ -46,6 +49,8 @@ class Fake:
     """Whether the time client asks when it is switched on."""
     tells_time: bool = False
     """Whether the time server answers."""
+    tells_both: bool = False
+    """Whether the second one answers as well."""
     clock: list[str] = field(default_factory=list)
     """What the time client was set to."""
 
@@ -57,6 +62,7 @@ class Fake:
 
     def _answer(self, command: Command) -> Reply:
         self.sent.append(command)
+        self.traffic.sent += 100
         words = dict(command.arguments)
         known: dict[str, Callable[[], Reply]] = {
             "/interface/print": self._port,
@@ -96,6 +102,8 @@ class Fake:
                 {".id": "*2", "chain": OUT, "action": "drop", "packets": str(self.dropped)},
                 {".id": "*3", "chain": BACK, "packets": str(come), **VPN_RULE},
                 {".id": "*4", "chain": BACK, "packets": str(int(asked and self.tells_time)), **NTP_RULE},
+                {".id": "*6", "chain": OUT, "packets": str(int(asked)), **_reversed(SECOND_NTP_RULE)},
+                {".id": "*7", "chain": BACK, "packets": str(int(asked and self.tells_both)), **SECOND_NTP_RULE},
                 {".id": "*5", "chain": BACK, "action": "drop", "packets": "2"},
             )
         )

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import pytest
 from proving_router import Fake
 
+from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Expected, Outcome, Probe
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, OutcomeUnknown
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, OutcomeUnknown, UsageError
 from atlantis_netcfg.operations.proving import (
     BUDGET_BYTES,
     NothingToProve,
     Pace,
     Proof,
     Proving,
+    bills,
+    previews,
     resolve,
     satellite_of,
     tasks,
 )
+from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import AllowedTarget, Bearer
 from atlantis_netcfg.verdicts import Verdict
@@ -72,7 +77,7 @@ def test_an_allowed_host_is_reached_after_a_gap_and_a_stranger_refused_by_the_ro
     assert found[STRANGER] == ("refused here", "PASS")
     (attempt,) = [one for one, _ in proof.judged if one.target == ADDED]
     assert attempt.after_s == 70
-    assert proof.exit is ExitCode.DONE
+    assert proof.exit is ExitCode.CHECKS_FAILED, "four targets could not be tried"
     assert proof.kept_off == 7 + 3
     assert proof.bytes_counted == 15 * 84 + 84
 
@@ -82,6 +87,24 @@ def test_what_cannot_be_tried_is_told_as_that() -> None:
     assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
     assert found["203.0.113.2 tcp 1195"] == ("not tried", "INCONCLUSIVE")
     assert len(found) == 6
+
+
+def test_a_proof_of_every_target_is_done() -> None:
+    only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
+    proof = prove(router, proving(try_all=True, link=only))
+    assert {verdict for _, verdict in told(proof).values()} == {"PASS"}
+    assert proof.exit is ExitCode.DONE
+
+
+@pytest.mark.parametrize(
+    ("verdict", "code"), [(Verdict.WARN, 0), (Verdict.INCONCLUSIVE, 6), (Verdict.FAIL, 6), (Verdict.ERROR, 6)]
+)
+def test_what_is_found_beside_the_targets_counts_as_well(verdict: Verdict, code: int) -> None:
+    only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
+    proof = prove(router, proving(try_all=True, link=only))
+    assert replace(proof, findings=(Finding(verdict, "allow-list-name", "it has moved"),)).exit == code
 
 
 def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
@@ -117,7 +140,7 @@ def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, o
     assert [row["chain"] for row in added] == ["to-satellite", "from-satellite"]
     assert {row["protocol"] for row in added} == {"icmp"}
     assert {row.get("dst-address") or row.get("src-address") for row in added} == {STRANGER}
-    assert proof.exit is ExitCode.DONE
+    assert proof.exit is ExitCode.CHECKS_FAILED, "the VPN and the time could not be tried"
 
 
 def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
@@ -143,6 +166,35 @@ def test_the_budget_stops_it() -> None:
     assert found[ADDED] == ("silent", "INCONCLUSIVE")
     pings = [command for command in router.sent if ("address", ADDED) in command.arguments]
     assert len(pings) == 1
+
+
+def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
+    """The router of the vessel is reached over the satellite that is proved."""
+    found = satellite_of(DECLARED, "te4sea", None)
+    what = found.proving(DECLARED, rehearsed=True)
+    assert what.carrier == "satellite"
+    (expected,) = previews(DECLARED, what)
+    assert expected.words.startswith("over satellite of te4sea, which is paid by the byte: up to ")
+    what.port = "ether3"
+    proof = prove(Fake(burst_bytes=2_000), what)
+    (bill,) = bills(DECLARED, proof, 90.0).values()
+    assert bill.payload_bytes == proof.bytes_counted + on_the_wire(4 * 100, 1)
+    assert expected.bill.payload_bytes >= bill.payload_bytes > 3_000
+
+
+def test_a_session_over_another_link_is_told_beside_the_satellite() -> None:
+    what = SATELLITE.proving(DECLARED, rehearsed=True, via="4g")
+    session, pings = previews(DECLARED, what)
+    assert [one.link.name for one in (session, pings)] == ["4g", "satellite"]
+    assert session.bill.payload_bytes > pings.bill.payload_bytes == 2 * 18 * 84
+    proof = prove(Fake(), what)
+    paid = bills(DECLARED, proof, 90.0)
+    assert {name: bill.payload_bytes for name, bill in paid.items()} == {
+        "satellite": proof.bytes_counted,
+        "4g": on_the_wire(proof.session_bytes, 1),
+    }
+    with pytest.raises(UsageError, match="no such bearer"):
+        SATELLITE.proving(DECLARED, rehearsed=True, via="4h")
 
 
 def test_pings_alone_keep_far_below_the_budget() -> None:
@@ -268,7 +320,7 @@ def test_names_are_asked_at_once_and_silence_is_told_from_absence() -> None:
 def test_json_holds_what_text_says() -> None:
     proof = prove(Fake(beyond={ADDED: 0}))
     data = proof.as_json()
-    assert data["exit"] == 0
+    assert data["exit"] == 6
     assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == Outcome.ANSWERED
     text = proof.as_text()
     assert all(finding.message in text for _, finding in proof.judged)

@@ -47,6 +47,15 @@ def result(code: ExitCode, *differences: dict[str, Any], **more: Any) -> dict[st
     }
 
 
+TERMINAL = result(
+    ExitCode.DONE,
+    comparison=None,
+    status="declared",
+    message="WARN: declared without evidence",
+    notes=["WARN: nobody has looked"],
+    findings=[{"verdict": "WARN", "code": "terminal-not-looked-at", "message": "nobody has looked", "hint": None}],
+)
+"""A satellite terminal, of which the declaration is compared with the evidence."""
 LOST = result(ExitCode.FAILED, comparison=None, message="could not be read: no answer", hint="look at the cable")
 
 
@@ -77,11 +86,12 @@ def test_the_device_that_needs_you_most_decides(codes: list[int], worst: ExitCod
 
 def test_a_person_reads_what_whose_and_since_when() -> None:
     found = report(result(ExitCode.CHECKS_FAILED, difference("changed"), difference("hidden", counts=False)), LOST)
-    told = DriftReport(found.site, True, found.devices, found.not_handled, {"d0": "OPEN"})
+    going_on = {"d0": "provision resume site=coastal run=OPEN"}
+    told = DriftReport(found.site, True, found.devices, found.not_handled, {"d0": "OPEN"}, going_on)
     assert told.as_text().splitlines() == [
         "d0: as read",
         "  last confirmed by run RUN of 2026-05-04 03:02 UTC",
-        "  note: run OPEN left its outcome open; `provision resume` settles it",
+        "  note: run OPEN left its outcome open: `provision resume site=coastal run=OPEN` goes on",
         "  /ip pool",
         "    changed  p",
         "             ranges: declared 10.0.0.1, found nothing",
@@ -106,6 +116,21 @@ def test_json_tells_drift_from_not_knowing() -> None:
         {"device": "d2", "message": "could not be read: no answer", "hint": "look at the cable"},
     ]
     assert told["devices"]["d2"]["differences"] == []
+
+
+@pytest.mark.parametrize(
+    ("verdict", "code", "child"), [("WARN", 0, "system-out"), ("PASS", 0, None), ("FAIL", 6, "failure")]
+)
+def test_a_terminal_has_the_verdict_of_its_evidence(verdict: str, code: int, child: str | None) -> None:
+    findings = [] if verdict == "PASS" else [{**TERMINAL["findings"][0], "verdict": verdict}]
+    terminal = {**TERMINAL, "exit": code, "findings": findings, "notes": [], "message": f"{verdict}: declared"}
+    told = report(terminal)
+    assert told.as_text().splitlines()[0] == f"d0: {verdict}: declared"
+    assert told.as_json()["devices"]["d0"]["verdict"] == verdict
+    assert told.exit == code
+    (case,) = suites(terminal)[0]
+    assert case.get("name") == "what is declared agrees with the evidence"
+    assert [one.tag for one in case] == ([] if child is None else [child])
 
 
 def test_junit_has_a_suite_a_device_and_a_case_a_menu() -> None:

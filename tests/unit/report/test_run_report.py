@@ -15,7 +15,11 @@ def result(code: ExitCode, message: str = "done", planned: int = 0) -> dict[str,
         "exit": int(code),
         "message": message,
         "hint": None,
+        "status": "read",
         "planned": planned,
+        "diff": "",
+        "estimate": None,
+        "protection_words": "safe mode",
         "notes": [],
         "drift": [],
         "round_trips": 3,
@@ -83,3 +87,28 @@ def test_a_person_reads_why_a_device_was_not_rehearsed() -> None:
     assert "  gw                 not rehearsed: not root" in report.as_text().splitlines()
     assert report.as_json()["devices"]["gw"] == {"status": "not rehearsed", "message": "not root"}
     assert report.exit is ExitCode.DONE
+
+
+def test_the_plan_of_a_device_that_was_not_reached_is_no_plan() -> None:
+    silent = {**result(ExitCode.FAILED, "could not be read: no answer"), "status": "left-as-found"}
+    read = {**result(ExitCode.DONE, "already so: nothing to change"), "status": "unchanged"}
+    report = RunReport("coastal", False, {"silent": silent, "read": read})
+    assert report.plan_as_text().splitlines() == ["read:", "  nothing to change", ""]
+    assert RunReport("coastal", False, {"silent": silent}).plan_as_text() == ""
+
+
+def test_a_refused_plan_is_shown_with_what_it_would_change() -> None:
+    refused = {**result(ExitCode.FAILED, "refused", planned=1), "diff": "+ add a", "status": "refused"}
+    report = RunReport("coastal", False, {"r": refused})
+    assert report.plan_as_text().splitlines()[:2] == ["r:", "+ add a"]
+
+
+def test_a_plan_tells_what_it_costs() -> None:
+    estimate = {"round_trips": 9, "bytes": 60_000, "seconds": 12.3, "bearer": "lan"}
+    planned = {**result(ExitCode.CHANGES, planned=3), "diff": "+ add a\n", "estimate": estimate, "status": "planned"}
+    declared = {**result(ExitCode.DONE, "WARN: declared"), "status": "declared"}
+    report = RunReport("coastal", False, {"r": planned, "sat": declared})
+    assert report.plan_as_text().splitlines() == [
+        *("r:", "+ add a", "  3 changes over lan: 9 round trips, 60 kB, about 12 s", "  protection: safe mode", ""),
+        *("sat:", "  WARN: declared", ""),
+    ]

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import os
+import select
 import signal
 import subprocess
 import sys
@@ -110,3 +112,29 @@ def test_twins_that_died_are_reported(tmp_path: Path) -> None:
     with pytest.raises(TwinsFailed, match="process has ended"):
         twins.do("router", "info")
     twins.close()
+
+
+OWNER = """\
+import json, os, signal, sys
+from pathlib import Path
+from atlantis_netcfg.twin import SiteSpec, spawn
+with spawn(SiteSpec.model_validate_json(sys.argv[1]), Path(sys.argv[2])) as site:
+    worker = os.fork()
+    if worker:
+        print(json.dumps([site._process.pid, worker]), flush=True)
+    signal.pause()
+"""
+
+
+def test_the_twins_end_with_a_killed_owner_whose_fork_lives_on(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", OWNER, SITE.model_dump_json(), str(tmp_path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as owner:
+        assert owner.stdout is not None
+        twins, worker = json.loads(owner.stdout.readline())
+        end = os.pidfd_open(twins)
+        owner.kill()
+        try:
+            assert select.select([end], [], [], 20)[0]
+        finally:
+            os.kill(worker, signal.SIGKILL)
+            os.close(end)

@@ -61,13 +61,30 @@ def of(site: str) -> tuple[Step, ...]:
 
 def test_what_is_not_declared_at_a_site_is_skipped_by_name() -> None:
     skipped = {step.name: step.unless for step in of("scc") if step.unless}
-    assert skipped == {
-        "rogue-dhcp": "the site has no gateway computer that could ask its LAN for DHCP servers",
-        "vpn": "neither router nor gateway computer of this site is declared in the VPN",
-        "dds": "the site has no gateway computer on which DDS would run",
-        "satellite-filter": "the site has no satellite",
-    }
+    assert skipped == {"satellite-filter": "the site has no satellite"}
     assert [step.name for step in of("te4sea") if step.unless] == []
+
+
+def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
+    found = {step.name: step for step in of("scc") if step.kind is Kind.PERSON}
+    assert set(found) == {"rogue-dhcp", "vpn", "dds"}
+    assert "no gateway computer" in found["rogue-dhcp"].do
+    assert found["rogue-dhcp"].look_for == "Only the router offers an address: 10.64.0.1."
+    assert found["vpn"].do.startswith("On scc-vpn and scc-control, ")
+    assert "scc-control has 10.80.0.2" in found["vpn"].look_for
+    assert found["dds"].do.startswith("On scc-control, ")
+    assert all(step.do and step.look_for and step.concerns for step in found.values())
+
+
+def test_where_nobody_is_in_the_vpn_or_talks_dds_both_are_skipped() -> None:
+    hosts = {name: host for name, host in declaration().hosts.items() if name != "scc-control"}
+    server = hosts["scc-vpn"]
+    hosts["scc-vpn"] = replace(server, device=server.device.model_copy(update={"vpn_address": None}))
+    found = steps(Cell(replace(declaration(), hosts=hosts), "scc", None, "site"))
+    assert {step.name: step.unless for step in found if step.name in ("vpn", "dds")} == {
+        "vpn": "no host of this site is declared in the VPN",
+        "dds": "the site has no computer on which DDS would run",
+    }
 
 
 def test_a_site_without_a_router_has_every_item_too() -> None:
@@ -75,7 +92,8 @@ def test_a_site_without_a_router_has_every_item_too() -> None:
     without = replace(declaration(), hosts=hosts)
     found = steps(Cell(without, SITE, None, "site"))
     assert tuple(step.name for step in found) == NAMES
-    assert {step.unless for step in found} == {"the site has no router of ours that could be asked"}
+    assert {step.kind for step in found} == {Kind.PERSON}, "the site has a satellite, and boxes that are fed"
+    assert all("the site has no router of ours that could be asked" in step.do for step in found)
 
 
 def test_evidence_names_device_and_value_and_no_secret() -> None:

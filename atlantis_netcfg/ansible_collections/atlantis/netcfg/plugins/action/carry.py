@@ -13,21 +13,18 @@ Results: `path` on the board, `repository` and `sources` below it, `ready`, `car
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ansible.errors import AnsibleActionFail, AnsibleError
 from ansible.plugins.action import ActionBase
 
+from atlantis_netcfg import temporary
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin
 from atlantis_netcfg.errors import NetcfgError
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bundle import Bundle
-
-_PLACE = "/var/tmp"  # noqa: S108 - a private file is made in it; /tmp may be this computer's memory
-
 
 _MEGABYTE = 1_000_000
 
@@ -103,9 +100,10 @@ class ActionModule(Thin):
             return size, told
         self._refuse_unpaid(size, variables)
         try:
-            with tempfile.NamedTemporaryFile(prefix="atlantis-carry-", dir=_PLACE) as archive:
-                bundle.pack(host, wanted, Path(archive.name))
-                self._connection.put_file(archive.name, told["upload"])
+            with temporary.folder("carry", temporary.roomy()) as folder:
+                archive = folder / "archive"
+                bundle.pack(host, wanted, archive)
+                self._connection.put_file(str(archive), told["upload"])
         except AnsibleError as error:
             raise AnsibleActionFail(
                 f"the link to {host} broke while {_size(size)} of the bundle were carried: {error}\n"
@@ -113,7 +111,7 @@ class ActionModule(Thin):
             ) from error
         except OSError as error:
             raise AnsibleActionFail(
-                f"what is to be carried cannot be put together in {_PLACE}: {error.strerror or error}\n"
+                f"what is to be carried cannot be put together in {temporary.roomy()}: {error.strerror or error}\n"
                 f"make room for {_size(size)} there, on this computer"
             ) from error
         answer = self._ask(bundle, host, variables)

@@ -50,11 +50,13 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         if self._watch is not None or not over.intersection(GROUPS) or not hosts:
             return
         from atlantis_netcfg.operations.computers import Watch  # noqa: PLC0415 - Ansible imports every plugin
+        from atlantis_netcfg.operations.play_control import when_cut_off  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.request import Request, consent  # noqa: PLC0415 - as above
 
         variables = manager.get_vars(play=play, host=hosts[0])
         request = Request.model_validate({**(variables.get("atlantis_request") or {}), **consent(variables)})
         self._watch = Watch(inventory_of(variables), request, plan_only=bool(context.CLIARGS.get("check")))
+        when_cut_off(self._watch.cut_off)
         self._watch.begin([host.name for host in hosts])
 
     def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401

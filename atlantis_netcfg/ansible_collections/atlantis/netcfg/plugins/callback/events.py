@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 from ansible.plugins.callback import CallbackBase
+
+from atlantis_netcfg.operations.play_control import refuse_after_stop
 
 DOCUMENTATION = """
 name: events
@@ -17,22 +18,22 @@ description:
 """
 
 
-_ENGINES = ("site", "lte", "terminals", "computers")
-"""What the actions of the playbooks import of `atlantis_netcfg.operations`."""
-
-
 class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information
-    """Failures only."""
+    """Failures only; and once a person has stopped the run, no task begins any more."""
 
     CALLBACK_VERSION = 2.0
     CALLBACK_TYPE = "stdout"
     CALLBACK_NAME = "atlantis.netcfg.events"
 
-    def v2_playbook_on_start(self, playbook: Any) -> None:  # noqa: ANN401 - as Ansible has it
-        """Import the engines once, here: each action runs in a process of its own, which inherits what is imported."""
-        del playbook
-        for name in _ENGINES:
-            import_module(f"atlantis_netcfg.operations.{name}")
+    def v2_playbook_on_play_start(self, play: Any) -> None:  # noqa: ANN401 - as Ansible has it
+        """Begin no play after Ctrl-C."""
+        del play
+        refuse_after_stop()
+
+    def v2_playbook_on_task_start(self, task: Any, is_conditional: bool) -> None:  # noqa: ANN401, FBT001
+        """Begin no task after Ctrl-C."""
+        del task, is_conditional
+        refuse_after_stop()
 
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
         """One line a failed task."""

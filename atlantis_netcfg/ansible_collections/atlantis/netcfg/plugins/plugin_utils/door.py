@@ -12,6 +12,7 @@ from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.worker import end_if_orphaned, end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,6 +58,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         """Do what is asked; an error of ours is told in its own words, with its hint."""
         from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
 
+        end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
         asked = Asked(
@@ -71,6 +73,8 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         except NetcfgError as error:
             hint = f"\n{error.hint}" if error.hint else ""
             raise AnsibleActionFail(f"{error}{hint}") from error
+        finally:
+            end_if_orphaned()
         return result
 
 

@@ -24,6 +24,7 @@ from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
 from atlantis_netcfg.carried import INSTALL, build
+from atlantis_netcfg.worker import end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -58,6 +59,7 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
 
     def thin(self, name: str, arguments: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
         """Run a module on the host of the task and give its result; a host that is not reached raises, as ever."""
+        end_with_parent()
         parameters, secrets, wrong = checked(name, arguments)
         if wrong is not None:
             return masked({"failed": True, "msg": wrong}, secrets)

@@ -1,0 +1,66 @@
+"""A task of Ansible's, which is a forked child: it ends with the process that has started it, and settles when told to.
+
+A child that is left over would go on changing devices that nobody watches, and then sleep for ever on a queue that
+nobody reads (seen with ansible-core 2.19).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ctypes
+import os
+import signal
+import threading
+from multiprocessing import parent_process
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
+__all__ = ["end_if_orphaned", "end_with_parent", "run_until_settled"]
+
+_PR_SET_PDEATHSIG = 1
+"""prctl(2): the signal that this process gets when the thread that has started it ends."""
+_SETTLE = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+Result = TypeVar("Result")
+
+
+def end_with_parent() -> None:
+    """Get SIGTERM as soon as the process that has started this one is dead; does nothing outside a forked child."""
+    parent = parent_process()
+    if parent is None:
+        return
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
+    if os.getppid() != parent.pid:  # it has died before the call
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def end_if_orphaned() -> None:
+    """End now if nobody is left to hand a result to: what became of the devices stands in the journal."""
+    parent = parent_process()
+    if parent is not None and os.getppid() != parent.pid:
+        os._exit(1)
+
+
+def run_until_settled(work: Coroutine[object, object, Result]) -> Result:
+    """Run it like `asyncio.run`; each SIGINT, SIGTERM or SIGHUP cancels it once.
+
+    The engine answers the first cancellation by taking back what is open on the devices, and ends at the second, which
+    raises CancelledError here.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return asyncio.run(work)
+
+    async def interruptible() -> Result:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        for number in _SETTLE:
+            if task is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                loop.add_signal_handler(number, task.cancel)
+        return await work
+
+    try:
+        return asyncio.run(interruptible())
+    finally:
+        if parent_process() is not None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the result has yet to be handed over

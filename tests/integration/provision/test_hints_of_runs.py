@@ -1,0 +1,111 @@
+"""What the commands of runs advise is typed as it was printed, in the situation in which it is given."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from hints_said import advised
+from quay import PROVISION, ROUTER, Quay, quay
+
+from atlantis_netcfg.cli import main
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+RUN = ("site=coastal", f"only={ROUTER}", "--yes")
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+def follow(at: Quay, command: list[str], code: int = 0) -> str:
+    """Type what was advised; `runs` takes no inventory, and a run here is of the router alone."""
+    words = [word.replace("NAME", "coastal") for word in command]
+    if words[0] == "runs":
+        done = subprocess.run([PROVISION, *words], env=at.environment(), capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stderr
+        return done.stdout + done.stderr
+    yes = ("--yes",) if words[0].startswith("site=") else ()
+    done = at.provision(*words, *yes, code=code)
+    return done.stdout + done.stderr
+
+
+def test_nothing_is_unfinished_and_nothing_ran(
+    at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From the first dead end of a newcomer to the first run: each answer leads to the next."""
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "empty"))
+    assert main(["resume", "site=coastal"]) == 7
+    (listing,) = advised(capsys.readouterr().err)
+    assert main(listing) == 7
+    (first,) = advised(capsys.readouterr().err)
+    assert first == ["site=NAME"]
+    assert "read back and kept" in follow(at, first)
+    assert "exit 0" in follow(at, listing)
+
+
+def test_a_state_that_no_run_has_confirmed_or_that_is_damaged(at: Quay) -> None:
+    refused = at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=7).stderr
+    run, listing = advised(refused)
+    assert (run, listing) == (["site=coastal"], ["runs"])
+    follow(at, run)
+    assert at.json("restore", f"device={ROUTER}", "to=latest", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    with next(at.inventory.rglob("*.yml")).open("a", encoding="utf-8") as file:
+        file.write("\n# another revision\n")
+    (declared,) = advised(at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=0).stdout)
+    assert declared == ["site=coastal"]
+    follow(at, declared)
+    for path in (at.state / "real/coastal/confirmed").iterdir():
+        path.unlink()
+    refused = at.provision("restore", f"device={ROUTER}", "to=latest", "--yes", code=4).stderr
+    (listing,) = advised(refused)
+    assert "exit 0" in follow(at, listing)
+
+
+def test_a_run_that_has_nothing_open(at: Quay) -> None:
+    at.configure()
+    (row,) = at.runs()
+    refused = at.provision("resume", "site=coastal", f"run={row['run']}", code=7).stderr
+    (listing,) = advised(refused)
+    assert row["run"] in follow(at, listing)
+
+
+def test_a_link_that_is_lost_before_the_first_change(at: Quay) -> None:
+    at.do("arm", fault={"do": "drop", "match": "/safe-mode/take", "when": "after"})
+    told = at.json(*RUN, code=4)["devices"][ROUTER]
+    assert told["status"] == "left-as-found"
+    (row,) = at.runs()
+    (command,) = advised(told["hint"])
+    assert command == ["resume", "site=coastal", f"run={row['run']}"]
+    follow(at, command)
+    assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    assert [each["unfinished"] for each in at.runs()] == [False]
+
+
+def test_somebody_else_holds_safe_mode(at: Quay) -> None:
+    """`resume` waits for the router, though no run of this laptop is open."""
+    at.do("console", words=["/safe-mode/take"])
+    told = at.json(*RUN, code=4)["devices"][ROUTER]
+    assert "holds safe mode" in told["message"]
+    (command,) = advised(told["hint"])
+    assert command == ["resume", "site=coastal"]
+    with subprocess.Popen(
+        [PROVISION, *command, f"inventory={at.inventory}"],
+        env=at.environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as running:
+        assert running.stderr is not None
+        assert any("holds safe mode: waiting" in line for line in running.stderr)
+        at.do("console", words=["/safe-mode/release"])
+        running.stderr.read()
+        assert running.wait() == 0
+    assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0

@@ -1,0 +1,92 @@
+"""The hints of the source that name a command, and the register of the tests that type them."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._commands import COMMANDS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+PACKAGE = CHECKOUT / "atlantis_netcfg"
+REGISTER = CHECKOUT / "tests" / "data" / "hints.tsv"
+_FIRST_WORDS = "|".join(sorted({re.escape(name.split()[0]) for name in COMMANDS} | {"site=", r"\{\}"}))
+COMMAND = re.compile(rf"\bprovision (?:{_FIRST_WORDS})")
+_HELP = {"Command", "Word", "Flag"}
+"""What these are given is printed by `--help`: nobody is in a situation there."""
+_OF_FILES = re.compile(r"^(#!|# )")
+"""Text that is laid down on a computer."""
+
+
+@dataclass(frozen=True, order=True)
+class Hint:
+    """A text of the source with a command in it; `{}` stands for what is filled in."""
+
+    file: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the register: the test that types the hint, or why none does (`-`: yet), or why it is none (`no`)."""
+
+    hint: Hint
+    test: str
+    reason: str
+
+
+def hints() -> set[Hint]:
+    """Every hint of the package that names a command."""
+    found: set[Hint] = set()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        name = str(path.relative_to(PACKAGE))
+        found |= {Hint(name, text) for text in _texts(tree) if COMMAND.search(text) and not _OF_FILES.match(text)}
+    return found
+
+
+def _texts(tree: ast.AST) -> Iterator[str]:
+    """The texts that are said: no docstring, and nothing of a command's help."""
+    if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name) and tree.func.id in _HELP:
+        return
+    if isinstance(tree, ast.Expr) and isinstance(tree.value, ast.Constant):
+        return
+    if isinstance(tree, ast.Constant) and isinstance(tree.value, str):
+        yield " ".join(tree.value.split())
+    elif isinstance(tree, ast.JoinedStr):
+        parts = (str(part.value) if isinstance(part, ast.Constant) else "{}" for part in tree.values)
+        yield " ".join("".join(parts).split())
+    else:
+        for child in ast.iter_child_nodes(tree):
+            yield from _texts(child)
+
+
+def advised(printed: str) -> list[list[str]]:
+    """The commands that a text advises, as the words that a person would type after `provision`."""
+    found = re.findall(r"\bprovision ([a-z][^;`,()\n]*)", " ".join(printed.split()) if "`" in printed else printed)
+    return [shlex.split(command) for command in found]
+
+
+def register() -> list[Entry]:
+    """The reviewed lines: file, hint, the test that types it, and if there is none the reason."""
+    lines = REGISTER.read_text(encoding="utf-8").splitlines()
+    fields = [line.split("\t") for line in lines if line and not line.startswith("#")]
+    return [Entry(Hint(file, text), test, reason) for file, text, test, reason in fields]
+
+
+def typing_tests(path: Path) -> set[str]:
+    """The tests of a file that type what was advised: they call `advised`, which finds it in what was printed."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+        and any(isinstance(one, ast.Call) and ast.unparse(one.func) == "advised" for one in ast.walk(node))
+    }
