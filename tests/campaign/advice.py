@@ -1,0 +1,54 @@
+"""What a run tells a person to do next, as a person would read it."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_COMMAND = re.compile(r"`(?:\./)?provision ([^`]+)`|(?:then|died|type|run|again):\s+(?:\./)?provision ([^\n]+)")
+_INFORMS = ("runs", "--help", "help", "links", "validate", "report")
+"""Commands that show something and settle nothing."""
+_AGAIN = re.compile(r"\b(again|repeat|once more|run it)\b", re.IGNORECASE)
+_WAIT = re.compile(r"\b(wait|minutes|by itself|later|until)\b", re.IGNORECASE)
+
+TABLE: Mapping[int, tuple[str, ...] | None] = {3: None, 4: None, 5: ("resume", "site=coastal")}
+"""What docs/exit-codes.md advises where an output has no advice of its own."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The next step."""
+
+    typed: tuple[str, ...] | None
+    """Words behind `provision`; None: the same command again."""
+    waits: bool
+    """The text says that time has to pass first."""
+    text: str
+
+
+def read(output: str, site: str) -> Advice | None:
+    """The last advice of an output; None: there is none."""
+    tail = "\n".join(line for line in output.splitlines() if not line.lstrip().startswith("note:"))
+    joined = re.sub(r"\n {7,}", " ", tail)
+    commands = [(found[1] or found[2]).strip() for found in _COMMAND.finditer(joined)]
+    commands = [command for command in commands if command.split()[0] not in _INFORMS]
+    waits = bool(_WAIT.search(joined))
+    if commands:
+        return Advice(_complete(commands[-1], site), waits, commands[-1])
+    if _AGAIN.search(joined) or waits:
+        return Advice(None, waits, "the same again")
+    return None
+
+
+def _complete(command: str, site: str) -> tuple[str, ...]:
+    """Fill in what the advice leaves to the reader: the site."""
+    words = shlex.split(command.rstrip(".;,"))
+    words = [f"site={site}" if word.startswith("site=") and ("…" in word or "NAME" in word) else word for word in words]
+    if not any(word.startswith("site=") for word in words):
+        words.append(f"site={site}")
+    return tuple(words)

@@ -1,0 +1,242 @@
+"""One `provision` as a person starts it: its processes, its output, and what is left of it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from campaign.site import ADDRESSES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+
+_MARK = "ATLANTIS_CAMPAIGN"
+SILENCE_S = 30.0
+_POLL_S = 0.02
+_EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
+"""Who was struck by these cannot speak."""
+
+
+@dataclass
+class Ended:
+    """How a command has ended."""
+
+    typed: tuple[str, ...]
+    code: int | None
+    """None: it had to be killed by us."""
+    out: str
+    err: str
+    seconds: float
+    silent_s: float
+    """The longest time without a word, while it was not stopped."""
+    orphans: list[str]
+    """Processes of it that lived on."""
+    struck: bool = False
+    """A fault killed or stopped the process that the person started."""
+    closed: bool = False
+    """Nobody has read its output to its end."""
+
+    @property
+    def output(self) -> str:
+        return f"{self.err}\n{self.out}"
+
+    @property
+    def devices(self) -> dict[str, Any] | None:
+        """What `--json` says of each device; None: no such object."""
+        try:
+            told: dict[str, Any] = json.loads(self.out.strip().splitlines()[-1])
+        except (IndexError, ValueError):
+            return None
+        found: dict[str, Any] | None = told.get("devices")
+        return found
+
+    @property
+    def runs(self) -> list[str]:
+        """The names under which it says that it is recorded."""
+        if self.devices is not None:
+            return list(json.loads(self.out.strip().splitlines()[-1])["runs"])
+        return [name for names in re.findall(r"(?m)^  recorded as (.+)$", self.out) for name in names.split(", ")]
+
+    @property
+    def results(self) -> Collection[str]:
+        """The hosts that have a result; of an output that nobody has read to its end, all of them."""
+        if self.closed:
+            return ADDRESSES
+        if self.devices is not None:
+            return [name for name, result in self.devices.items() if result.get("status") != "not handled yet"]
+        return re.findall(r"(?m)^  (\S+) +(?!not handled yet)\S", self.out)
+
+    @property
+    def advice_text(self) -> str:
+        """What a person reads of it: of JSON, its messages and hints."""
+        try:
+            told = json.loads(self.out.strip().splitlines()[-1])
+        except (IndexError, ValueError):
+            return self.output
+        rows = told.get("errors", [])
+        return self.err + "\n" + "\n".join(f"{row.get('message')}\n{row.get('hint') or ''}" for row in rows)
+
+
+@dataclass
+class Command:
+    """A command that runs, as a process group of its own."""
+
+    typed: tuple[str, ...]
+    environment: Mapping[str, str]
+    folder: Path
+    closes: bool = False
+    """Both outputs are closed by their reader after the first line (`| head -1`)."""
+    lines: int = 0
+    struck: bool = False
+    stopped: bool = False
+    _heard: list[tuple[str, str]] = field(default_factory=list)
+    _last: float = 0.0
+    _silent_s: float = 0.0
+    on_line: Callable[[int], None] = lambda _count: None
+
+    def start(self, python: str) -> None:
+        self.begun = self._last = time.monotonic()
+        self.process = subprocess.Popen(
+            [python, "-P", "-m", "atlantis_netcfg", *self.typed],
+            env={**self.environment, _MARK: str(id(self))},
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        assert self.process.stdout is not None
+        assert self.process.stderr is not None
+        self._readers = [
+            threading.Thread(target=self._listen, args=(name, pipe), daemon=True)
+            for name, pipe in (("out", self.process.stdout), ("err", self.process.stderr))
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def _listen(self, name: str, pipe: IO[bytes]) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            for line in pipe:
+                self._heard.append((name, line.decode(errors="replace")))
+                self._note()
+                self.lines += 1
+                self.on_line(self.lines)
+                if self.closes:
+                    break
+            pipe.close()
+
+    def _note(self) -> None:
+        now = time.monotonic()
+        self._silent_s = max(self._silent_s, now - self._last)
+        self._last = now
+
+    @property
+    def quiet_s(self) -> float:
+        """Seconds since its last word."""
+        return time.monotonic() - self._last
+
+    @property
+    def alive(self) -> bool:
+        return self.process.poll() is None
+
+    def processes(self) -> list[int]:
+        """It and its descendants, parents first."""
+        return family(self.process.pid)
+
+    def signal(self, number: signal.Signals, pids: Sequence[int]) -> None:
+        """Strike these processes."""
+        self.struck |= number in _EXEMPT and self.process.pid in pids
+        for pid in pids:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, number)
+        if number == signal.SIGSTOP:
+            self.stopped = True
+        if number == signal.SIGCONT:
+            self.stopped, self._last = False, time.monotonic()
+
+    def finish(self, *, killed: bool = False) -> Ended:
+        """Gather what it said once it has ended, or end it."""
+        if killed:
+            for pid in reversed(self.processes()):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        code = self.process.wait()
+        if not self.stopped and not self.closes:
+            self._silent_s = max(self._silent_s, self.quiet_s)
+        orphans = self._orphans()
+        for reader in self._readers:
+            reader.join(5)
+        return Ended(
+            self.typed,
+            None if killed else code,
+            self._said("out"),
+            self._said("err"),
+            time.monotonic() - self.begun,
+            self._silent_s,
+            orphans,
+            self.struck,
+            self.closes,
+        )
+
+    def _said(self, name: str) -> str:
+        return "".join(line for heard, line in self._heard if heard == name)
+
+    def _orphans(self) -> list[str]:
+        """Who is left after a fair while; they are ended, so that the next round is not disturbed."""
+        until = time.monotonic() + 3.0
+        while (left := marked(f"{_MARK}={id(self)}")) and time.monotonic() < until:
+            time.sleep(_POLL_S)
+        words = [f"{pid} {cmdline(pid)[:100]}" for pid in left]
+        for pid in left:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+                os.kill(pid, signal.SIGKILL)
+        return words
+
+
+def family(pid: int) -> list[int]:
+    """A process and all its descendants, parents first."""
+    children: dict[int, list[int]] = {}
+    for each in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, IndexError):
+            text = each.read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+            if text[0] not in "ZX":
+                children.setdefault(int(text[1]), []).append(int(each.parent.name))
+    found = [pid]
+    for one in found:
+        found += sorted(children.get(one, ()))
+    return found
+
+
+def marked(mark: str) -> list[int]:
+    """Processes whose environment has the mark."""
+    found = []
+    for each in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in each.read_bytes().split(b"\0") and not _dead(int(each.parent.name)):
+                found.append(int(each.parent.name))
+    return found
+
+
+def _dead(pid: int) -> bool:
+    text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
+    return text.rpartition(")")[2].split()[0] in "ZX"
+
+
+def cmdline(pid: int) -> str:
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+    return "?"
+
+
+PYTHON = str(Path(sys.executable))

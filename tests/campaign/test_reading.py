@@ -1,0 +1,111 @@
+"""The campaign's own eyes: what it takes for advice, for a leftover, for a difference, and what a seed stands for."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from campaign import advice
+from campaign.command import Command
+from campaign.faults import FAULTS, draw
+from campaign.judge import Picture
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FILTER = "ip/firewall/filter"
+
+
+CTRL_C = """error: stopped by Ctrl-C; what a device kept is not known here
+       `provision runs` shows what was confirmed, `provision resume` goes on from there
+"""
+BUSY = """  scc-cpe            another run changes this bridge
+                     wait until it has ended; if it has died:  provision resume
+"""
+ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc-cpe"
+
+
+@pytest.mark.parametrize(
+    ("output", "typed", "waits"),
+    [
+        (CTRL_C, ("resume", "site=coastal"), False),
+        (BUSY, ("resume", "site=coastal"), True),
+        ("error: no run\n       `provision site=…` begins one", ("site=coastal",), False),
+        (ONE_HOST, ("drift", "site=coastal", "only=scc-cpe"), True),
+        ("  make room on the disk, then run the same command again", None, False),
+    ],
+)
+def test_the_last_command_that_settles_something_is_the_advice(
+    output: str,
+    typed: tuple[str, ...] | None,
+    waits: bool,  # noqa: FBT001
+) -> None:
+    found = advice.read(output, "coastal")
+    assert found is not None
+    assert (found.typed, found.waits) == (typed, waits)
+
+
+@pytest.mark.parametrize("output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them"])
+def test_what_only_informs_is_no_advice(output: str) -> None:
+    assert advice.read(output, "coastal") is None
+
+
+def picture(*rows: dict[str, Any], **menus: list[dict[str, Any]]) -> Picture:
+    return Picture("router", {FILTER: list(rows), **{name.replace("_", "/"): each for name, each in menus.items()}})
+
+
+def test_a_rule_less_more_or_moved_is_a_difference_and_a_counter_is_none() -> None:
+    first, second = {"chain": "input", "action": "accept", "bytes": 1}, {"chain": "input", "action": "drop", "bytes": 1}
+    there = picture(first, second)
+    assert picture({**first, "bytes": 9, ".id": "*7"}, second).differs(there) == []
+    assert picture(second, first).differs(there) == [f"router {FILTER}: another order"]
+    assert picture(first).differs(there) == [f"router {FILTER} - action=drop chain=input"]
+    assert picture(first, second, {"chain": "output", "comment": "foreign"}).differs(there) == []
+
+
+def test_what_a_run_leaves_is_seen() -> None:
+    jobs = [{"name": "atlantis-pair"}, {"name": "backup of the owner"}]
+    left = Picture(
+        "router",
+        {
+            "system/scheduler": jobs,
+            "safe-mode": [{"enabled": True}],
+            "ip/firewall/address-list": [{"list": "atlantis-run", "comment": "run 1"}],
+        },
+    )
+    assert left.armed == ["job atlantis-pair", "marker run 1", "safe mode is held"]
+    assert picture(safe_mode=[{"enabled": False}]).armed == []
+
+
+def test_a_seed_stands_for_one_round() -> None:
+    assert draw(6).as_dict() == {
+        "seed": 6,
+        "state": "drifted",
+        "version": "7.18.2",
+        "command": "apply",
+        "json": False,
+        "faults": ["gap coastal-4g for 2 s at record 2 of outcome"],
+    }
+    drawn = {fault.name for seed in range(300) for fault in draw(seed).faults}
+    assert drawn == set(FAULTS)
+
+
+def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -> None:
+    script = tmp_path / "atlantis_netcfg.py"
+    script.write_text(
+        "import subprocess, sys\n"
+        "child = subprocess.Popen(['sleep', '60'], start_new_session=True, stdout=-3, stderr=-3)\n"
+        "print(child.pid, flush=True)\n",
+        encoding="utf-8",
+    )
+    command = Command((), {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}, tmp_path)
+    command.start(sys.executable)
+    command.process.wait()
+    ended = command.finish()
+    pid = int(ended.out)
+    assert ended.code == 0
+    assert [words.partition(" ")[0] for words in ended.orphans] == [str(pid)]
+    assert command._orphans() == [], "it was not ended"
