@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import asyncio
 import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
+from bench import wire
 from bench.contenders import ALL
 from bench.crowd import crowds
 from bench.declared import CHECKOUT
 from bench.job import Scenario
 from bench.onboarding import EASY_RSA, OURS, easy_rsa_version, onboardings
 from bench.page import page
+from bench.proxy import Shape
 from bench.race import LONG_MS, Plan, line, race
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ _BESIDE = (
 def main() -> int:
     """Measure what is asked for; 1 if somebody who was there has failed."""
     given = _parser().parse_args()
+    if given.wire is not None:
+        return _wire(given.wire)
     rtts, sizes = ([0], [1, 2]) if given.smoke else (given.rtt, given.crowd)
     runs, devices = (1, 2) if given.smoke else (given.runs, given.devices)
     only = set(given.only) or {contender.name for contender in ALL} | {_CROWD, _VPN}
@@ -50,18 +55,34 @@ def main() -> int:
             print(f"{crowd.routers:>5} routers  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
             many.append(crowd)
         batches = _batches(devices, runs, folder) if _VPN in only else []
+        exact = _exact(folder, Shape() if given.smoke else wire.SATELLITE) if OURS in only else {}
     versions = {one.name: one.version() for one in contenders if one.missing() is None}
     versions |= {OURS: f"provision {__version__}", EASY_RSA: easy_rsa_version() or "none"} if batches else {}
     notes = [f"not the real command: {excuse}"] if excuse else []
     notes += [_BESIDE] if max(rtts) >= LONG_MS and len(contenders) > 1 else []
     notes += [] if given.rate is None else [f"the link carries {given.rate[0]:g} bit/s up, {given.rate[1]:g} down"]
-    text = page(figures, many, batches, versions, notes)
+    text = page(figures, many, batches, exact, versions, notes)
     if given.write is not None:
         given.write.write_text(text, encoding="utf-8")
     print(text[text.index("## Marks") :])
     failed = [one.failure for one in figures if one.samples]
     failed += [one.failure for one in many] + [one.failure for one in batches if one.costs]
     return 1 if any(failed) else 0
+
+
+def _exact(folder: Path, shape: Shape) -> dict[Scenario, wire.WireFigure]:
+    home = folder / "wire"
+    home.mkdir()
+    return asyncio.run(wire.measured(home, shape))
+
+
+def _wire(page_: Path) -> int:
+    """Measure our own run on the wire, and write that part of the page anew."""
+    with tempfile.TemporaryDirectory(prefix="bench-") as place:
+        figures = _exact(Path(place), wire.SATELLITE)
+    page_.write_text(wire.replaced(page_.read_text(encoding="utf-8"), figures), encoding="utf-8")
+    print(wire.part(figures))
+    return 0
 
 
 def _batches(devices: int, runs: int, folder: Path) -> list[Onboarding]:
@@ -86,6 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--smoke", action="store_true", help="everything once, as small as possible: does it still run?"
     )
+    parser.add_argument("--wire", type=Path, metavar="PAGE", help="write the part about the wire of this page anew")
     parser.add_argument("--write", type=Path, help="file for the page", default=None)
     return parser
 

@@ -54,7 +54,7 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, place: Path) ->
             lines += [f"{one}={at['host']}:{at['api_ssl']}:{at['pin']}" for one, at in twins.ready.items()]
         targets.write_text("\n".join(lines), encoding="utf-8")
         argv = (sys.executable, "-m", "bench.engine", str(inventory), str(place / "state"), f"@{targets}")
-        ran = measure.run_command(Command(argv), place)
+        ran = measure.run_command(Command(argv, {"ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}), place)
     unchanged = ran.said.count("already so: nothing to change")
     failure = "" if ran.code == 0 and unchanged == size else f"{size - unchanged} of {size} were not found as declared"
     engine_s = json.loads(ran.said.splitlines()[-1])["engine_s"] if ran.code == 0 else 0.0

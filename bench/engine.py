@@ -12,9 +12,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._playbook import play
+from atlantis_netcfg.cli._playbook import PlaybookRunner
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.operations.vault import Vault
+from atlantis_netcfg.site import load
 from bench.declared import CHECKOUT
 
 if TYPE_CHECKING:
@@ -32,7 +34,9 @@ def main() -> int:
     def seen(_event: Event) -> None:
         moments.append(time.perf_counter())
 
-    outcome = play(CHECKOUT, Path(inventory), list(targets), request, seen)
+    vault = Vault()
+    runner = PlaybookRunner(CHECKOUT, load(Path(inventory), decrypt=vault.decrypt), vault)
+    outcome = runner.play(list(targets), request, seen)
     for name, result in outcome.devices.items():
         print(f"{name}: {result['message']}")
     print(json.dumps({"engine_s": moments[-1] - moments[0]}))

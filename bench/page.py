@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench import wire
 from bench.job import Scenario
 from bench.onboarding import EASY_RSA, OURS
 
@@ -36,10 +37,11 @@ An emulated router answers at once. A real one takes its own time for each comma
 """
 
 
-def page(
+def page(  # noqa: PLR0913, PLR0917 - all that was measured
     figures: Sequence[Figure],
     crowds: Sequence[Crowd],
     onboardings: Sequence[Onboarding],
+    exact: Mapping[Scenario, wire.WireFigure],
     versions: Mapping[str, str],
     notes: Sequence[str],
 ) -> str:
@@ -53,6 +55,8 @@ def page(
         parts += ["## Nothing to do, on many routers\n", "\n".join(_crowd(crowds)) + "\n"]
     if onboardings:
         parts += ["## Many devices into the VPN\n", _BATCH, "\n".join(_onboarding(onboardings)) + "\n"]
+    if exact:
+        parts += [wire.part(exact)]
     marks = [*_marks(figures, crowds), *_onboarding_marks(onboardings)]
     parts += ["## Marks\n", "\n".join(marks) + "\n"]
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)

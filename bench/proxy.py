@@ -75,11 +75,10 @@ class _Lane:
 
 @dataclass(slots=True)
 class _Talk:
-    """One connection: who spoke last, and whether the client has heard anything yet."""
+    """One connection: who spoke last."""
 
     waiting: bool = False
     """The client has said something that nobody has answered."""
-    heard: bool = False
     ended: bool = False
     """The client has hung up: what still comes is not waited for."""
 
@@ -131,23 +130,21 @@ class Proxy:
         accepted = asyncio.get_running_loop().time()
         self.count.connections += 1
         self.count.round_trips += 1
-        # The far side accepts when the third packet of the handshake has come: after one and a half round trips.
-        await asyncio.sleep(3 * self.shape.delay_s)
+        # The client is connected after one round trip. Loopback told it so at once: what it has said since waits here.
+        await asyncio.sleep(2 * self.shape.delay_s)
         back, forth = await asyncio.open_connection(*self._target)
         talk = _Talk()
         try:
             async with asyncio.TaskGroup() as both:
-                both.create_task(self._upwards(reader, forth, talk, accepted))
-                both.create_task(self._downwards(back, writer, talk))
+                both.create_task(self._upwards(reader, forth, talk))
+                both.create_task(self._downwards(back, writer, talk, accepted))
         except* OSError:
             pass
         finally:
             forth.transport.abort()
             writer.transport.abort()
 
-    async def _upwards(
-        self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, talk: _Talk, accepted: float
-    ) -> None:
+    async def _upwards(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, talk: _Talk) -> None:
         loop = asyncio.get_running_loop()
 
         def said(size: int) -> float:
@@ -156,22 +153,23 @@ class Proxy:
                 self.count.sent += size
             else:
                 talk.ended = True
-            # Until it has heard something, the client is one round trip ahead of a client with a real handshake.
-            ready = loop.time() if talk.heard else max(loop.time(), accepted + 2 * self.shape.delay_s)
-            return self._up.depart(size, ready) + self.shape.delay_s
+            return self._up.depart(size, loop.time()) + self.shape.delay_s
 
         await _pump(source, sink, said)
 
-    async def _downwards(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, talk: _Talk) -> None:
+    async def _downwards(
+        self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, talk: _Talk, accepted: float
+    ) -> None:
         loop = asyncio.get_running_loop()
+        # The far side accepts when the third packet of the handshake has come, and cannot speak before.
+        earliest = accepted + 3 * self.shape.delay_s
 
         def said(size: int) -> float:
-            talk.heard = True
             self.count.received += size
             if talk.waiting and not talk.ended and size:
                 talk.waiting = False
                 self.count.round_trips += 1
-            return self._down.depart(size, loop.time()) + self.shape.delay_s
+            return self._down.depart(size, max(loop.time(), earliest)) + self.shape.delay_s
 
         await _pump(source, sink, said)
 

@@ -6,7 +6,7 @@ import sys
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.journal import Store
-from bench.declared import ROUTER, SITE
+from bench.declared import CHECKOUT, ROUTER, SITE
 from bench.job import Command, Job, Scenario
 
 __all__ = ["Ours"]
@@ -33,6 +33,7 @@ class Ours:
         environment = {
             "ATLANTIS_STATE": str(state),
             "ANSIBLE_VAULT_PASSWORD_FILE": str(job.declared.vault_password),
+            "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
         }
         if job.real:
             words = (f"site={SITE}", f"only={ROUTER}", "--yes", f"inventory={job.declared.inventory}")
