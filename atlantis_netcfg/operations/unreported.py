@@ -32,11 +32,12 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
 ) -> dict[str, dict[str, Any]]:
     """Give each name a result that says what is known: `left-as-found` (4) or `unknown` (5), never nothing.
 
-    `reason` is why they have none, as far as that is known; `output` is what Ansible has printed, for a log file.
+    `reason` is why they have none, as far as that is known; `output` is what Ansible has printed. It goes to a log file,
+    except after a refusal of ours, which says all there is.
     """
     if not names:
         return {}
-    note, results = _logged(output, request), {}
+    note, results = [] if isinstance(reason, NetcfgError) else _logged(output, request), {}
     for name in names:
         site = declaration.hosts[name].site
         run = runs.get(site, "")

@@ -199,13 +199,16 @@ def test_a_killed_rollback_is_resumed_backwards(at: Quay) -> None:
 
 def killed(at: Quay, typed: list[str], run: int) -> None:
     """Type a command, and kill it and its workers as soon as the run of that number has sent something."""
-    with subprocess.Popen(
-        [PROVISION, *typed, f"inventory={at.inventory}"],
-        env=at.environment(),
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    ) as running:
+    with (
+        (at.state.parent / "killed.txt").open("w", encoding="utf-8") as printed,
+        subprocess.Popen(
+            [PROVISION, *typed, f"inventory={at.inventory}"],
+            env=at.environment(),
+            start_new_session=True,
+            stdout=printed,
+            stderr=printed,
+        ) as running,
+    ):
         await_record(at.state, '"kind":"layer-sent"', run=run)
         os.killpg(running.pid, signal.SIGKILL)
         kill_workers(at.state)
