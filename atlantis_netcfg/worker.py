@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["end_if_orphaned", "end_with_parent", "run_until_settled"]
 
 _PR_SET_PDEATHSIG = 1
-"""prctl(2): the signal that this process gets when the thread that has started it ends."""
+"""prctl(2): the signal that this process gets when the thread that has started it ends.
+
+It may come twice: the kernel hands the child of a dying process to each thread of it that still lives.
+"""
 _SETTLE = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 Result = TypeVar("Result")
@@ -47,16 +50,24 @@ def run_until_settled(work: Coroutine[object, object, Result]) -> Result:
     """Run it like `asyncio.run`; each SIGINT, SIGTERM or SIGHUP cancels it once.
 
     The engine answers the first cancellation by taking back what is open on the devices, and ends at the second, which
-    raises CancelledError here.
+    raises CancelledError here. In a forked child SIGTERM is never the second: it says that the parent is dead, and may
+    say so twice.
     """
     if threading.current_thread() is not threading.main_thread():
         return asyncio.run(work)
 
     async def interruptible() -> Result:
         loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        stops: list[int] = []
+
+        def stop(number: int) -> None:
+            if task is not None and not (stops and number == signal.SIGTERM and parent_process() is not None):
+                task.cancel()
+            stops.append(number)
+
         for number in _SETTLE:
-            if task is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                loop.add_signal_handler(number, task.cancel)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                loop.add_signal_handler(number, stop, number)
         return await work
 
     try:

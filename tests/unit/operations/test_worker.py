@@ -1,0 +1,54 @@
+"""A task in a forked child settles when it is told to, however often the kernel says that its parent is dead."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from atlantis_netcfg.worker import run_until_settled
+
+_FORK = multiprocessing.get_context("fork")
+
+
+def settle_slowly(ready: Path, settled: Path) -> None:
+    """Wait for a stop, and then take a while, like a device that is asked to take back a change."""
+
+    async def work() -> None:
+        try:
+            ready.touch()
+            await asyncio.sleep(60)
+        except asyncio.CancelledError:
+            await asyncio.sleep(0.3)
+            settled.touch()
+
+    run_until_settled(work())
+
+
+@pytest.mark.parametrize(
+    ("numbers", "settles"),
+    [
+        ((signal.SIGTERM,), True),
+        ((signal.SIGTERM, signal.SIGTERM), True),
+        ((signal.SIGINT, signal.SIGTERM), True),
+        ((signal.SIGTERM, signal.SIGINT), False),
+        ((signal.SIGINT, signal.SIGINT), False),
+    ],
+    ids=lambda value: "-".join(number.name for number in value) if isinstance(value, tuple) else "",
+)
+def test_only_a_person_stops_the_settling(tmp_path: Path, numbers: tuple[signal.Signals, ...], settles: bool) -> None:
+    ready, settled = tmp_path / "ready", tmp_path / "settled"
+    task = _FORK.Process(target=settle_slowly, args=(ready, settled))
+    task.start()
+    assert task.pid is not None
+    while not ready.exists():
+        task.join(0.01)
+    for number in numbers:
+        os.kill(task.pid, number)
+        task.join(0.1)  # two signals at once are one
+    task.join(30)
+    assert settled.exists() is settles
+    assert (task.exitcode == 0) is settles
