@@ -32,8 +32,8 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
 ) -> dict[str, dict[str, Any]]:
     """Give each name a result that says what is known: `left-as-found` (4) or `unknown` (5), never nothing.
 
-    `reason` is why they have none, as far as that is known; `output` is what Ansible has printed. It goes to a log file,
-    except after a refusal of ours, which says all there is.
+    `reason` is why they have none, as far as that is known; `output` is what Ansible has printed. It is kept in a log
+    file, except after a refusal of ours, which says all there is.
     """
     if not names:
         return {}

@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
+import threading
 from typing import TYPE_CHECKING
 
 import pytest
@@ -126,3 +128,51 @@ def test_progress_goes_to_stderr_as_it_is_at_that_moment(
     with progress(quiet=False) as notify:
         notify(Event("quay", Stage.DONE, "as declared"))
     assert instead.getvalue() == "  quay               done  as declared\n"
+
+
+def test_a_plain_log_says_what_it_waits_for() -> None:
+    reminded = threading.Event()
+
+    class Log(io.StringIO):
+        def write(self, text: str) -> int:
+            if "still at work" in text:
+                reminded.set()
+            return super().write(text)
+
+    log = Log()
+    with progress(quiet=False, out=log, silence_s=0.01) as notify:
+        notify(Event("quay", Stage.DONE, "as declared"))
+        for name in ("mast", "buoy", "boat", "pier"):
+            notify(Event(name, Stage.CONNECTING, ""))
+        reminded.clear()
+        assert reminded.wait(30)
+    assert log.getvalue().splitlines()[-1] == (
+        "  still at work, 0 s without news: mast (connecting), buoy (connecting), boat (connecting), 1 more"
+    )
+
+
+def test_a_log_that_nobody_reads_stops_no_reminder_and_no_run() -> None:
+    class Closed(io.StringIO):
+        tries = 0
+
+        def write(self, _text: str) -> int:
+            self.tries += 1
+            raise BrokenPipeError
+
+    log = Closed()
+    with progress(quiet=False, out=log, silence_s=0.001):
+        while log.tries < 3:
+            pass
+    assert log.tries >= 3
+
+
+def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal, clock = Terminal(), iter(range(0, 10_000, 7))
+    monkeypatch.setattr("atlantis_netcfg.cli._progress.time.monotonic", lambda: float(next(clock)))
+    with progress(quiet=False, out=terminal) as notify:
+        notify(Event("quay", Stage.CONNECTING, "to it"))
+    assert re.search(r"quay +connecting  to it  \(\d+ s\)", terminal.getvalue())

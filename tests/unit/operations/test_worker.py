@@ -6,24 +6,29 @@ import asyncio
 import multiprocessing
 import os
 import signal
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
 from atlantis_netcfg.worker import run_until_settled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
 
 _FORK = multiprocessing.get_context("fork")
 
 
-def settle_slowly(ready: Path, settled: Path) -> None:
+def settle_slowly(ready: Callable[[], None], settled: Callable[[], None]) -> None:
     """Wait for a stop, and then take a while, like a device that is asked to take back a change."""
 
     async def work() -> None:
         try:
-            ready.touch()
+            ready()
             await asyncio.sleep(60)
         except asyncio.CancelledError:
             await asyncio.sleep(0.3)
-            settled.touch()
+            settled()
 
     run_until_settled(work())
 
@@ -39,9 +44,13 @@ def settle_slowly(ready: Path, settled: Path) -> None:
     ],
     ids=lambda value: "-".join(number.name for number in value) if isinstance(value, tuple) else "",
 )
-def test_only_a_person_stops_the_settling(tmp_path: Path, numbers: tuple[signal.Signals, ...], settles: bool) -> None:
+def test_only_a_person_stops_the_settling(
+    tmp_path: Path,
+    numbers: tuple[signal.Signals, ...],
+    settles: bool,  # noqa: FBT001 - a column of the table above
+) -> None:
     ready, settled = tmp_path / "ready", tmp_path / "settled"
-    task = _FORK.Process(target=settle_slowly, args=(ready, settled))
+    task = _FORK.Process(target=settle_slowly, args=(ready.touch, settled.touch))
     task.start()
     assert task.pid is not None
     while not ready.exists():
