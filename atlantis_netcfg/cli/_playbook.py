@@ -146,6 +146,8 @@ class _Ansible:
         self._set_options({"atlantis_request": request.model_dump(mode="json")}, names, check=request.mode.reads_only)
         self._hosts.subset(",".join(names))
         printed, reason = io.StringIO(), ""
+        # Ansible closes them to whatever this process starts from now on, also after the play.
+        inherited = [number for number in (0, 1, 2) if os.get_inheritable(number)]
         executor = PlaybookExecutor(
             playbooks=[str(self._playbook)],
             inventory=self._hosts,
@@ -167,6 +169,9 @@ class _Ansible:
                 reason = str(error)
             except KeyboardInterrupt:
                 reason = f"stopped by {control.stopped_by}"
+            finally:
+                for number in inherited:
+                    os.set_inheritable(number, True)
         if control.stopped_by and reason:
             reason = f"stopped by {control.stopped_by}"
         elif "dead state" in reason:

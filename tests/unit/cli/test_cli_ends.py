@@ -114,6 +114,26 @@ def test_a_reader_who_leaves_changes_no_exit_code() -> None:
     assert (process.returncode, process.stderr) == (ExitCode.DONE, b"")
 
 
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_stream_that_is_closed_is_nothing(closed: str) -> None:
+    """As a service or a wrapper may start it; a file that is opened later must not become one of the three."""
+    source = "import sys, os; from atlantis_netcfg.cli import main; sys.exit(main(['validate']) or os.open('/', 0) < 3)"
+    process = subprocess.run(
+        ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", source], capture_output=True, check=False
+    )
+    assert (process.returncode, process.stderr) == (ExitCode.DONE, b"")
+
+
+def test_what_is_started_after_a_play_has_the_streams_of_the_command() -> None:
+    source = (
+        "import os, sys; from atlantis_netcfg.cli import main\n"
+        "code = main(['drift', 'site=coastal', 'only=coastal-cpe'])\n"
+        "print(code, [os.get_inheritable(number) for number in (0, 1, 2)])"
+    )
+    process = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=False)
+    assert process.stdout == "3 [True, True, True]\n", process.stderr
+
+
 def test_a_console_without_the_character_gets_another_one() -> None:
     source = "import sys; from atlantis_netcfg.cli import _open_streams as s; s(); print('…')"
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
