@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 _MARK = "ATLANTIS_CAMPAIGN"
 SILENCE_S = 30.0
+ORPHAN_S = 3.0
+"""What a process may need to notice that it is not wanted any more."""
 _POLL_S = 0.02
+_NO_RESULT = ("not handled yet", "SKIP")
 _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 """Who was struck by these cannot speak."""
 
@@ -39,8 +42,8 @@ class Ended:
     seconds: float
     silent_s: float
     """The longest time without a word, while it was not stopped."""
-    orphans: list[str]
-    """Processes of it that lived on."""
+    orphans: list[int]
+    """Processes of it that lived on after a fair while."""
     struck: bool = False
     """A fault killed or stopped the process that the person started."""
     closed: bool = False
@@ -73,8 +76,12 @@ class Ended:
         if self.closed:
             return ADDRESSES
         if self.devices is not None:
-            return [name for name, result in self.devices.items() if result.get("status") != "not handled yet"]
-        return re.findall(r"(?m)^  (\S+) +(?!not handled yet)\S", self.out)
+            return [
+                name
+                for name, result in self.devices.items()
+                if result.get("status", result.get("verdict")) not in _NO_RESULT
+            ]
+        return re.findall(r"(?m)^(?:  )?([\w-]+)(?: +|: )(?!not handled yet)\S", self.out)
 
     @property
     def advice_text(self) -> str:
@@ -108,7 +115,7 @@ class Command:
         self.begun = self._last = time.monotonic()
         self.process = subprocess.Popen(
             [python, "-P", "-m", "atlantis_netcfg", *self.typed],
-            env={**self.environment, _MARK: str(id(self))},
+            env={**self.environment, **dict([self.mark.split("=")])},
             cwd=self.folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -139,6 +146,11 @@ class Command:
         now = time.monotonic()
         self._silent_s = max(self._silent_s, now - self._last)
         self._last = now
+
+    @property
+    def mark(self) -> str:
+        """What stands in the environment of its processes, and of no others."""
+        return f"{_MARK}={os.getpid()}-{id(self)}"
 
     @property
     def quiet_s(self) -> float:
@@ -173,9 +185,9 @@ class Command:
         code = self.process.wait()
         if not self.stopped and not self.closes:
             self._silent_s = max(self._silent_s, self.quiet_s)
-        orphans = self._orphans()
+        orphans = living(self.mark, ORPHAN_S)
         for reader in self._readers:
-            reader.join(5)
+            reader.join(0.5 if orphans else 5)
         return Ended(
             self.typed,
             None if killed else code,
@@ -191,17 +203,23 @@ class Command:
     def _said(self, name: str) -> str:
         return "".join(line for heard, line in self._heard if heard == name)
 
-    def _orphans(self) -> list[str]:
-        """Who is left after a fair while; they are ended, so that the next round is not disturbed."""
-        until = time.monotonic() + 3.0
-        while (left := marked(f"{_MARK}={id(self)}")) and time.monotonic() < until:
-            time.sleep(_POLL_S)
-        words = [f"{pid} {cmdline(pid)[:100]}" for pid in left]
-        for pid in left:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
-                os.kill(pid, signal.SIGKILL)
-        return words
+
+def living(mark: str, seconds: float) -> list[int]:
+    """Who of a command still lives after so long."""
+    until = time.monotonic() + seconds
+    while (left := marked(mark)) and time.monotonic() < until:
+        time.sleep(_POLL_S)
+    return left
+
+
+def end(pids: Sequence[int]) -> list[str]:
+    """End processes that should not be there, so that the next round is not disturbed; what they were."""
+    words = [f"{pid} {cmdline(pid)[:100]}" for pid in pids]
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+            os.kill(pid, signal.SIGKILL)
+    return words
 
 
 def family(pid: int) -> list[int]:

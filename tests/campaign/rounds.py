@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import shutil
+import signal
 import subprocess
 import threading
 import time
@@ -18,13 +19,13 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.twin import TwinRefused
 from campaign import advice
-from campaign.command import PYTHON, SILENCE_S, Command, Ended
+from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
 from campaign.faults import FAULTS, Fault, Round, Struck, draw
 from campaign.judge import Picture, Stranger, menus_of
 from campaign.site import ADDRESSES, Site, disturb
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from campaign.site import Stage
 
@@ -34,6 +35,8 @@ STEPS = 6
 HANG_S = 600.0
 DEAD_S = 180.0
 """Without a word, and without a record in its journal."""
+SETTLE_S = 90.0
+"""What a task may need to take back what it has open, once the process that a person has started is killed."""
 STRIDE_S = 60.0
 """What passes at the devices for each second for which a run waits in silence."""
 BOOT_S = 90.0
@@ -42,6 +45,8 @@ AFTER_S = 3600.0
 """What passes before the last look: longer than anything that a run leaves to a device."""
 _POLL_S = 0.02
 _STATE_SIZE = "16m"
+_AS_DECLARED = ("changed", "unchanged")
+"""What a run says of a device that it has read back."""
 _GREEN = {"apply": (0,), "rollback": (0,), "plan": (0, 2), "drift": (0, 6)}
 
 Pictures = dict[str, Picture]
@@ -71,6 +76,8 @@ class Table:
     log: list[str] = field(default_factory=list)
     struck: list[str] = field(default_factory=list)
     green: bool = False
+    settling: dict[str, str] = field(default_factory=dict)
+    """Marks of commands that were killed, of which a task lives on, and what was typed."""
 
     def wrong(self, what: str) -> None:
         if what not in self.violations:
@@ -112,6 +119,7 @@ class Player:
             table = Table(site, plan, store, reference.menus, before, _with_foreign(reference.declared, before))
             extra = self._prepare(table) if plan.command == "rollback" else ()
             self._follow(table, extra)
+            self._await_settled(table, tuple(table.settling))
             self._judge_the_end(table)
         record = {
             **plan.as_dict(),
@@ -198,10 +206,12 @@ class Player:
         seen: dict[object, int] = {}
         for step in range(STEPS):
             fault = faults.pop(0) if faults else None
+            earlier = tuple(table.settling)
             ended, struck = self._meet(table, typed, fault)
             self._heal(table)
             found = advice.read(ended.advice_text, SITE)
             self._note(table, ended, found, struck=struck)
+            self._await_settled(table, earlier, ended)
             self._judge(table, ended, typed, table.store)
             mode = table.plan.command if typed == first else typed[0]
             if ended.code in _GREEN.get(mode, (0,)):
@@ -259,11 +269,13 @@ class Player:
             time.sleep(_POLL_S)
         site.relay.on_request = lambda _way: None
         ended = command.finish(killed=killed)
+        self._judge_orphans(table, command, ended)
         if killed:
             last = f"{command.quiet_s:.0f} s after its last word"
             table.wrong(f"hang: `{' '.join(typed)}` was alive after {ended.seconds:.0f} s, {last}")
         for other in others:
             told = other.finish(killed=killed)
+            self._judge_orphans(table, other, told)
             self._note(table, told, None, struck=False)
             if told.code == 0 and ended.code is not None:
                 self._judge(table, told, typed, table.store.with_name("other"))
@@ -298,6 +310,36 @@ class Player:
         )
         table.log.append(f"$ provision {words}\n{ended.err}\n{ended.out}\n[{ended.code}]\n")
 
+    # Who lives on.
+
+    @staticmethod
+    def _judge_orphans(table: Table, command: Command, ended: Ended) -> None:
+        """Nobody outlives a command, except for a task whose `provision` was killed: it takes back what it has open.
+
+        It is left alone, as a person would, and the next command meets it; then it has to come to an end by itself.
+        """
+        words = " ".join(ended.typed)
+        if ended.orphans and ended.code == -signal.SIGKILL:
+            table.settling[command.mark] = words
+        elif ended.orphans:
+            for orphan in end(ended.orphans):
+                table.wrong(f"orphan: of `{words}` lives on: {orphan}")
+
+    @staticmethod
+    def _await_settled(table: Table, marks: Sequence[str], ended: Ended | None = None) -> None:
+        """Let time pass at the devices until these tasks have ended; nothing is green while one is still at work."""
+        until = time.monotonic() + SETTLE_S
+        for mark in marks:
+            typed = table.settling.pop(mark)
+            left = living(mark, ORPHAN_S)
+            if left and ended is not None and ended.code == 0:
+                table.wrong(f"green and not alone: a task of `{typed}` lives on after `{' '.join(ended.typed)}`")
+            while left and time.monotonic() < until:
+                table.site.skip(STRIDE_S)
+                left = living(mark, 1.0)
+            for orphan in end(left):
+                table.wrong(f"orphan: of `{typed}` lives on: {orphan}")
+
     # What is true.
 
     def _judge(self, table: Table, ended: Ended, typed: tuple[str, ...], store: Path) -> None:
@@ -305,9 +347,8 @@ class Player:
         words = " ".join(typed)
         if ended.silent_s > SILENCE_S and "--json" not in typed and not ended.struck:
             table.wrong(f"silent: `{words}` said nothing for {ended.silent_s:.0f} s")
-        for orphan in ended.orphans:
-            table.wrong(f"orphan: of `{words}` lives on: {orphan}")
         changes = typed[0].startswith(("site=", "resume", "rollback")) and "--plan" not in typed
+        self._judge_results(table, ended, words)
         if ended.code == 0 and changes:
             self._judge_green(table, ended, words)
             for run in ended.runs:
@@ -316,6 +357,8 @@ class Player:
                     table.wrong(f"green and not recorded: `{words}` says that it is recorded as {run}")
             if not ended.runs and not ended.closed:
                 table.wrong(f"green and not recorded: `{words}` names no run")
+        elif ended.code == 0 and typed[0].startswith(("site=", "drift")):
+            self._judge_green(table, ended, words)
         elif ended.code == 4 and changes:
             pictures = self._stranger.read(table.site, table.menus)
             for host, picture in pictures.items():
@@ -325,6 +368,16 @@ class Player:
                     and not _is(picture, table.target, table)
                 ):
                     table.wrong(f"exit 4 and between: {host} after `{words}`: {_gap(picture, table)}")
+
+    def _judge_results(self, table: Table, ended: Ended, words: str) -> None:
+        """Hold it to what it says of each device, whatever the others came to; only JSON says it without a doubt."""
+        devices = (ended.devices or {}).items()
+        said = {host: each["status"] for host, each in devices if each.get("status") in _AS_DECLARED}
+        pictures = self._stranger.read(table.site, table.menus) if said else {}
+        for host, status in said.items():
+            if not pictures[host].error and not _is(pictures[host], table.target, table):
+                gap = _gap(pictures[host], table)
+                table.wrong(f"{status} and not as declared: {host} after `{words}` ended with {ended.code}: {gap}")
 
     def _look(self, table: Table) -> Pictures:
         """Read all devices; one that has just lost its power has the time to boot."""
@@ -337,8 +390,10 @@ class Player:
     def _judge_green(self, table: Table, ended: Ended, words: str) -> None:
         pictures = self._look(table)
         for host, picture in pictures.items():
-            asked = not words.startswith("resume") and not (
-                words.startswith("rollback") and _is(table.before[host], table.target, table)
+            asked = (
+                not words.startswith("resume")
+                and not _left_out(host, words)
+                and not (words.startswith("rollback") and _is(table.before[host], table.target, table))
             )
             if asked and host not in ended.results:
                 table.wrong(f"green and missing: `{words}` has no result of {host}")
@@ -471,6 +526,12 @@ def _ignored(table: Table, host: str) -> set[str]:
     """Menus in which a colleague has changed something in this round."""
     changed = any(fault.name == "admin changes" and fault.target == host for fault in table.plan.faults)
     return {"system/identity"} if changed else set()
+
+
+def _left_out(host: str, words: str) -> bool:
+    """The person has named others."""
+    named = [word.partition("=")[2].split(",") for word in words.split() if word.startswith("only=")]
+    return any(host not in hosts for hosts in named)
 
 
 def _is(picture: Picture, other: Pictures, table: Table) -> bool:

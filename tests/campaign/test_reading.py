@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from campaign import advice
-from campaign.command import Command
+from campaign.command import Command, end, living
 from campaign.faults import FAULTS, draw
 from campaign.judge import Picture
 
@@ -107,5 +107,6 @@ def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -
     ended = command.finish()
     pid = int(ended.out)
     assert ended.code == 0
-    assert [words.partition(" ")[0] for words in ended.orphans] == [str(pid)]
-    assert command._orphans() == [], "it was not ended"
+    assert ended.orphans == [pid]
+    assert [words.partition(" ")[0] for words in end(ended.orphans)] == [str(pid)]
+    assert living(command.mark, 5.0) == [], "it was not ended"
