@@ -121,6 +121,8 @@ class Player:
             self._follow(table, extra)
             self._await_settled(table, tuple(table.settling))
             self._judge_the_end(table)
+            if table.violations and store.exists():
+                shutil.copytree(store, site.folder / "state")
         record = {
             **plan.as_dict(),
             "struck": table.struck,
