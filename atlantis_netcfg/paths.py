@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pwd
+import stat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from atlantis_netcfg.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["cache_dir", "checkout", "private_directory", "state_dir"]
+__all__ = ["cache_dir", "checkout", "private_cache", "private_directory", "state_dir"]
 
 _HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
 _CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory provision …"
@@ -45,6 +46,23 @@ def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
     except OSError as error:
         raise UsageError(f"no place to keep the cache: {home}: {error.strerror}", hint=_CACHE_HINT) from error
     return home / "atlantis"
+
+
+def private_cache(name: str) -> Path | None:
+    """A folder of the cache that nobody else can write to, for code that is run as it stands there.
+
+    None where there is no such place (a foreign HOME under `sudo`, a full disk): then things are made anew each time.
+    """
+    try:
+        folder = cache_dir() / name
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = [place.lstat() for place in (folder.parent, folder)]
+    except (OSError, UsageError):
+        return None
+    ours = all(
+        stat.S_ISDIR(place.st_mode) and place.st_uid == os.geteuid() and not place.st_mode & 0o022 for place in found
+    )
+    return folder if ours else None
 
 
 def private_directory(path: Path) -> Path:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-from atlantis_netcfg.render import template_folder
+from atlantis_netcfg.render import compiled, template_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +26,7 @@ def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]
     if view.release.fast_dds is not None:
         files["fastdds.xml"] = "fastdds.xml.j2"
     files["ros.env"] = "ros.env.j2"
-    environment = _environment(templates)
+    environment = _environment(templates or template_folder())
     return {
         f"{view.bearer}/{name}": environment.get_template(f"dds/{template}").render(
             profile=view, folder=f"{FOLDER}/{view.bearer}"
@@ -34,10 +35,12 @@ def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]
     }
 
 
-def _environment(templates: Path | None) -> Environment:
+@cache
+def _environment(templates: Path) -> Environment:
     """Undefined names are errors; in XML values are escaped."""
     return Environment(
-        loader=FileSystemLoader(templates or template_folder()),
+        loader=FileSystemLoader(templates),
+        bytecode_cache=compiled(__file__),
         undefined=StrictUndefined,
         autoescape=select_autoescape(enabled_extensions=("xml.j2",)),
         trim_blocks=True,

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
+import inspect
+from contextlib import suppress
 from datetime import timedelta
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
-from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.paths import checkout, private_cache
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
+    from jinja2.bccache import Bucket
+
     from atlantis_netcfg.secret import Secret
 
-__all__ = ["MARK", "duration", "environment", "mark", "template_folder"]
+__all__ = ["MARK", "compiled", "duration", "environment", "mark", "template_folder"]
 
 MARK = "atlantis: "
 """Opens the comment of every row that is ours."""
@@ -35,10 +41,47 @@ def environment(templates: Path | None = None) -> Environment:
     return _made(templates or template_folder())
 
 
+class _Compiled(FileSystemBytecodeCache):
+    """What earlier starts have compiled; a file that cannot be read or written is as none."""
+
+    def __init__(self, folder: Path, depends: bytes) -> None:
+        super().__init__(str(folder), "%s")
+        self._depends = depends
+
+    def get_source_checksum(self, source: str) -> str:
+        """Of all that the compiled code depends on."""
+        return hashlib.sha256(self._depends + source.encode()).hexdigest()
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Take it from its file."""
+        try:
+            super().load_bytecode(bucket)
+        except Exception:  # noqa: BLE001 - reading a damaged file may raise anything
+            bucket.reset()
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Put it into its file, whole or not at all."""
+        with suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
+def compiled(*modules: str) -> FileSystemBytecodeCache | None:
+    """Keep compiled templates from one start to the next; none where nobody else could be kept from writing them.
+
+    Jinja works out at once what it can, filters included: `modules` are the files that make the environment and them.
+    """
+    folder = private_cache("templates")
+    if folder is None:
+        return None
+    sources = [version("jinja2").encode(), *(Path(module).read_bytes() for module in modules)]
+    return _Compiled(folder, hashlib.sha256(b"\0".join(sources)).digest())
+
+
 @cache
 def _made(folder: Path) -> Environment:
     made = Environment(
         loader=FileSystemLoader(folder),
+        bytecode_cache=compiled(__file__, inspect.getfile(quote)),
         undefined=StrictUndefined,
         autoescape=False,  # noqa: S701 - router text, not HTML: `&` must stay `&`; the filter `quote` does RouterOS' escaping
         trim_blocks=True,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.paths import cache_dir
+from atlantis_netcfg.paths import cache_dir, private_cache
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,3 +39,43 @@ def test_a_file_in_the_way_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="no place to keep the cache"):
         cache_dir({"XDG_CACHE_HOME": str(tmp_path / "file")})
+
+
+def test_code_is_kept_where_only_we_can_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = private_cache("templates")
+    assert folder == tmp_path / "atlantis" / "templates"
+    assert [place.stat().st_mode & 0o777 for place in (folder.parent, folder)] == [0o700, 0o700]
+
+
+@pytest.mark.parametrize("writable", ["atlantis", "atlantis/templates"])
+def test_it_is_not_kept_where_others_can_write(writable: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "atlantis/templates").mkdir(parents=True)
+    (tmp_path / writable).chmod(0o777)
+    assert private_cache("templates") is None
+
+
+def test_it_is_not_kept_with_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    assert private_cache("templates") is None
+
+
+@pytest.mark.parametrize("way", ["link", "file"])
+def test_it_is_not_kept_behind_a_link_or_in_a_file(way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "atlantis").mkdir()
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    place = tmp_path / "atlantis" / "templates"
+    if way == "link":
+        place.symlink_to(tmp_path / "elsewhere")
+    else:
+        place.write_text("")
+    assert private_cache("templates") is None
+
+
+def test_without_a_place_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "missing"))
+    assert private_cache("templates") is None

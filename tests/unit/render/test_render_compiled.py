@@ -1,0 +1,86 @@
+"""Templates are compiled once: a start takes what an earlier one has compiled, unless something has changed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from jinja2 import Environment, FileSystemLoader
+
+from atlantis_netcfg.render import compiled
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where compiled templates are kept."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "atlantis" / "templates"
+
+
+@pytest.fixture
+def template(tmp_path: Path) -> Path:
+    """A template with one word."""
+    path = tmp_path / "word.j2"
+    path.write_text("{{ word | upper }}, {{ 'folded' | upper }}")
+    return path
+
+
+class Start(Environment):
+    """The environment of one start, which counts what it compiles."""
+
+    def __init__(self, folder: Path, *modules: str) -> None:
+        super().__init__(loader=FileSystemLoader(folder), bytecode_cache=compiled(*modules))
+        self.made = 0
+
+    def _compile(self, source: str, filename: str) -> object:  # type: ignore[override]  # a code object
+        self.made += 1
+        return super()._compile(source, filename)
+
+    def render(self) -> tuple[str, int]:
+        """The text, and how many templates were compiled for it."""
+        return self.get_template("word.j2").render(word="done"), self.made
+
+
+def test_the_second_start_compiles_nothing(kept: Path, template: Path) -> None:
+    assert Start(template.parent, __file__).render() == ("DONE, FOLDED", 1)
+    assert len(list(kept.iterdir())) == 1
+    assert Start(template.parent, __file__).render() == ("DONE, FOLDED", 0)
+
+
+@pytest.mark.usefixtures("kept")
+def test_a_template_that_has_changed_is_compiled_again(template: Path) -> None:
+    Start(template.parent, __file__).render()
+    template.write_text("now {{ word }}")
+    assert Start(template.parent, __file__).render() == ("now done", 1)
+    assert Start(template.parent, __file__).render() == ("now done", 0)
+
+
+@pytest.mark.usefixtures("kept")
+def test_so_is_one_whose_filters_have_changed(template: Path, tmp_path: Path) -> None:
+    filters = tmp_path / "filters.py"
+    filters.write_text("as it was")
+    Start(template.parent, str(filters)).render()
+    filters.write_text("as it is")
+    assert Start(template.parent, str(filters)).render() == ("DONE, FOLDED", 1)
+
+
+@pytest.mark.parametrize("cut", [0, 3, 20, 40, 90, -1])
+def test_a_damaged_file_is_as_none(cut: int, kept: Path, template: Path) -> None:
+    Start(template.parent, __file__).render()
+    (file,) = kept.iterdir()
+    whole = file.read_bytes()
+    for damaged in (whole[:cut], whole[:cut] + bytes(len(whole) - len(whole[:cut]))):
+        file.write_bytes(damaged)
+        assert Start(template.parent, __file__).render()[0] == "DONE, FOLDED"
+        assert file.read_bytes() == whole
+
+
+def test_a_folder_in_which_nothing_can_be_kept_is_as_none(kept: Path, template: Path) -> None:
+    start = Start(template.parent, __file__)
+    kept.rmdir()
+    assert start.render() == ("DONE, FOLDED", 1)
+    kept.write_text("a file in its place")
+    assert Start(template.parent, __file__).render() == ("DONE, FOLDED", 1)
