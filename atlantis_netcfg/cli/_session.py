@@ -24,7 +24,7 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers import is_computer, refuse_unfounded
+from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
@@ -137,8 +137,12 @@ class Session:
         """
         request = self.request(mode, plans=plans, run=run, via=via)
         declared = self._declared(mode)
-        if not self.declaration.pilot.example_values:
-            refuse_unfounded(declared, request)
+        if any(is_computer(host) for host in declared):
+            # What makes their parts is imported before their tasks, which are forked children, and for them alone.
+            from atlantis_netcfg.operations.computers import refuse_unfounded
+
+            if not self.declaration.pilot.example_values:
+                refuse_unfounded(declared, request)
         request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
         names = [host.name for host in (*self.asked, *declared)]
         self._refuse_early(request)

@@ -1,0 +1,70 @@
+"""What a run that changes nothing does not import: its start is most of what it costs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import ROUTER, quay
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+PROGRAM = """
+import sys
+from atlantis_netcfg.cli import main
+code = main()
+print(*sys.modules, file=sys.stderr)
+sys.exit(code)
+"""
+UNUSED = {
+    *(
+        "asyncssh",
+        "fpdf",
+        "jeepney",
+        "netmiko",
+        "paramiko",
+        "pymavlink",
+        "pyrage",
+        "pytest",
+        "rich",
+        "serial",
+        "unittest",
+    ),
+    "atlantis_netcfg.bundle",
+    "atlantis_netcfg.checklist",
+    "atlantis_netcfg.console",
+    "atlantis_netcfg.dds",
+    "atlantis_netcfg.firstcontact",
+    "atlantis_netcfg.gateway",
+    "atlantis_netcfg.image",
+    "atlantis_netcfg.machine",
+    "atlantis_netcfg.operations.rehearsal",
+    "atlantis_netcfg.packages",
+    "atlantis_netcfg.probes",
+    "atlantis_netcfg.twin.router",
+    "atlantis_netcfg.vpn",
+}
+
+
+@pytest.mark.parametrize("how", ["--yes", "--plan"])
+def test_a_run_that_changes_nothing_imports_what_it_uses(how: str, tmp_path: Path) -> None:
+    with quay(tmp_path) as at:
+        at.adopt()
+        at.configure()
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM, "site=coastal", f"only={ROUTER}", how, f"inventory={at.inventory}"],
+            env=at.environment(),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 0, done.stdout + done.stderr
+    imported = set(done.stderr.splitlines()[-1].split())
+    assert {"ansible", "atlantis_netcfg.routeros.apply"} <= imported
+    assert imported & UNUSED == set()
