@@ -9,6 +9,7 @@ import sys
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -137,8 +138,10 @@ class Session:
         """
         request = self.request(mode, plans=plans, run=run, via=via)
         declared = self._declared(mode)
+        # What their tasks need is imported before these, which are forked children, and only where they take part.
+        if any(is_unit(host) for host in declared):
+            import_module("atlantis_netcfg.operations.lte._converge")
         if any(is_computer(host) for host in declared):
-            # What makes their parts is imported before their tasks, which are forked children, and for them alone.
             from atlantis_netcfg.operations.computers import refuse_unfounded
 
             if not self.declaration.pilot.example_values:

@@ -23,10 +23,8 @@ from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.lte._came import Patience
-from atlantis_netcfg.operations.lte._converge import Converge
 from atlantis_netcfg.operations.lte._kind import is_unit
 from atlantis_netcfg.operations.lte._result import FINE, LteResult
-from atlantis_netcfg.operations.lte._unit import Unit
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.site.model import LteRouter
@@ -106,6 +104,10 @@ def _site(
 
 
 def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel: Channel) -> LteResult:
+    # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
+    from atlantis_netcfg.operations.lte._converge import Converge  # noqa: PLC0415
+    from atlantis_netcfg.operations.lte._unit import Unit  # noqa: PLC0415
+
     assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_unit` has said so
     unit = Unit(
         host,
