@@ -14,13 +14,25 @@ from atlantis_netcfg.lazy import homes
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.around import Around, Called, Load, Validity
     from atlantis_netcfg.twin.control import COMMANDS, TwinRefused
-    from atlantis_netcfg.twin.device import NOT_REHEARSED, Device, Service
+    from atlantis_netcfg.twin.device import Device
     from atlantis_netcfg.twin.lte import CellSpec, ModemSpec, SimSpec
+    from atlantis_netcfg.twin.not_rehearsed import NOT_REHEARSED
     from atlantis_netcfg.twin.radio import Air, RadioLink, RadioPair
     from atlantis_netcfg.twin.router import Router
     from atlantis_netcfg.twin.running import RunningSite, SpawnedSite, TwinsFailed, spawn
-    from atlantis_netcfg.twin.site import Site, SiteSpec, TwinSpec
-    from atlantis_netcfg.twin.spec import DeviceMode, Execute, Management, Mode, Radio, RouterSpec, User
+    from atlantis_netcfg.twin.services import Service
+    from atlantis_netcfg.twin.site import Site
+    from atlantis_netcfg.twin.spec import (
+        DeviceMode,
+        Execute,
+        Management,
+        Mode,
+        Radio,
+        RouterSpec,
+        SiteSpec,
+        TwinSpec,
+        User,
+    )
     from atlantis_netcfg.twin.wire.faults import Fault, FaultKind
     from atlantis_netcfg.twin.wire.knobs import Knobs
     from atlantis_netcfg.twin.wire.link import Link
@@ -70,13 +82,18 @@ __getattr__ = homes(
     {
         "around": ("Around", "Called", "Load", "Validity"),
         "control": ("COMMANDS", "TwinRefused"),
-        "device": ("NOT_REHEARSED", "Device", "Service"),
+        "device": ("Device",),
         "lte": ("CellSpec", "ModemSpec", "SimSpec"),
+        "not_rehearsed": ("NOT_REHEARSED",),
         "radio": ("Air", "RadioLink", "RadioPair"),
         "router": ("Router",),
         "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
-        "site": ("Site", "SiteSpec", "TwinSpec"),
-        "spec": ("DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"),
+        "services": ("Service",),
+        "site": ("Site",),
+        "spec": (
+            *("DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec"),
+            *("SiteSpec", "TwinSpec", "User"),
+        ),
         "wire.faults": ("Fault", "FaultKind"),
         "wire.knobs": ("Knobs",),
         "wire.link": ("Link",),

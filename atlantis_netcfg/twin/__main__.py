@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import atexit
+import gc
 import json
 import os
 import signal
@@ -21,9 +23,12 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.twin.control import TwinRefused, obey
-from atlantis_netcfg.twin.site import Site, SiteSpec
+from atlantis_netcfg.twin.site import Site
+from atlantis_netcfg.twin.spec import SiteSpec
 
 _STDIN = 0
+_OBJECTS = 50_000
+"""Between two looks for garbage, and none at the end: as in the command line, with which a rehearsal waits for us."""
 
 
 def main() -> int:
@@ -33,6 +38,8 @@ def main() -> int:
     parser.add_argument("--state", type=Path, required=True, help="folder that stands for the routers' flash")
     parser.add_argument("--owner", type=int, help="the parent process, with whose end the twins end")
     given = parser.parse_args()
+    gc.set_threshold(_OBJECTS)
+    atexit.register(gc.freeze)
     try:
         spec = SiteSpec.model_validate_json(given.site.read_bytes())
     except (OSError, ValidationError) as error:

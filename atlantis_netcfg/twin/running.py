@@ -1,6 +1,7 @@
 """Twins for callers that are not asyncio programs: in a thread of this process, or in a process of their own.
 
 Both are context managers with the same face: `ready` tells where the twins are, `do` commands them (see control.py).
+An emulated router is imported where it runs: who starts twins in a process of their own does not load it.
 """
 
 from __future__ import annotations
@@ -15,15 +16,13 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.twin.control import TwinRefused, obey
-from atlantis_netcfg.twin.site import Site
 from atlantis_netcfg.twin.wire import private
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from atlantis_netcfg.twin.site import SiteSpec
+    from atlantis_netcfg.twin.spec import SiteSpec
 
 __all__ = ["RunningSite", "SpawnedSite", "TwinsFailed", "spawn"]
 
@@ -38,6 +37,8 @@ class RunningSite:
     """The twins of `spec` in a thread with its own event loop."""
 
     def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
+        from atlantis_netcfg.twin.site import Site  # noqa: PLC0415 - see above
+
         self.site = Site(spec, state_dir)
         self.ready: dict[str, Any] = {}
         self._started: Future[dict[str, Any]] = Future()
@@ -61,6 +62,8 @@ class RunningSite:
 
     def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
         """Command one twin and wait for the result. Raises TwinRefused."""
+        from atlantis_netcfg.twin.control import obey  # noqa: PLC0415 - see above
+
         work = obey(self.site, twin, command, arguments)
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(_PATIENCE_S)
 
@@ -104,6 +107,8 @@ class SpawnedSite:
             self._say({"twin": twin, "do": command, **arguments})
             answer = self._hear()
         if not answer["ok"]:
+            from atlantis_netcfg.twin.control import TwinRefused  # noqa: PLC0415 - see above
+
             raise TwinRefused(answer["error"], hint=answer.get("hint"))
         return answer["result"]
 

@@ -4,59 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-
-from atlantis_netcfg.twin.radio import RadioLink, RadioPair
+from atlantis_netcfg.twin.radio import RadioLink
 from atlantis_netcfg.twin.router import Router
-from atlantis_netcfg.twin.spec import RouterSpec
-from atlantis_netcfg.twin.wire.knobs import Knobs
-from atlantis_netcfg.twin.wire.link import Link
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-__all__ = ["Site", "SiteSpec", "TwinSpec"]
+    from atlantis_netcfg.twin.spec import SiteSpec
 
-
-class TwinSpec(BaseModel):
-    """A router, the bearer that leads to it, and its moods."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    router: RouterSpec
-    link: Link = Link()
-    knobs: Knobs = Knobs()
-    ports: dict[int, int] = Field(default_factory=dict)
-    """Loopback ports wished for, by service port; the kernel chooses the others."""
-
-
-class SiteSpec(BaseModel):
-    """All twins of a site."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    name: str
-    twins: tuple[TwinSpec, ...]
-    pairs: tuple[RadioPair, ...] = ()
-    """Radio links between them."""
-
-    @model_validator(mode="after")
-    def _ends(self) -> Self:
-        radios = {twin.router.name: [radio.name for radio in twin.router.radios] for twin in self.twins}
-        for pair in self.pairs:
-            for name, radio in ((pair.near, pair.near_radio), (pair.far, pair.far_radio)):
-                if radio not in radios.get(name, ()):
-                    raise ValueError(f"there is no radio {radio} on a twin called {name}")
-        return self
-
-    @model_validator(mode="after")
-    def _names(self) -> Self:
-        names = [twin.router.name for twin in self.twins]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"two twins are called {', '.join(twice)}")
-        return self
+__all__ = ["Site"]
 
 
 class Site:

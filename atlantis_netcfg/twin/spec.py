@@ -1,4 +1,4 @@
-"""What a router twin is made of: the box, its version and device-mode, its users, and the path by which we manage it.
+"""What twins are made of: the box, its version and device-mode, its users, the path by which we manage it; a site.
 
 Everything here is data that survives a round trip through JSON
 (`RouterSpec.model_validate_json(spec.model_dump_json())`).
@@ -15,8 +15,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from atlantis_netcfg.twin.around._spec import Around
 from atlantis_netcfg.twin.lte._spec import ModemSpec
+from atlantis_netcfg.twin.radio._spec import RadioPair
+from atlantis_netcfg.twin.wire.knobs import Knobs
+from atlantis_netcfg.twin.wire.link import Link
 
-__all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "User"]
+__all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "SiteSpec", "TwinSpec", "User"]
 
 ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
 
@@ -161,4 +164,40 @@ class RouterSpec(_Spec):
         unknown = {*(path.port for path in self.paths), *self.poe_ports} - there
         if unknown:
             raise ValueError(f"no such port on {self.name}: {', '.join(sorted(unknown))}")
+        return self
+
+
+class TwinSpec(_Spec):
+    """A router, the bearer that leads to it, and its moods."""
+
+    router: RouterSpec
+    link: Link = Link()
+    knobs: Knobs = Knobs()
+    ports: dict[int, int] = Field(default_factory=dict)
+    """Loopback ports wished for, by service port; the kernel chooses the others."""
+
+
+class SiteSpec(_Spec):
+    """All twins of a site."""
+
+    name: str
+    twins: tuple[TwinSpec, ...]
+    pairs: tuple[RadioPair, ...] = ()
+    """Radio links between them."""
+
+    @model_validator(mode="after")
+    def _ends(self) -> Self:
+        radios = {twin.router.name: [radio.name for radio in twin.router.radios] for twin in self.twins}
+        for pair in self.pairs:
+            for name, radio in ((pair.near, pair.near_radio), (pair.far, pair.far_radio)):
+                if radio not in radios.get(name, ()):
+                    raise ValueError(f"there is no radio {radio} on a twin called {name}")
+        return self
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = [twin.router.name for twin in self.twins]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"two twins are called {', '.join(twice)}")
         return self

@@ -10,8 +10,7 @@ from atlantis_netcfg.twin.around import Around, Called, Load, Validity
 from atlantis_netcfg.twin.around._shown import move
 from atlantis_netcfg.twin.certificates import issue
 from atlantis_netcfg.twin.device import Device
-from atlantis_netcfg.twin.site import SiteSpec, TwinSpec
-from atlantis_netcfg.twin.spec import RouterSpec, User
+from atlantis_netcfg.twin.spec import RouterSpec, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
     from pathlib import Path
