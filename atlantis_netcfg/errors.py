@@ -9,12 +9,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 __all__ = [
+    "WORST_FIRST",
     "DeviceFailed",
     "ExitCode",
     "NetcfgError",
     "NothingMatched",
     "OutcomeUnknown",
     "UsageError",
+    "complete",
     "worst",
 ]
 
@@ -37,7 +39,7 @@ class ExitCode(IntEnum):
         return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
 
 
-_WORST_FIRST = (
+WORST_FIRST = (
     ExitCode.OUR_FAULT,
     ExitCode.UNKNOWN,
     ExitCode.FAILED,
@@ -46,12 +48,24 @@ _WORST_FIRST = (
     ExitCode.CHANGES,
     ExitCode.DONE,
 )
+"""The only order of exit codes: every report of several devices ends by it, and docs/exit-codes.md says it (a test)."""
 
 
 def worst(codes: Iterable[ExitCode]) -> ExitCode:
     """The code that needs somebody most; NOTHING where nothing else is among them (docs/exit-codes.md)."""
     found = frozenset(codes)
-    return next((code for code in _WORST_FIRST if code in found), ExitCode.NOTHING)
+    return next((code for code in WORST_FIRST if code in found), ExitCode.NOTHING)
+
+
+def complete(text: str, *, site: str, device: str = "") -> str:
+    """A hint with its `site=…`, `device=…` and `host=…` filled in, so that it can be typed as it stands.
+
+    For texts of those who know neither (pure judges, programs on a gateway), by the first who knows.
+    """
+    for word, value in (("site", site), ("device", device), ("host", device)):
+        if value:
+            text = text.replace(f"{word}=…", f"{word}={value}")
+    return text
 
 
 class NetcfgError(Exception):

@@ -66,9 +66,9 @@ def open_bundle(
     """
     bundle = Bundle(folder, _signed(folder, keys, accept))
     manifest = bundle.manifest
-    hint = f"copy the bundle again, or make it anew: provision bundle site={manifest.site}"
+    hint = f"copy the bundle again, or make it anew: `provision bundle site={manifest.site}`"
     found: list[tuple[str, str | None]] = [(words, hint) for words in _damage(folder, manifest)]
-    again = f"on a computer with internet: provision bundle site={manifest.site}"
+    again = f"on a computer with internet: `provision bundle site={manifest.site}`"
     found += [(words, again) for wish in wishes or () for words in _uncovered(manifest, wish)]
     if found:
         raise refused(found)
@@ -81,7 +81,7 @@ def _signed(folder: Path, keys: Keys, accept: str | None) -> Manifest:
     except OSError as error:
         raise BundleRefused(
             f"{folder} is no bundle, or not a whole one: {error.filename}: {error.strerror}",
-            hint="`provision bundle site=…` tells where it has put the bundle",
+            hint="name the folder itself; `provision bundle site=…` makes one, and tells where it has put it",
         ) from error
     fingerprint = signed_by(data, signature, public)
     if fingerprint is None:
@@ -97,7 +97,7 @@ def _signed(folder: Path, keys: Keys, accept: str | None) -> Manifest:
         raise BundleRefused(
             f"{folder} was signed on another computer, by key {fingerprint}",
             hint="let whoever made it read you the key; if it is this one:"
-            f" provision bundle site=… check={folder} key=…",
+            f" `provision bundle site=… check={folder} key={fingerprint}`",
         )
     manifest = read_manifest(data, f"{folder}/{MANIFEST}")
     if manifest.key != fingerprint:

@@ -75,6 +75,14 @@ def broken_seal(data: dict[str, Any], known: Collection[str]) -> Iterator[tuple[
         )
 
 
+def _goes_on(document: dict[str, Any]) -> str:
+    rehearsed = " --rehearse" if document["rehearsed"] else ""
+    return (
+        f"nobody vouches for it: `provision check site={document['site']}{rehearsed}` goes on with it, on the computer "
+        "on which it was made"
+    )
+
+
 def check_report(data: bytes, known: Collection[str]) -> Iterator[Trouble]:
     """Everything in a `report.json` that is not as it was signed."""
     try:
@@ -86,7 +94,7 @@ def check_report(data: bytes, known: Collection[str]) -> Iterator[Trouble]:
         return
     block = document.get("signed")
     if block is None:
-        yield Trouble(REPORT, "is not signed", "nobody vouches for it: `provision check` goes on with it")
+        yield Trouble(REPORT, "is not signed", _goes_on(document))
         return
     if block["digest"] != digest(document):
         yield Trouble(REPORT, "was changed after it was signed", "do not rely on it; ask for the original")

@@ -113,7 +113,7 @@ class Book:
         """One item by its id. Raises Refused."""
         if name not in self._items:
             near = nearest(name, self._items)
-            hint = f"did you mean `{near}`?" if near else "`provision check` shows every id"
+            hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
             raise Refused(f"there is no item `{name}` in this checklist", hint=hint)
         return self._items[name]
 

@@ -77,7 +77,9 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
     entries = [entry for row in rows for entry in _entries(declaration, site, row)]
     chosen = tuple(entry for entry in entries if _inside(entry, scope))
     if not chosen:
-        raise NothingMatched("nothing is left of the checklist", hint="leave out a word: `provision check` lists all")
+        raise NothingMatched(
+            "nothing is left of the checklist", hint=f"leave out a word: `provision check site={site}` lists all"
+        )
     return Checklist(
         site=site,
         title=declaration.sites[site].title,

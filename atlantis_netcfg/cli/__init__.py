@@ -61,7 +61,7 @@ class _Line:
         try:
             code = self._run()
         except NetcfgError as error:
-            return _outcome.failed(error, as_json=as_json)
+            return _outcome.failed(error, self.typed, as_json=as_json)
         except KeyboardInterrupt as stop:
             return _outcome.interrupted(self.command, self.typed, stop, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen

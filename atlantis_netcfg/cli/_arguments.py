@@ -95,7 +95,7 @@ VERBOSE = Flag("verbose", "say more about each step", short="v")
 class Command:
     """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown.
 
-    `again` says what to do then, where that is not `provision resume`. `plays` says that devices change in plays alone:
+    `again` says what to do then, where `provision runs` does not. `plays` says that devices change in plays alone:
     these settle when they are stopped, so that nothing is unknown beside what their report says.
     """
 

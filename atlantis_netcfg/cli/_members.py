@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.errors import ExitCode
     from atlantis_netcfg.operations.vpn.deploying import Deployed, Server
     from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
+    from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Authority, Revoked
     from atlantis_netcfg.vpn.identity import Member
 
@@ -28,7 +29,13 @@ def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
     return Outlet(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
 
 
-def close(arguments: Arguments, handed: Sequence[Handed], server: Server, authority: Authority) -> ExitCode:
+def close(
+    arguments: Arguments,
+    declaration: Declaration,
+    handed: Sequence[Handed],
+    server: Server,
+    authority: Authority,
+) -> ExitCode:
     """Tell what was issued, its one-time passphrases among it, then bring it to the server and tell that.
 
     A passphrase is printed before the server is asked: who stops a command that waits for it has lost nothing.
@@ -36,7 +43,7 @@ def close(arguments: Arguments, handed: Sequence[Handed], server: Server, author
     from atlantis_netcfg.cli import _vpn
 
     if not arguments.flag("json"):
-        for line in (line for one in handed for line in _lines(one)):
+        for line in (line for one in handed for line in _lines(declaration, one)):
             print(line, flush=True)
     deployed = _deployed(arguments, server, authority)
     told = {"members": [_row(one) for one in handed], **deployed.as_json()}
@@ -75,7 +82,7 @@ def _row(one: Handed) -> dict[str, Any]:
     }
 
 
-def _lines(one: Handed) -> Iterator[str]:
+def _lines(declaration: Declaration, one: Handed) -> Iterator[str]:
     member, certificate = one.issued.member, one.issued.certificate
     what = "already so" if one.issued.already else certificate.common_name
     yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
@@ -89,18 +96,18 @@ def _lines(one: Handed) -> Iterator[str]:
     for gone in one.issued.replaced:
         yield f"  revoked     {gone}, which was handed out before and never used"
     if member.partner is None:
-        yield f"              `{bringing(member)}` brings it there"
+        yield f"              `{bringing(declaration, member)}` brings it there"
     else:
         yield "              the partner opens it with age, and goes on with README.txt inside"
 
 
-def bringing(member: Member) -> str:
+def bringing(declaration: Declaration, member: Member) -> str:
     """The command that brings a declared computer its identity."""
     from atlantis_netcfg.vpn.identity import Kind
 
     if member.kind is Kind.ROUTER:
         return f"provision vpn install host={member.name}"
-    return f"provision site=… only={member.name}"
+    return f"provision site={declaration.hosts[member.name].site} only={member.name}"
 
 
 def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) -> ExitCode:

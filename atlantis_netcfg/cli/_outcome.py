@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, complete
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,10 +15,16 @@ if TYPE_CHECKING:
 __all__ = ["Stopped", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
 
 
-def failed(error: NetcfgError, *, as_json: bool) -> ExitCode:
-    """Tell an error that has words of its own; one that carries `errors` is told as each of them."""
+def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> ExitCode:
+    """Tell an error that has words of its own; one that carries `errors` is told as each of them.
+
+    What a hint leaves open (`site=…`) is filled in from what was typed.
+    """
     errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
-    _tell([(str(one), one.hint) for one in errors], error.exit, as_json=as_json)
+    words = dict(word.partition("=")[::2] for word in typed)
+    device = words.get("device") or words.get("host") or ""
+    hints = [one.hint and complete(one.hint, site=words.get("site", ""), device=device) for one in errors]
+    _tell(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
     return error.exit
 
 
@@ -41,7 +47,7 @@ def interrupted(command: Command | None, typed: Sequence[str], stop: KeyboardInt
     how = signal_of(stop)
     if command is not None and command.changes and not _changes_nothing(command, typed):
         message = f"stopped by {how}; what a device kept is not known here"
-        hint = command.again or "`provision runs` shows what was confirmed, `provision resume` goes on from there"
+        hint = command.again or "`provision runs` shows what was confirmed, and how a run that is unfinished goes on"
         _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
     _tell([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)

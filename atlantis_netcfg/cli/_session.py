@@ -21,7 +21,7 @@ from atlantis_netcfg.cli._outcome import Stopped
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
 from atlantis_netcfg.cli._progress import progress
-from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched, worst
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -248,7 +248,7 @@ class Session:
                 self.show_plan(report)
             return report
         planned = self.plan()
-        if planned.exit is not ExitCode.CHANGES:
+        if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
         dear = [asked(one["cost"]) for one in planned.devices.values() if one["planned"] and "cost" in one]
         if dear and not self._says(ACCEPT_COST):
@@ -257,6 +257,12 @@ class Session:
         agreed(f"Change {', '.join(changing)} now")
         plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
         return self.perform(Mode.APPLY, plans=plans, paid=bool(dear))
+
+    @staticmethod
+    def _plannable(planned: RunReport) -> Iterator[ExitCode]:
+        """How each device ended: what the look at one has found wrong keeps no other from being changed."""
+        codes = (planned.exit, *(ExitCode(one["exit"]) for one in planned.devices.values()))
+        return (code for code in codes if code is not ExitCode.CHECKS_FAILED)
 
     def _exports(self) -> dict[str, str]:
         """What the twins hold, without the comment lines, which tell the time."""
@@ -292,33 +298,33 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     declaration, before anything is started, and says which hosts take part, in place of `only`: also none. Between
     plays nothing is in flight: a stop signal there leaves every device as its last result says. Raises Stopped.
     """
-    named = arguments.optional("inventory")
-    # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
-    vault = vault_of(arguments)
-    declaration = load(Path(named) if named else paths.checkout() / "inventory", decrypt=vault.decrypt)
-    if only is None:
-        only = arguments.many("only") if arguments.command.word("only") else ()
-    if site is None:
-        site = arguments.word("site")
-    if chosen is None:
-        hosts = choose(declaration, site, only)
-        _require_handled(hosts, only, arguments.command.name)
-    else:
-        hosts = chosen(declaration)
-    with ExitStack() as stack:
-        twins = None
-        if rehearse:
-            from atlantis_netcfg.operations.rehearsal import rehearsal
+    changed: list[str] = []
+    try:
+        named = arguments.optional("inventory")
+        # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
+        vault = vault_of(arguments)
+        declaration = load(Path(named) if named else paths.checkout() / "inventory", decrypt=vault.decrypt)
+        if only is None:
+            only = arguments.many("only") if arguments.command.word("only") else ()
+        if site is None:
+            site = arguments.word("site")
+        if chosen is None:
+            hosts = choose(declaration, site, only)
+            _require_handled(hosts, only, arguments.command.name)
+        else:
+            hosts = chosen(declaration)
+        with ExitStack() as stack:
+            twins = None
+            if rehearse:
+                from atlantis_netcfg.operations.rehearsal import rehearsal
 
-            with progress(quiet=arguments.flag(JSON.name)) as notify:
-                twins = stack.enter_context(rehearsal(declaration, hosts, via, notify))
-        opened = Session(arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via)
-        try:
-            yield opened
-        except KeyboardInterrupt as stop:
-            if not arguments.command.plays:
-                raise
-            raise Stopped(stop, opened.changed) from stop
+                with progress(quiet=arguments.flag(JSON.name)) as notify:
+                    twins = stack.enter_context(rehearsal(declaration, hosts, via, notify))
+            yield Session(arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via, changed=changed)
+    except KeyboardInterrupt as stop:
+        if not arguments.command.plays:
+            raise
+        raise Stopped(stop, changed) from stop
 
 
 def _require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:

@@ -44,6 +44,7 @@ COMMAND = Command(
     ),
     details="It may be repeated after a break at any moment: it goes on where it stopped.",
     changes=True,
+    again="type the same again: it looks where the router stands, and goes on from there",
 )
 
 

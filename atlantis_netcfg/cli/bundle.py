@@ -72,7 +72,11 @@ def _refuse_both(arguments: Arguments) -> None:
     if arguments.optional("image") is not None and arguments.optional("status") is not None:
         raise UsageError("`image=` and `status=` both say what is on the board", hint="leave one of them out")
     if arguments.optional("key") is not None:
-        raise UsageError("`key=` goes with `check=`", hint="provision bundle site=… check=BUNDLE key=…")
+        site, key = arguments.word("site"), arguments.optional("key")
+        raise UsageError(
+            "`key=` goes with `check=`",
+            hint=f"add `check=` and its folder: `provision bundle site={site} check=BUNDLE key={key}`",
+        )
 
 
 def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:

@@ -41,6 +41,7 @@ COMMAND = Command(
     ),
     details="Refused, and nothing written: system disks, disks in use, disks that are not on USB or in an SD/MMC slot.",
     changes=True,
+    again="type the same again: the card is written anew from its beginning",
 )
 
 

@@ -31,8 +31,8 @@ COMMAND = Command(
         JSON,
     ),
     details=(
-        "Nothing is changed, and nothing is sent over a satellite. Exit code 6 says that a link fails or a device does "
-        "not answer, 0 that all is well but for warnings, 7 that nobody was asked."
+        "Nothing is changed, and nothing is sent over a satellite. Exit code 6 says that a link fails or cannot be "
+        "seen, or a device does not answer, 0 that all is well but for warnings, 7 that nobody was asked."
     ),
 )
 

@@ -46,6 +46,7 @@ COMMAND = Command(
         "7: nothing was tried."
     ),
     changes=True,
+    again="type the same again: rows that it has added go with its session, by the safe mode of the router",
 )
 
 

@@ -42,6 +42,7 @@ COMMAND = Command(
     ),
     details="Nothing is downloaded. The device reboots; what it feeds and carries is down meanwhile.",
     changes=True,
+    again="type the same again: it looks at what runs on the device, and goes on from there",
 )
 
 

@@ -69,7 +69,8 @@ def _confirm(declaration: Declaration, *, as_json: bool) -> ExitCode:
     for name, some in checked.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
     if declaration.pilot.example_values:
-        print("It still holds example values: only rehearsals use it (provision site=… --rehearse).")
+        rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
+        print(f"It still holds example values: only rehearsals use it ({rehearsal}).")
     return ExitCode.DONE
 
 

@@ -56,7 +56,7 @@ def run(arguments: Arguments) -> ExitCode:
     how = "already so" if accepted.already else "accepted"
     lines = [
         f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
-        f"  kept in {accepted.path}; `{_members.bringing(member)}` brings it there",
+        f"  kept in {accepted.path}; `{_members.bringing(declaration, member)}` brings it there",
     ]
     return _vpn.tell(arguments, ExitCode.DONE, told, lines)
 

@@ -32,6 +32,7 @@ COMMAND = Command(
         "RouterOS before 7.17 cannot wrap its control channel and is refused."
     ),
     changes=True,
+    again="type the same again: it goes on from there, and removes files that were left",
 )
 
 
@@ -51,7 +52,7 @@ def run(arguments: Arguments) -> ExitCode:
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional(VIA.name),
         site=host.site,
-        only=[host.name],
+        chosen=lambda _: (host,),
     ) as opened:
         return _installed(opened)
 

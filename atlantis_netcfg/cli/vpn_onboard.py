@@ -66,7 +66,7 @@ def run(arguments: Arguments) -> ExitCode:
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
     handed = onboarding.finished(wishes) or onboarding.issue(wishes, asked(arguments))
-    return _members.close(arguments, handed, server, authority)
+    return _members.close(arguments, declaration, handed, server, authority)
 
 
 def _asked(arguments: Arguments) -> Sequence[Asked]:

@@ -59,7 +59,7 @@ def run(arguments: Arguments) -> ExitCode:
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
     handed = onboarding.renew(members, change, asked(arguments))
-    return _members.close(arguments, handed, server, authority)
+    return _members.close(arguments, declaration, handed, server, authority)
 
 
 def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:

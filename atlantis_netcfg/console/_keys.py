@@ -32,7 +32,7 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
             raise UnknownHostKey(
                 f"{hostname}: this device was never met over SSH; it shows the host key {self.seen}",
                 fingerprint=self.seen,
-                hint="`provision adopt` records it, over a cable that leads to nothing but the device",
+                hint="`provision adopt site=… device=…` records it, over a cable that leads to nothing but the device",
             )
         if self._pin != self.seen:
             raise HostKeyChanged(

@@ -279,7 +279,7 @@ class FirstContact:
             notes.append(
                 f"not verified, because the laptop is on the serial line: that {self.wish.host} answers on "
                 f"{self.wish.port}; plug into {self.wish.port} with address {self.wish.laptop}, and "
-                "`provision site=...` verifies it"
+                "`provision site=…` verifies it"
             )
         self._known()
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
-from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
 from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.request import Mode
@@ -103,7 +103,8 @@ def look(
     evidence = _evidence(device)
     found = _backup(declaration.root, evidence, backup)
     confirmed = _recorded(store).get(host.name)
-    findings = judge_evidence(host.name, evidence, found, confirmed, today)
+    judged = judge_evidence(host.name, evidence, found, confirmed, today)
+    findings = [replace(one, hint=one.hint and complete(one.hint, site=host.site)) for one in judged]
     return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(declaration, host, device)))
 
 

@@ -16,7 +16,8 @@ __all__ = ["LinksReport"]
 
 _KINDS = {"wifi_ptp": "Wi-Fi bridge", "lte": "4G", "satellite": "satellite", "ethernet": "cable"}
 _STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "not known"}
-_FAILS = frozenset({Verdict.FAIL.value, Verdict.ERROR.value})
+_NOT_GREEN = frozenset({Verdict.FAIL.value, Verdict.ERROR.value, Verdict.INCONCLUSIVE.value})
+"""Of a finding: what was looked for and could not be seen is no more green than what was seen to fail."""
 _MARGIN, _WIDTH = 14, 117
 """Column at which the words of a line begin, and at which they end, both behind the indent of 3."""
 
@@ -41,11 +42,14 @@ class LinksReport:
 
     @property
     def exit(self) -> ExitCode:
-        """Nothing asked is no green; a link that fails or a device that does not answer is a failed check."""
+        """Nothing asked is no green; nor is a link that fails or cannot be seen, or a device that does not answer.
+
+        A satellite that is not probed has no finding: nobody has asked for it.
+        """
         if not self.asked:
             return ExitCode.NOTHING
-        failed = any(finding["verdict"] in _FAILS for one in self.bearers.values() for finding in one["findings"])
-        return ExitCode.CHECKS_FAILED if failed or self.unreachable else ExitCode.DONE
+        not_green = any(one["verdict"] in _NOT_GREEN for link in self.bearers.values() for one in link["findings"])
+        return ExitCode.CHECKS_FAILED if not_green or self.unreachable else ExitCode.DONE
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""

@@ -5,22 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.errors import ExitCode, worst
 from atlantis_netcfg.report.cost import asked, cost_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 __all__ = ["Pass", "RunReport"]
-
-_WORST_FIRST = (
-    ExitCode.OUR_FAULT,
-    ExitCode.UNKNOWN,
-    ExitCode.FAILED,
-    ExitCode.USAGE,
-    ExitCode.CHANGES,
-    ExitCode.CHECKS_FAILED,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +61,7 @@ class RunReport:
         codes |= {ExitCode.FAILED if one.left else ExitCode(one.result["exit"]) for one in self.passes}
         if self.stopped_by:
             codes.add(ExitCode.FAILED)
-        if codes == {ExitCode.NOTHING}:
-            return ExitCode.NOTHING
-        return next((code for code in _WORST_FIRST if code in codes), ExitCode.DONE)
+        return worst(codes)
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""

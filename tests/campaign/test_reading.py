@@ -20,7 +20,7 @@ FILTER = "ip/firewall/filter"
 
 
 CTRL_C = """error: stopped by Ctrl-C; what a device kept is not known here
-       `provision runs` shows what was confirmed, `provision resume` goes on from there
+       `provision runs` shows what was confirmed, and how a run that is unfinished goes on
 """
 BUSY = """  scc-cpe            another run changes this bridge
                      wait until it has ended; if it has died:  provision resume
@@ -31,7 +31,6 @@ ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc
 @pytest.mark.parametrize(
     ("output", "typed", "waits"),
     [
-        (CTRL_C, ("resume", "site=coastal"), False),
         (BUSY, ("resume", "site=coastal"), True),
         ("error: no run\n       `provision site=…` begins one", ("site=coastal",), False),
         (ONE_HOST, ("drift", "site=coastal", "only=scc-cpe"), True),
@@ -48,7 +47,9 @@ def test_the_last_command_that_settles_something_is_the_advice(
     assert (found.typed, found.waits) == (typed, waits)
 
 
-@pytest.mark.parametrize("output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them"])
+@pytest.mark.parametrize(
+    "output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them", CTRL_C]
+)
 def test_what_only_informs_is_no_advice(output: str) -> None:
     assert advice.read(output, "coastal") is None
 

@@ -81,7 +81,7 @@ def _filter(name: str, evidence: Evidence) -> Iterator[Finding]:
         message = (
             f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
         )
-        hint = "enter the declared destinations on the terminal's page; `provision prove` lists and tries them"
+        hint = "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them"
         yield Finding(Verdict.WARN, "terminal-without-allow-list", message, hint)
 
 
@@ -94,7 +94,7 @@ def _backup(name: str, evidence: Evidence, backup: Backup | None) -> Iterator[Fi
     elif backup is None:
         message = f"the backup of the terminal {name} that is declared is not on this computer"
         file = evidence.backup_file or "the file"
-        hint = f"put {file} into inventory/evidence/, or name it: provision prove … backup=FILE"
+        hint = f"put {file} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`"
         yield Finding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
     elif backup.sha256 != declared:
         message = (

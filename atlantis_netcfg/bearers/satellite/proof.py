@@ -108,7 +108,7 @@ def _refused(attempt: Attempt) -> Finding:
             message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
             hint = "enter the declared destinations on the terminal's page"
             return Finding(Verdict.WARN, "only-the-router-enforces", message, hint)
-        hint = "provision the site; then look who else has changed the router's filter (provision drift)"
+        hint = "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed"
         return Finding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
     if attempt.outcome is Outcome.REFUSED_HERE:
         return Finding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.errors import complete
 from atlantis_netcfg.journal import NOT_RECORDED
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
@@ -30,6 +31,7 @@ class ComputerResult:
 
     name: str
     mode: Mode = Mode.APPLY
+    site: str = ""
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     shown: list[str] = field(default_factory=list)
@@ -134,7 +136,7 @@ class ComputerResult:
             "status": self.status.value,
             "exit": int(self.exit),
             "message": self.message,
-            "hint": self.hint,
+            "hint": self.hint and complete(self.hint, site=self.site, device=self.name),
             "busy": "",
             "planned": len(self.changes),
             "confirmed": self.confirmed,

@@ -79,7 +79,7 @@ class Watch:
             self.close()
             return
         self._sites = {host.name: host.site for host in computers}
-        self._results = {name: ComputerResult(name, request.mode) for name in self._sites}
+        self._results = {name: ComputerResult(name, request.mode, site) for name, site in self._sites.items()}
 
     def started(self, host: str, task: str) -> None:
         """A task begins on a host."""

@@ -82,7 +82,7 @@ def refuse_unfounded(hosts: Iterable[Host], request: Request) -> None:
         Authority.open(request.vpn)
     except NoAuthority as error:
         others = "where a colleague has it, let them run this, and name the other devices with `only=`"
-        raise NoAuthority(f"{', '.join(servers)}: {error}", hint=f"{error.hint}; {others}") from None
+        raise NoAuthority(f"{', '.join(servers)}: {error}", hint=f"make one: `provision vpn init`; {others}") from None
 
 
 PARTS: Mapping[str, Part] = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.errors import NetcfgError, UsageError, complete
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import FAST_S, PATIENCE_S, bearer_of
@@ -85,7 +85,9 @@ class Round:
         try:
             self.answers[host.name] = await self._reading(host, ways)
         except NetcfgError as error:
-            self.answers[host.name] = Silent(host.name, str(error), error.hint)
+            self.answers[host.name] = Silent(
+                host.name, str(error), error.hint and complete(error.hint, site=host.site, device=host.name)
+            )
             self.notify(Event(host.name, Stage.FAILED, str(error)))
         else:
             self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))

@@ -90,7 +90,7 @@ async def _close(session: Session, rows: Sequence[Command], added: Sequence[Repl
     if not await _gone(session, rows):
         raise OutcomeUnknown(
             "the router does not say that the rows of the proof are gone",
-            hint=f"remove the rows that say `{MARK}`; the next `provision site=…` removes them too",
+            hint=f"remove the rows that say `{MARK}`; or run the site, which removes them, too: `provision site=…`",
         )
 
 

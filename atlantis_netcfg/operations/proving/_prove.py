@@ -11,6 +11,7 @@ from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe, judge_attempt, judge_factory_address
 from atlantis_netcfg.bearers.satellite.addresses import FACTORY_ADDRESSES
 from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
+from atlantis_netcfg.errors import complete
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.proving._asking import RULES, STATUS, ask_now, connected, outcome, rows
 from atlantis_netcfg.operations.proving._opening import filter_rows, temporarily
@@ -133,7 +134,7 @@ class Proving:
             site=self.site,
             bearer=self.bearer.name,
             active=active,
-            judged=tuple((one, judge_attempt(one, link_seen=seen)) for one in self._attempts),
+            judged=tuple((one, self._judged(one, link_seen=seen)) for one in self._attempts),
             findings=tuple(terminal),
             bytes_counted=after.port_bytes - before.port_bytes,
             budget_bytes=BUDGET_BYTES,
@@ -142,6 +143,10 @@ class Proving:
             carrier=self.carrier,
             opening_bytes=self._opening_bytes,
         )
+
+    def _judged(self, attempt: Attempt, *, link_seen: bool) -> Finding:
+        finding = judge_attempt(attempt, link_seen=link_seen)
+        return replace(finding, hint=finding.hint and complete(finding.hint, site=self.site))
 
     @property
     def _chains(self) -> tuple[str, str]:

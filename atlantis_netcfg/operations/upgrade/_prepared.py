@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.cost import preview
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -185,7 +185,8 @@ class Prepared:
             back, differs = asyncio.run(self._run(journal))
         except NetcfgError as failure:
             status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
-            return Upgraded(self.job.name, status, failure.exit, str(failure), failure.hint, before, run=journal.run)
+            hint = failure.hint and complete(failure.hint, site=self.job.site, device=self.job.name)
+            return Upgraded(self.job.name, status, failure.exit, str(failure), hint, before, run=journal.run)
         after = str(back.installed.version)
         return Upgraded(
             self.job.name,
@@ -197,7 +198,7 @@ class Prepared:
             after,
             self.upgrade.expected,
             journal.run,
-            (_configuration(differs),),
+            (_configuration(differs, self.job.site),),
         )
 
     async def _run(self, journal: Journal) -> tuple[Seen, DeviceResult]:
@@ -214,10 +215,13 @@ def _cost(upgrade: Upgrade, bearer: Bearer, link: Link) -> Preview:
     return preview(sent, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link)
 
 
-def _configuration(planned: DeviceResult) -> str:
+def _configuration(planned: DeviceResult, site: str) -> str:
     """Say what the new version made of the configuration."""
     if planned.exit is ExitCode.DONE:
         return "the configuration is as declared"
     if planned.exit is ExitCode.CHANGES:
-        return f"{planned.planned} changes to the declared configuration: look at them with `provision site=… --plan`"
+        return (
+            f"{planned.planned} changes to the declared configuration: look at them with "
+            f"`provision site={site} only={planned.name} --plan`"
+        )
     return f"the configuration could not be compared: {planned.message}"

@@ -161,7 +161,7 @@ class Importing:
             version = Version.parse(about.get("version", ""))
         except ValueError:
             raise DeviceFailed(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
-        upgrade = f"`provision upgrade site={self.site} device={self.name} packages=routeros-….npk`"
+        upgrade = f"`provision upgrade site={self.site} device={self.name} packages=FILE.npk`"
         routeros.check_version(version, where=self.name, upgrade=upgrade)
 
     def _wrong_clock(self, clock: tuple[Mapping[str, str], ...]) -> Iterator[str]:

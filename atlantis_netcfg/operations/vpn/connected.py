@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown, UsageError
+from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown, UsageError, complete
 from atlantis_netcfg.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live
@@ -135,11 +135,15 @@ class Connected:
             ),
         )
 
-    @staticmethod
-    def _outstanding(error: NetcfgError, cut: Sequence[str] = ()) -> Deployed:
+    @property
+    def site(self) -> str:
+        """Where it stands."""
+        return self.declaration.hosts[self.declaration.pilot.vpn.server].site
+
+    def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> Deployed:
         """The server's part is left to do: the record and the files stand."""
         who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
-        hint = f"{error.hint}\n{_RECORDED}" if error.hint else _RECORDED
+        hint = f"{complete(error.hint, site=self.site)}\n{_RECORDED}" if error.hint else _RECORDED
         return Deployed(errors=(Outstanding(error, f"{who}{error}", hint),), deployed=False)
 
 

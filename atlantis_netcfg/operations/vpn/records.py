@@ -31,7 +31,9 @@ def find(roll: Roll, name: str) -> Member:
 def of_partner(roll: Roll, partner: str | None) -> tuple[Member, ...]:
     """The members of a partner, or all. Raises UsageError, NothingMatched if there is none."""
     if not roll.members:
-        raise NothingMatched("nobody is in the VPN yet", hint="`provision vpn onboard` lets somebody in")
+        raise NothingMatched(
+            "nobody is in the VPN yet", hint="`provision vpn onboard --help` says how somebody is let in"
+        )
     if partner is None:
         return tuple(roll.members.values())
     found = tuple(member for member in roll.members.values() if member.partner == partner)

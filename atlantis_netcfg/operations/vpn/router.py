@@ -20,7 +20,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
 from atlantis_netcfg.events import ignore
 from atlantis_netcfg.journal import (
     Journal,
@@ -85,15 +85,18 @@ class Installed:
 def identity_for(declaration: Declaration, host: Host, request: Request) -> Identity:
     """Read the identity of a router that this laptop has; in a rehearsal make one that stands for it.
 
-    Raises UsageError where there is none, or where it is another host's, and NotAnIdentity.
+    Raises NothingMatched for what is no router, UsageError where there is none, or where it is another host's, and
+    NotAnIdentity.
     """
+    _require_router(host)
     if request.rehearsed:
         return rehearsed_identity(declaration, host)
     path = request.identity_of(host.name)
     if path is None:
         raise UsageError(
             f"there is no identity of {host.name} on this computer",
-            hint=f"`provision vpn onboard host={host.name}` where the authority is, else `provision vpn accept file=…`",
+            hint=f"`provision vpn onboard host={host.name}` where the authority is,"
+            " else `provision vpn accept file=FILE` with what it has handed out",
         )
     identity = read_identity(path.read_text(encoding="ascii"))
     if identity.member.name != host.name:
@@ -119,7 +122,7 @@ def install(  # noqa: PLR0913 - all that a command line says
     try:
         seen = asyncio.run(importing.look())
     except NetcfgError as failure:
-        return _failed(host.name, failure)
+        return _failed(importing, failure)
     if not seen.changes:
         return Installed(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=seen.notes)
     if plan:
@@ -141,15 +144,19 @@ def install(  # noqa: PLR0913 - all that a command line says
         return unrecorded(result, conclude(journal, said, RunEnded(exit=int(result.exit))))
 
 
-def _prepared(
-    declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
-) -> tuple[Importing, DeviceJob]:
+def _require_router(host: Host) -> None:
     if not isinstance(host.device, Router):
         kind = host.device.kind.replace("_", " ")
         raise NothingMatched(
             f"{host.name} is a {kind}: an identity is installed on routers alone",
             hint=f"gateways get theirs from `provision site={host.site}`",
         )
+
+
+def _prepared(
+    declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
+) -> tuple[Importing, DeviceJob]:
+    _require_router(host)
     tunnel = routeros.declared(declaration, host)
     if tunnel is None:
         raise UsageError(
@@ -159,7 +166,7 @@ def _prepared(
     if identity.certificate.not_after <= datetime.now(UTC):
         raise UsageError(
             f"the identity of {host.name} was good until {identity.certificate.not_after:%Y-%m-%d}",
-            hint=f"`provision vpn renew host={host.name}`",
+            hint=f"`provision vpn renew name={host.name}` where the authority is, and here what it hands out",
         )
     refuse_examples(declaration, rehearsed=request.rehearsed)
     gate(declaration, [host], request)
@@ -181,7 +188,7 @@ def _journalled(importing: Importing, job: DeviceJob, journal: Journal) -> Insta
     try:
         changes, notes = asyncio.run(_run(importing, job))
     except NetcfgError as failure:
-        return replace(_failed(importing.name, failure), run=journal.run)
+        return replace(_failed(importing, failure), run=journal.run)
     message = f"{importing.tunnel.name} is imported, with the certificate {importing.tunnel.certificate}: read back"
     notes = (*notes, *_unverified(importing.identity))
     return Installed(
@@ -200,9 +207,13 @@ async def _run(importing: Importing, job: DeviceJob) -> tuple[tuple[str, ...], t
 def _unverified(identity: Identity) -> tuple[str, ...]:
     if identity.certificate.key is KeyType.RSA:
         return ()
-    return ("its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew … key=rsa`",)
+    name = identity.member.name
+    return (
+        f"its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew name={name} key=rsa`",
+    )
 
 
-def _failed(name: str, failure: NetcfgError) -> Installed:
+def _failed(importing: Importing, failure: NetcfgError) -> Installed:
     status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
-    return Installed(name, status, failure.exit, str(failure), failure.hint)
+    hint = failure.hint and complete(failure.hint, site=importing.site, device=importing.name)
+    return Installed(importing.name, status, failure.exit, str(failure), hint)

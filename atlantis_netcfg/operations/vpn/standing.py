@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.errors import ExitCode, NetcfgError, complete
 from atlantis_netcfg.events import Subscriber, ignore
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.verdicts import Verdict, worst
@@ -81,7 +81,7 @@ def standing(authority: Authority, server: Connected | None, notify: Subscriber 
                 told += _server(authority, server, link, state)
         except NetcfgError as error:
             verdict = Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else Verdict.FAIL
-            told.append(Told(verdict, f"the server: {error}", error.hint))
+            told.append(Told(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site)))
     return Standing((*told, *_queued(authority)), state)
 
 
@@ -112,8 +112,12 @@ def _server(authority: Authority, server: Connected, link: ServerLink, state: Se
     sighting, _ = live.note_seen(server.declaration, authority, link, state, server.who)
     for name in sighting.strangers:
         yield Told(Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?")
+    up_now = {session.common_name for session in state.sessions if session.is_up}
     for name in sighting.withdrawn:
-        yield Told(Verdict.FAIL, f"{name} was seen after it was put out", "`provision vpn sync` ends its session")
+        if name in up_now:
+            yield Told(Verdict.FAIL, f"{name} is connected, and was put out", "`provision vpn sync` ends its session")
+        else:
+            yield Told(Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
     for name in sighting.superseded:
         yield Told(Verdict.PASS, f"{name} is retired: its successor was seen")
     evidence = live.go_on(server.declaration, authority, link, server.who)

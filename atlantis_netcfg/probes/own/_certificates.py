@@ -33,8 +33,14 @@ _MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "p
 _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
 _DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
 _API = "make another one on the router under the same name (docs/adopt.md), and confirm it at the next contact"
-_ROUTER = "`provision vpn renew` makes another one, and `provision vpn install` brings it to the router"
-_COMPUTER = "`provision vpn renew` makes another one, `provision vpn accept` takes it, and a run of the site brings it"
+_ROUTER = (
+    "`provision vpn renew name={name}` makes another one, and `provision vpn install host={name}` brings it to the "
+    "router"
+)
+_COMPUTER = (
+    "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
+    "and `provision site={site} only={name}` brings it"
+)
 _STAMP = "%b %d %H:%M:%S %Y GMT"
 
 
@@ -88,7 +94,7 @@ class _Certificates:
             certificates += self._of_router(told)
         if self._gateway_is_in:
             assert self.site.gateway is not None  # noqa: S101 - just looked
-            own = _of_identity(self.site.gateway.name, heard["identity"])
+            own = _of_identity(self.site.gateway.name, self.site.name, heard["identity"])
             missing += [own] if isinstance(own, Finding) else []
             certificates += [] if isinstance(own, Finding) else own
         now = _now(heard)
@@ -117,7 +123,8 @@ class _Certificates:
         """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
         tunnel = self.site.view.tunnel if self.site.view is not None else None
         of_the_vpn = name not in self._wanted or (tunnel is not None and name == tunnel.certificate)
-        return _ROUTER if of_the_vpn else _API
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
 
     def _of_router(self, told: Sequence[Mapping[str, str]]) -> Iterator[_Certificate]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -141,7 +148,7 @@ def _router_stamp(text: str) -> datetime | None:
     return router_time({"date": date, "time": clock})
 
 
-def _of_identity(name: str, answer: Answer) -> list[_Certificate] | Finding:
+def _of_identity(name: str, site: str, answer: Answer) -> list[_Certificate] | Finding:
     """Read what openssl prints of every certificate in a file; it ends with 8 where it meets a key it does not know."""
     if not isinstance(answer, Ran):
         return unreadable(name, "its identity in the VPN")
@@ -149,10 +156,11 @@ def _of_identity(name: str, answer: Answer) -> list[_Certificate] | Finding:
         return silent(name, answer.trouble, answer.words)
     names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
     if not dates or len(names) != len(dates):
-        hint = f"`provision vpn accept` and a run of the site bring {name} its identity; only root may read it"
+        hint = f"`provision site={site} only={name}` brings it there; only root may read it"
         return unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
+    renew = _COMPUTER.format(name=name, site=site)
     return [
-        _Certificate(name, subject.strip(), _stamp(since), _stamp(until), renew=_COMPUTER)
+        _Certificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
         for subject, (since, until) in zip(names, dates, strict=True)
     ]
 

@@ -102,7 +102,7 @@ class _Clock:
         clock, ntp = _row(heard["clock"]), _row(heard["ntp"])
         if name in known:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
-            yield from _synchronised(name, ntp.get("status", ""))
+            yield from _synchronised(name, self.site.name, ntp.get("status", ""))
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known:
             said, told = printed(heard["timedatectl"], gateway.name), _pairs(heard["timedatectl"])
@@ -111,7 +111,7 @@ class _Clock:
             elif "NTPSynchronized" not in told:
                 yield unreadable(gateway.name, "the service that sets its clock")
             yield from _zone(gateway.name, told.get("Timezone", ""), zone)
-            yield from _synchronised(gateway.name, _WORDS.get(told.get("NTPSynchronized", ""), ""))
+            yield from _synchronised(gateway.name, self.site.name, _WORDS.get(told.get("NTPSynchronized", ""), ""))
 
     def _told(self, heard: Mapping[str, Answer]) -> Iterator[Evidence]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -152,9 +152,9 @@ def _zone(name: str, told: str, zone: str) -> Iterator[Finding]:
         yield warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
-def _synchronised(name: str, status: str) -> Iterator[Finding]:
+def _synchronised(name: str, site: str, status: str) -> Iterator[Finding]:
     """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; another one is unknown, not wrong."""
-    hint = f"can {name} reach the declared time servers? `provision links` tells whether any bearer is up"
+    hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
     if status in {"waiting", "started"}:
         yield warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
     elif status in {"stopped", "disabled"}:

@@ -89,7 +89,11 @@ class _DefaultRoute:
             message = (
                 f"traffic leaves by {active}{paid}; whether {listed(unseen)}, which is better, works, is not known"
             )
-            return unknown("better-unknown", message, "look at `provision links` when the boxes answer again")
+            return unknown(
+                "better-unknown",
+                message,
+                f"look at `provision links site={self.site.name}` when the boxes answer again",
+            )
         why = f", because {listed(better)} is not up" if better else ""
         return good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
@@ -118,7 +122,7 @@ def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> Finding:
         return fail(
             "foreign-route", message, "remove that route on the router, or run the site, which puts its own back"
         )
-    hint = "look at `provision links`: is any bearer up? then run the site, which puts its routes back"
+    hint = f"look at `provision links site={site}`: is any bearer up? then run the site, which puts its routes back"
     return fail("no-default-route", "the router has no default route in force: nothing leaves the site", hint)
 
 

@@ -80,7 +80,7 @@ class _Factory:
         answered = [one for one in self._addresses if _received(heard[f"ping {one}"])]
         wrong = [
             *self._at_addresses(seen, answered),
-            *_called(() if isinstance(names, Finding) else names),
+            *_called(self.site.name, () if isinstance(names, Finding) else names),
         ]
         silence = [part for part in (*told, names) if isinstance(part, Finding)]
         evidence = (
@@ -108,9 +108,13 @@ def _received(answer: Answer) -> bool:
     return any(row.get("received", "0") not in {"", "0"} for row in told or ())
 
 
-def _called(names: tuple[Mapping[str, str], ...]) -> Iterator[Finding]:
+def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Finding]:
     for row in names:
         if row.get("identity") == _NAME:
             where = row.get("address") or row.get("mac-address", "?")
             message = f"the RouterOS device {where} on {row.get('interface', '?')} still has its factory name"
-            yield warn("factory-name", message, "`provision adopt` gives a new device its name, user and certificate")
+            yield warn(
+                "factory-name",
+                message,
+                f"`provision adopt site={site} device=NAME` gives a new device its name, user and certificate",
+            )

@@ -103,7 +103,7 @@ class _Vpn:
             return
         row = next((row for row in told if row.get("name") == tunnel.interface), None)
         if row is None:
-            hint = "run the site, or `provision vpn install` for its identity"
+            hint = f"`provision vpn install host={name}`, and after it `provision site={self.site.name}`"
             yield fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
         elif yes(row, "disabled"):
             yield fail(
@@ -163,7 +163,7 @@ class _Vpn:
         return (
             good("server-answers", told)
             if received == sent
-            else warn("server-lossy", told, "look at `provision links`")
+            else warn("server-lossy", told, f"look at `provision links site={self.site.name}`")
         )
 
     def _over_satellite(self, heard: Mapping[str, Answer]) -> bool:

@@ -52,7 +52,7 @@ def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
         title=f"Satellite of {cell.name} lets through what is declared, and nothing else",
         kind=Kind.ACTIVE,
         phase=Phase.QUAY,
-        probe=AllowListProbe(bearer.name),
+        probe=AllowListProbe(bearer.name, cell.site),
         consent=Consent(
             question=f"the terminal of {cell.name} sees the sky, and up to 20 kB may go over its airtime",
             prompt="wait: what is silent is asked for 90 s, because gaps of 70 s are ordinary on this link",

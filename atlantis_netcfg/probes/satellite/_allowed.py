@@ -48,6 +48,7 @@ class AllowListProbe:
     """
 
     bearer: str
+    site: str
 
     def asks(self) -> tuple[Prove, ...]:
         """One proof."""
@@ -75,20 +76,22 @@ class AllowListProbe:
             yield self._proved(len(seen), len(aimed), sum(one.code == _NOT_TRIED for one in aimed))
         for one in proved.findings:
             weaker = Verdict.WARN if seen and one.code == _NOT_TRIED else one.verdict
-            yield replace(one, verdict=weaker, hint=one.hint or _HINTS.get(one.code))
+            yield replace(one, verdict=weaker, hint=one.hint or self._hints.get(one.code))
 
     def _proved(self, seen: int, aimed: int, untried: int) -> Finding:
         message = f"{seen} of {aimed} targets were proved over {self.bearer}"
         if not untried:
             return Finding(Verdict.PASS, "proved", message)
         message = f"{message}, {untried} could not be tried"
-        return Finding(Verdict.WARN, "proved-in-part", message, _HINTS[_NOT_TRIED])
+        return Finding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
+
+    @property
+    def _hints(self) -> Mapping[str, str]:
+        """Where a proof gives none of its own."""
+        try_all = f"`provision prove site={self.site} --try-all`"
+        return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
     def _evidence(self, proved: Proved) -> Iterator[Evidence]:
         yield measured(f"proof over {self.bearer} took", round(proved.seconds, 1), "s")
         if proved.bill:
             yield measured(f"cost over {self.bearer}", proved.bill)
-
-
-_HINTS = {_NOT_TRIED: "try it while the satellite carries the traffic, or `provision prove … --try-all`"}
-"""Where a proof gives none of its own."""

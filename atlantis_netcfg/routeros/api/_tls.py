@@ -184,7 +184,7 @@ def check_pin(endpoint: Endpoint, seen: str) -> None:
             pinned=pinned,
             seen=seen,
             hint=f"{_COMPARE}; only if they are equal and the certificate was renewed on purpose, pin {seen} instead;"
-            " a device that stands in for another one is met by `provision adopt … --replaced`",
+            " a device that stands in for another one is met by `provision adopt site=… device=… --replaced`",
         )
 
 

@@ -251,7 +251,7 @@ def _unprotected(work: Work) -> str:
     own = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
     return (
         f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{own}."
-        " Pin its SSH host key with `provision adopt`, upgrade it to RouterOS 7.18,"
+        " Pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18,"
         " or say --without-protection with somebody standing beside it"
     )
 

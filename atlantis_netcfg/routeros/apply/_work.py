@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import complete
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed
 from atlantis_netcfg.routeros.apply._claim import Signer, withdrawing
@@ -157,8 +158,8 @@ class Work:
             name=self.job.name,
             status=status,
             exit=status.exit,
-            message=self.clean(message),
-            hint=hint,
+            message=complete(self.clean(message), site=self.job.site, device=self.job.name),
+            hint=hint and complete(hint, site=self.job.site, device=self.job.name),
             planned=len(plan.actions) if plan is not None else 0,
             confirmed=self.confirmed,
             diff=plan.diff if plan is not None else "",

@@ -237,5 +237,5 @@ class _Way:
             Status.UNKNOWN,
             f"the outcome is not known: {self.reason}",
             hint="each end takes back by itself what was not kept, within ten minutes if its link has died; then:"
-            f"  provision resume site={site}",
+            f"  `provision resume site={site}`",
         )

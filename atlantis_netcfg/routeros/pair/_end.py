@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.errors import DeviceFailed, NetcfgError, complete
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
@@ -262,8 +262,8 @@ class End:
             name=self.name,
             status=status,
             exit=status.exit,
-            message=self.clean(message),
-            hint=hint,
+            message=complete(self.clean(message), site=self.job.site, device=self.name),
+            hint=hint and complete(hint, site=self.job.site, device=self.name),
             planned=len(self.actions),
             confirmed=self.confirmed,
             diff=self.plan.diff if self.plan is not None else "",

@@ -119,6 +119,6 @@ def _stopped(work: Transaction, why: str) -> Results:
 def _left(end: End, why: str) -> DeviceResult:
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there:"
-        f"  provision resume site={end.job.site}"
+        f"  `provision resume site={end.job.site}`"
     )
     return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)

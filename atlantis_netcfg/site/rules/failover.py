@@ -64,7 +64,9 @@ def satellites_are_not_asked(draft: Draft) -> Iterator[Finding]:
                 message = (
                     f"link `{bearer.name}` is a satellite and has canaries: pinging them would be billed day and night"
                 )
-                hint = "remove `canaries:`; `provision prove` tries the satellite when a person asks for it"
+                hint = (
+                    f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
+                )
                 yield draft.wrong(Part("site", name), ("bearers", index, "canaries"), message, hint)
 
 

@@ -96,7 +96,7 @@ class Authority:
         if facts.sha256 != self.roll().crl_sha256:
             raise AuthorityDamaged(
                 f"{files.CRL} (number {facts.number}) is not the list that was recorded last",
-                hint="provision vpn sync --sign signs a new one",
+                hint="`provision vpn sync --sign` signs a new one",
             )
         return pem
 
@@ -173,7 +173,8 @@ class Authority:
             good = {one.common_name for _, one in book.fold.roll().certificates() if one.good}
             if common_name not in good:
                 raise UsageError(
-                    f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use", hint="provision vpn list"
+                    f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use",
+                    hint="`provision vpn list` names them all",
                 )
             record = records.Delivered(common_name=common_name, path=delivered.path, sha256=delivered.sha256)
             book.write([record], new_operation())

@@ -41,7 +41,9 @@ def require(folder: Path) -> None:
     if is_complete(folder):
         return
     _unfinished(folder)
-    raise NoAuthority(f"there is no authority in {folder}", hint="provision vpn init makes one; authority=DIR names it")
+    raise NoAuthority(
+        f"there is no authority in {folder}", hint="`provision vpn init` makes one; `authority=DIR` names it"
+    )
 
 
 def prepare(folder: Path) -> None:

@@ -88,7 +88,7 @@ def known(roll: Roll, name: str) -> Member:
     near = nearest(name, roll.members)
     raise NoSuchMember(
         f"the record has no member `{ascii(name)[1:-1][:60]}`",
-        hint=f"did you mean `{near}`?" if near else "provision vpn list shows them all",
+        hint=f"did you mean `{near}`?" if near else "`provision vpn list` shows them all",
     )
 
 
@@ -140,7 +140,7 @@ def _same(wish: Wish, member: Member) -> None:
     if other:
         raise OtherMember(
             f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
-            hint=f"provision vpn renew name={member.name} changes link, wrap and key; for the rest take another name",
+            hint=f"`provision vpn renew name={member.name}` changes link, wrap and key; for the rest take another name",
         )
 
 

@@ -77,7 +77,9 @@ class Signer:
         roll = self.roll
         members = [plan.known(roll, name) for name in dict.fromkeys(names)]
         if not members:
-            raise UsageError("nobody was named whose certificates are to be revoked", hint="provision vpn list")
+            raise UsageError(
+                "nobody was named whose certificates are to be revoked", hint="`provision vpn list` names them all"
+            )
         why = plan.text(reason, "the reason") or "no reason was given"
         lost = [_revocable(member) for member in members]
         if any(lost):

@@ -14,7 +14,7 @@ from docs_console import Shown, shown
 from house_checkout import ROOT, clean_environment, shared_checkout, start
 
 from atlantis_netcfg.cli._help import MEANING
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.errors import WORST_FIRST, ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,6 +86,15 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_the_table_of_exit_codes_is_the_enum() -> None:
     rows = re.findall(r"^\| (\d) \| ([^|]+) \|", (ROOT / "docs" / "exit-codes.md").read_text(), re.MULTILINE)
     assert [(int(code), meaning) for code, meaning in rows] == [(int(code), MEANING[code]) for code in ExitCode]
+
+
+def test_the_order_of_exit_codes_is_the_one_that_reports_end_by() -> None:
+    said = re.search(r"needs you most: ([\d, a-z]+)\.", (ROOT / "docs" / "exit-codes.md").read_text())
+    assert said is not None
+    page = [int(code) for code in re.findall(r"\d", said[1])]
+    assert page == [int(code) for code in WORST_FIRST if code is not ExitCode.DONE]
+    others = set(ExitCode) - set(WORST_FIRST)
+    assert others == {ExitCode.NOTHING}, "what is nothing for one device is nothing beside the others"
 
 
 PAGE = """\

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["folder", "keys", "signer"]
 CHRONY = "pool/chrony_3.5_arm64.deb"
-AGAIN = "copy the bundle again, or make it anew: provision bundle site=coastal"
+AGAIN = "copy the bundle again, or make it anew: `provision bundle site=coastal`"
 
 
 def refusal(folder: Path, keys: Keys, wish: HostWish = WISH, accept: str | None = None) -> list[tuple[str, str | None]]:
@@ -98,7 +98,7 @@ def test_everything_that_is_missing_is_named(folder: Path, keys: Keys) -> None:
         distribution="ubuntu",
         codename="jammy",
     )
-    hint = "on a computer with internet: provision bundle site=coastal"
+    hint = "on a computer with internet: `provision bundle site=coastal`"
     assert refusal(folder, keys, wish) == [
         (f"{HOST}: it is for ubuntu focal, and ubuntu jammy is declared", hint),
         (f"{HOST}: package gpsd: it is not in the bundle", hint),

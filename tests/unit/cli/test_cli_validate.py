@@ -20,7 +20,7 @@ inventory: no errors
    13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     5 partners  inesc, iqua, eca, udg, vtt
-It still holds example values: only rehearsals use it (provision site=… --rehearse).
+It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
 """
 WRONG = """\
 inventory/host_vars/te4sea-router.yml:7:92: `satelite` is no bearer of `te4sea`

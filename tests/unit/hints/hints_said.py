@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+from atlantis_netcfg.cli._parse import parse
+from atlantis_netcfg.errors import NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,6 +74,39 @@ def advised(printed: str) -> list[list[str]]:
     """The commands that a text advises, as the words that a person would type after `provision`."""
     found = re.findall(r"\bprovision ([a-z][^;`,()\n]*)", " ".join(printed.split()) if "`" in printed else printed)
     return [shlex.split(command) for command in found]
+
+
+def said(printed: str, hint: str) -> str:
+    """The hint as it was printed: `{}` of the source stands for anything, and so does how lines were broken.
+
+    Asserts that it was printed, and that nothing in it is left to the reader (`site=…`).
+    """
+    words = re.sub(r"(?:site|device|host)=…", "{}", " ".join(hint.split()))
+    # At its beginning it stands for one word: no other text comes in with it.
+    words = words.replace("{}", "{first}", 1) if words.startswith("{}") else words
+    pattern = re.sub(r"\\\{\w*\\\}", ".+?", re.escape(words))
+    if hint.endswith("{}"):
+        pattern += r"\S+"
+    found = re.search(pattern.replace(".+?", r"\S+", words.startswith("{first}")), " ".join(printed.split()))
+    assert found is not None, f"not printed: {hint}\n{printed}"
+    assert "…" not in found[0], found[0]
+    return found[0]
+
+
+def untypeable(hint: Hint) -> list[str]:
+    """What of the commands in a hint no command line can take; FILE, NAME and DIR are for a person to fill in."""
+    text = re.sub(r"(?<==)…|\{\w*\}", "x1", hint.text)
+    wrong = ["…"] if re.search(r"provision [^;`,()\n]*…", text) else []
+    for words in advised(text):
+        if words[0] == "x1":
+            continue
+        try:
+            name, rest = choose(words, COMMANDS)
+            if "--help" not in rest:
+                parse(load(name, COMMANDS).COMMAND, rest)
+        except NetcfgError as error:
+            wrong += [str(one) for one in getattr(error, "errors", (error,))]
+    return wrong
 
 
 def register() -> list[Entry]:

@@ -43,7 +43,7 @@ def report(*bearers: dict[str, Any], **more: Any) -> LinksReport:  # noqa: ANN40
     [
         ([], ExitCode.DONE),
         (["PASS", "WARN"], ExitCode.DONE),
-        (["INCONCLUSIVE"], ExitCode.DONE),
+        (["INCONCLUSIVE"], ExitCode.CHECKS_FAILED),
         (["WARN", "FAIL"], ExitCode.CHECKS_FAILED),
         (["ERROR"], ExitCode.CHECKS_FAILED),
     ],

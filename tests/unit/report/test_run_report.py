@@ -37,13 +37,16 @@ def result(code: ExitCode, message: str = "done", planned: int = 0) -> dict[str,
         ([2, 4, 0], ExitCode.FAILED),
         ([4, 5, 0], ExitCode.UNKNOWN),
         ([5, 1], ExitCode.OUR_FAULT),
+        ([2, 6], ExitCode.CHECKS_FAILED),
+        ([6, 0, 7], ExitCode.CHECKS_FAILED),
+        ([7, 0], ExitCode.DONE),
     ],
 )
 def test_the_worst_device_decides(codes: list[int], worst: ExitCode) -> None:
     report = RunReport("coastal", False, {f"d{place}": result(ExitCode(code)) for place, code in enumerate(codes)})
     assert report.exit is worst
     assert report.as_json()["exit"] == worst
-    assert len(report.as_json()["errors"]) == sum(code in (1, 4, 5) for code in codes)
+    assert len(report.as_json()["errors"]) == sum(code in (1, 4, 5, 6) for code in codes)
 
 
 @pytest.mark.parametrize(

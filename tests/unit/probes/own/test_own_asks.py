@@ -95,7 +95,7 @@ def test_pings_go_to_nobody_outside_the_site() -> None:
 
 def test_hints_name_commands_that_there_are() -> None:
     text = "".join(path.read_text(encoding="utf-8") for path in Path(own.__path__[0]).glob("*.py"))
-    named = set(re.findall(r"`provision ((?:vpn )?[a-z]+)`", text))
+    named = set(re.findall(r"`provision ((?:vpn )?[a-z]+)[` ]", text))
     assert "vpn renew" in named
     commands = Path(cli.__path__[0])
     assert [one for one in named if not (commands / f"{one.replace(' ', '_')}.py").exists()] == []

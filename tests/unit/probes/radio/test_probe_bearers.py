@@ -275,7 +275,7 @@ def test_terminal(case: Case) -> None:
 
 @pytest.mark.parametrize("case", PROOFS, ids=str)
 def test_proof(case: Case) -> None:
-    check(case, AllowListProbe("satellite"), {})
+    check(case, AllowListProbe("satellite", "coastal"), {})
 
 
 def test_every_code_of_ours_has_its_case() -> None:
@@ -294,4 +294,4 @@ def test_every_code_of_ours_has_its_case() -> None:
 
 def test_one_question_serves() -> None:
     assert BearerProbe("4g").asks() == (Look("look", "4g"),)
-    assert AllowListProbe("satellite").asks() == (Prove("prove", "satellite"),)
+    assert AllowListProbe("satellite", "coastal").asks() == (Prove("prove", "satellite"),)

@@ -65,7 +65,7 @@ def refuse_another_system(
     if is_now != wanted:
         raise Refused(
             f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(wanted)}",
-            "make a card with the right system (`provision image`), or declare the release that fits this one",
+            "make a card with the right system (`provision image --help`), or declare the release that fits this one",
         )
     if architectures and apt.architecture not in architectures:
         raise Refused(

@@ -74,7 +74,7 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
         raise Refused(
             "the new list of revoked certificates is of another authority than this server: OpenVPN would let every "
             "revoked member in",
-            "the server was set up by another authority: `provision site=` with its site's name brings this one's",
+            "the server was set up by another authority: `provision site=…` brings this one's",
         )
     if old is not None and old.signed and new.number < old.number:
         raise Refused(
@@ -92,7 +92,7 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
         raise Refused(
             f"by the server's clock ({_words(now)}) the new list of revoked certificates has expired: nobody could "
             "connect any more",
-            "`date` on the server; `provision vpn sync` signs a new list",
+            "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
         )
     return new
 

@@ -56,7 +56,7 @@ class Server:
         if self.tree.read(self.place.ca) is None:
             raise Refused(
                 "no server of the VPN was ever set up on this computer",
-                "`provision site=` with the name of its site does that; then type the same again",
+                "`provision site=…` does that; then type the same again",
             )
 
     def admitted(self) -> list[str]:

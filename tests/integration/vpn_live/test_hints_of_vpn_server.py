@@ -1,0 +1,178 @@
+"""What is advised where the server of the VPN answers otherwise than it should is typed, and helps."""
+
+from __future__ import annotations
+
+import getpass
+import shutil
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import live_stand
+import pytest
+from hints_said import advised, said
+from live_stand import NAME, Record, Server
+from test_hints_of_vpn import LAPTOP, Laptop, Play, real
+from vpn_desk import PASSPHRASE, founded
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
+from atlantis_netcfg.cli import _session, _vpn
+from atlantis_netcfg.operations.vpn import connected, live
+from atlantis_netcfg.operations.vpn.link import LocalLink, SshLink
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.server import CCD, FOLDER
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.namespace
+
+
+@pytest.fixture
+def laptop(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Laptop:
+    """As beside the authority alone, with a way to the server."""
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
+    shutil.copytree(founded(tmp_path_factory.getbasetemp()) / "vpn", tmp_path / "vpn")
+    monkeypatch.setattr(_vpn, "declared", lambda _arguments: real())
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
+    made = Laptop(tmp_path, capsys, monkeypatch)
+    monkeypatch.setattr(Play, "laptop", made, raising=False)
+    monkeypatch.setattr(_session, "PlaybookRunner", Play)
+    monkeypatch.setattr(_session, "load", lambda *_, **__: real())
+    capsys.readouterr()
+    return made
+
+
+@pytest.fixture
+def server(laptop: Laptop) -> Iterator[Server]:
+    with ExitStack() as stack:
+        made = Server(stack, Record(Authority.open(laptop.folder / "vpn")))
+        made.push()
+        made.start()
+        reached(laptop, made)
+        yield made
+
+
+def reached(at: Laptop, server: Server) -> None:
+    at.monkeypatch.setattr(connected, "over_ssh", lambda *_: lambda: LocalLink(NAME, server.enter))
+
+
+def nobody_answers(*_: object) -> Callable[[], SshLink]:
+    access = {"host": "127.0.0.1", "port": 1, "user": "root", "become": False, "ssh_args": "-F none"}
+    return lambda: SshLink(NAME, access)
+
+
+def away(at: Laptop, _server: Server) -> str:
+    """Nobody answers at its address."""
+    at.monkeypatch.setattr(connected, "over_ssh", nobody_answers)
+    return at.type(*LAPTOP, code=5)
+
+
+def lost(at: Laptop, server: Server) -> str:
+    """The connection ends between question and answer."""
+    server.put("/usr/local/sbin/python3", f"#!/bin/sh\nprintf '{vpn_serve.MARK}hello\\n'\nread x\n", 0o755)
+    try:
+        return at.type(*LAPTOP, code=5)
+    finally:
+        server.at("/usr/local/sbin/python3").unlink()
+
+
+def changed_by_hand(at: Laptop, server: Server) -> str:
+    at.type(*LAPTOP)
+    server.put(f"{CCD}/iqua-laptop", "ifconfig-push 10.80.17.9 255.255.0.0\n")
+    return at.type("vpn", "status", code=6)
+
+
+def revoked_meanwhile(at: Laptop, server: Server) -> str:
+    """It was recorded while the server was away."""
+    at.type(*LAPTOP)
+    at.monkeypatch.setattr(connected, "over_ssh", nobody_answers)
+    at.type("vpn", "revoke", "name=iqua-laptop", "--yes", code=5)
+    printed = at.type("vpn", "status", code=6)
+    reached(at, server)
+    return printed
+
+
+def connected_and_put_out(at: Laptop, server: Server) -> str:
+    """It was recorded while the server was away, and nobody has told the server when it is looked at."""
+    at.monkeypatch.setattr(live_stand, "_PASSPHRASE", Secret(PASSPHRASE))
+    (name,) = server.record.onboard()
+    server.push()
+    client = server.client(name)
+    client.start()
+    server.record.revoke(name)
+    with at.monkeypatch.context() as patch:
+        patch.setattr(live, "go_on", lambda *_: None)
+        printed = at.type("vpn", "status", code=6)
+    assert server.names() == [name]
+    return printed
+
+
+def not_dead(at: Laptop, _server: Server) -> str:
+    """The server does not say that they are gone."""
+    at.type(*LAPTOP)
+    with at.monkeypatch.context() as patch:
+        patch.setattr(live.Evidence, "confirmed", property(lambda _: False))
+        return at.type("vpn", "revoke", "name=iqua-laptop", "--yes", code=5)
+
+
+def never_set_up(at: Laptop, server: Server) -> str:
+    server.at(f"{FOLDER}/ca.crt").unlink()
+    return at.type("vpn", "sync", code=4)
+
+
+def of_another_authority(at: Laptop, server: Server) -> str:
+    shutil.rmtree(at.folder / "vpn")
+    assert server.lives
+    at.type("vpn", "init")
+    return at.type("vpn", "sync", code=4)
+
+
+SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
+    "away": (
+        away,
+        "look at its power and at your way to it; what is recorded waits, and `provision vpn sync` goes on",
+        "",
+    ),
+    "away, and recorded": (
+        away,
+        "all of it is recorded, and the server is brought to it by `provision vpn sync`",
+        "iqua-laptop",
+    ),
+    "lost": (lost, "what was asked for may have been done: `provision vpn sync` looks, and goes on", ""),
+    "changed by hand": (changed_by_hand, "`provision vpn sync` brings the server to what is recorded", "on the server"),
+    "revoked meanwhile": (revoked_meanwhile, "`provision vpn sync` when the server can be reached", "verified"),
+    "connected and put out": (connected_and_put_out, "`provision vpn sync` ends its session", "verified"),
+    "not dead": (not_dead, "`provision vpn sync` tries again, and looks", "verified"),
+    "never set up": (never_set_up, "`provision site=…` does that; then type the same again", "as declared"),
+    "of another authority": (
+        of_another_authority,
+        "the server was set up by another authority: `provision site=…` brings this one's",
+        "as declared",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_what_is_advised_is_typed(name: str, laptop: Laptop, server: Server) -> None:
+    brings, hint, says = SITUATIONS[name]
+    printed = brings(laptop, server)
+    reached(laptop, server)
+    (words,) = advised(said(printed, hint))
+    assert says in laptop.type(*words)
+    if words == ["vpn", "sync"]:
+        assert "PASS" in laptop.type("vpn", "status")
+        assert (
+            live.drift(live.observe(server.link), live.wanted(real(), laptop.authority), laptop.authority.roll()) == ()
+        )
+        assert server.names() == []
+    else:
+        assert words == ["site=scc"]
+        assert any(NAME in hosts for hosts, _ in laptop.plays)

@@ -1,0 +1,435 @@
+"""What the VPN's commands advise is typed as it was printed, where nobody but the authority is needed for it."""
+
+from __future__ import annotations
+
+import getpass
+import json
+import shutil
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any, Self
+
+import pytest
+from hints_said import advised, said
+from vpn_desk import NOBODY, PASSPHRASE, declared, founded
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_list
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.cli import _session, _vpn, main
+from atlantis_netcfg.cli._playbook import Outcome
+from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.operations.computers._result import ComputerResult
+from atlantis_netcfg.operations.vpn import router
+from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.client import openvpn_client
+from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration
+
+SEALED = f"recipient={NOBODY}"
+LAPTOP = ("vpn", "onboard", "partner=iqua", "device=laptop", "kind=laptop", SEALED)
+GATEWAY = ("vpn", "onboard", "host=coastal-gateway", SEALED)
+ROUTER = ("vpn", "onboard", "host=coastal-router", SEALED)
+
+
+@dataclass
+class Laptop:
+    """Somebody at a terminal, with the authority in its usual place; of the server's and the devices' side is noted
+    what they would get."""
+
+    folder: Path
+    capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch
+    plays: list[tuple[list[str], bool]] = field(default_factory=list)
+    """Hosts of each play, and whether this computer had an identity for each of them."""
+
+    @property
+    def authority(self) -> Authority:
+        return Authority.open(self.folder / "vpn")
+
+    def type(self, *words: str, code: int = 0) -> str:
+        """Type a command, and give all that it prints."""
+        ended = main(words)
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
+
+    def days_later(self, days: int) -> None:
+        """Let time pass, for the record."""
+
+        def later() -> datetime:
+            return datetime.now(UTC).replace(microsecond=0) + timedelta(days=days)
+
+        for place in ("_file", "", "_entry"):
+            with suppress(AttributeError, ImportError):
+                self.monkeypatch.setattr(f"atlantis_netcfg.vpn.ledger{'.' if place else ''}{place}.utc_now", later)
+        self.monkeypatch.setattr("atlantis_netcfg.vpn.authority._book.utc_now", later)
+
+
+class Play:
+    """In place of Ansible: notes who was to be worked on."""
+
+    laptop: Laptop
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def play(self, names: Sequence[str], request: Any, _notify: object, **_: object) -> Outcome:  # noqa: ANN401
+        has = all(request.identity_of(name) is not None for name in names if name != "scc-vpn")
+        self.laptop.plays.append((list(names), has))
+        return Outcome({name: dict(ComputerResult(name, request.mode).as_dict()) for name in names})
+
+
+def real() -> Declaration:
+    """The shipped pilot as if none of its values were examples."""
+    shipped = declared()
+    return replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
+
+
+@pytest.fixture
+def laptop(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Laptop:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
+    shutil.copytree(founded(tmp_path_factory.getbasetemp()) / "vpn", tmp_path / "vpn")
+    monkeypatch.setattr(_vpn, "declared", lambda _arguments: real())
+    monkeypatch.setattr(_vpn, "server", lambda *_: Later())
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    founding = Authority.init
+    # Sealed as Ansible does it: tests do not wait for age.
+    monkeypatch.setattr(
+        Authority, "init", lambda folder, word, names, who, _: founding(folder, word, names, who, sealed_by="vault")
+    )
+    monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
+    made = Laptop(tmp_path, capsys, monkeypatch)
+    monkeypatch.setattr(Play, "laptop", made, raising=False)
+    monkeypatch.setattr(_session, "PlaybookRunner", Play)
+    monkeypatch.setattr(_session, "load", lambda *_, **__: real())
+    capsys.readouterr()
+    return made
+
+
+# --- situations --------------------------------------------------------------------------------------------------
+
+
+def refused(act: Callable[[], object]) -> str:
+    """The words of an error that no command of ours lets through: an earlier check of the command has the same."""
+    with pytest.raises((NetcfgError, Refused)) as told:
+        act()
+    return str(getattr(told.value, "hint", ""))
+
+
+def twice(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    return at.type(*LAPTOP)
+
+
+def gone_later(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    return at.type("vpn", "revoke", "name=iqua-laptop", "--yes", "--no-push", code=5)
+
+
+def stopped(at: Laptop) -> str:
+    def stop(*_: object) -> Deployed:
+        raise KeyboardInterrupt
+
+    with at.monkeypatch.context() as patch:
+        patch.setattr(Later, "deploy", stop)
+        return at.type(*LAPTOP, code=5)
+
+
+def moved(at: Laptop) -> str:
+    """The server's name in the inventory is another one than in its certificate."""
+    pilot = real().pilot
+    vpn = pilot.vpn.model_copy(update={"endpoint_name": "tunnel.atlantis.internal"})
+    changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
+    at.monkeypatch.setattr(_vpn, "declared", lambda _arguments: changed)
+    return at.type("vpn", "init", code=3)
+
+
+def served(at: Laptop) -> str:
+    moved(at)
+    return at.type("vpn", "sync", "--sign")
+
+
+def without_authority(at: Laptop) -> str:
+    shutil.rmtree(at.folder / "vpn")
+    return at.type("vpn", "list", code=3)
+
+
+def without_authority_in_a_run(at: Laptop) -> str:
+    shutil.rmtree(at.folder / "vpn")
+    return at.type("site=scc", "only=scc-vpn", "--plan", code=3)
+
+
+def without_authority_for_the_server(at: Laptop) -> str:
+    roll = at.authority.roll()
+    shutil.rmtree(at.folder / "vpn")
+    return refused(lambda: openvpn_server(real(), real().hosts["scc-vpn"], roll, at.folder / "vpn"))
+
+
+def before_the_last_list(at: Laptop) -> None:
+    """The list of before somebody was revoked is back, as out of a backup."""
+    at.type(*LAPTOP)
+    kept = (at.folder / "vpn" / "crl.pem").read_bytes()
+    at.type("vpn", "revoke", "name=iqua-laptop", "--yes", "--no-push", code=5)
+    (at.folder / "vpn" / "crl.pem").write_bytes(kept)
+
+
+def an_old_list(at: Laptop) -> str:
+    before_the_last_list(at)
+    return refused(at.authority.crl)
+
+
+def an_old_list_is_seen(at: Laptop) -> str:
+    before_the_last_list(at)
+    return at.type("vpn", "status", "--no-push", code=6)
+
+
+def a_list_that_ends_soon(at: Laptop) -> str:
+    at.days_later(70)
+    return at.type("vpn", "status", "--no-push", code=6)
+
+
+def a_list_that_has_ended(at: Laptop) -> str:
+    at.days_later(100)
+    return refused(at.authority.crl)
+
+
+def a_certificate_that_ends_soon(at: Laptop) -> str:
+    at.type(*LAPTOP, "days=20")
+    return at.type("vpn", "status", "--no-push", code=6)
+
+
+def another_wish(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    return at.type(*LAPTOP, "link=satellite", code=3)
+
+
+def no_such_member(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    return at.type("vpn", "show", "name=qqq", code=3)
+
+
+def of_the_signer(at: Laptop, act: Callable[[Any], object]) -> str:
+    at.type(*LAPTOP)
+    with at.authority.unlocked(lambda: Secret(PASSPHRASE), "test") as signer:
+        return refused(lambda: act(signer))
+
+
+def no_certificate(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    return refused(lambda: at.authority.delivered("qqq", None))  # type: ignore[arg-type] # refused before it is read
+
+
+def an_identity_that_has_ended(at: Laptop) -> str:
+    at.type(*ROUTER, "days=20")
+
+    class Days30(datetime):
+        @classmethod
+        def now(cls, tz: Any = None) -> Self:  # noqa: ANN401 - as datetime has it
+            return super().now(tz) + timedelta(days=30)
+
+    at.monkeypatch.setattr(router, "datetime", Days30)
+    return at.type("vpn", "install", "host=coastal-router", code=3)
+
+
+def a_gateway_without_identity(_at: Laptop) -> str:
+    made = openvpn_client(real(), real().hosts["coastal-gateway"], None).as_dict()
+    return json.dumps(made, ensure_ascii=False)
+
+
+def a_strange_name(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    member = at.authority.roll().members["iqua-laptop"]
+    (one,) = member.certificates
+    return refused(lambda: ccd(member, replace(one, common_name="../x"), real()))
+
+
+def a_list_of_another(at: Laptop) -> str:
+    files = live_files(real(), at.authority.roll(), at.authority.crl(), ca=(at.folder / "vpn/ca.crt").read_text())
+    return "\n".join(file.hint for file in files)
+
+
+def by_the_servers_clock(at: Laptop) -> str:
+    new = vpn_list.Crl(signed=True, number=9, begins=0, ends=10)
+    assert at.authority.roll().crl_number >= 1
+    return refused(lambda: vpn_list.accept(new, None, 20.0))
+
+
+# --- what is typed -----------------------------------------------------------------------------------------------
+
+Situation = tuple["Callable[[Laptop], str]", str, int, str]
+"""What brings it about, the hint, how the advised command ends (of several, each), and what it then says."""
+LIST = ("`provision vpn list` names them all", 0, "iqua-laptop")
+SITUATIONS: dict[str, Situation] = {
+    "a member that is there": (
+        twice,
+        "made before; if its passphrase is lost: provision vpn renew name={}",
+        0,
+        "iqua-laptop.2",
+    ),
+    "left for later": (
+        lambda at: at.type(*LAPTOP, "--no-push"),
+        "the server was not asked (`--no-push`): `provision vpn sync` brings it there",
+        0,
+        "",
+    ),
+    "revoked, for later": (gone_later, "`provision vpn sync` cuts them off: {}", 0, ""),
+    "stopped by hand": (
+        stopped,
+        "what was recorded stands: type the same again, or look with `provision vpn status`",
+        0,
+        "iqua-laptop",
+    ),
+    "another server": (
+        moved,
+        (
+            "if the inventory is right, `provision vpn sync --sign` makes a certificate for it; another authority has "
+            "another folder: `authority=FOLDER`"
+        ),
+        0,
+        "the server has a new certificate",
+    ),
+    "a new certificate of the server": (
+        served,
+        "the server has a new certificate: `provision site={}` puts it in its place",
+        0,
+        "as declared",
+    ),
+    "nobody ends soon": (
+        lambda at: twice(at) and at.type("vpn", "renew", "all=30d", code=7),
+        "`provision vpn list` tells when they end",
+        0,
+        "until",
+    ),
+    "no authority": (without_authority, "`provision vpn init` makes one; `authority=DIR` names it", 0, "made: the"),
+    "no authority for a run": (without_authority_in_a_run, "make one: `provision vpn init`; {}", 0, "made: the"),
+    "no authority for the server": (
+        without_authority_for_the_server,
+        "make one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
+        0,
+        "made: the",
+    ),
+    "nobody is in": (
+        lambda at: at.type("vpn", "list", code=7),
+        "`provision vpn onboard --help` says how somebody is let in",
+        0,
+        "provision vpn onboard",
+    ),
+    "no such member": (no_such_member, *LIST),
+    "no such member, for the record": (
+        lambda at: of_the_signer(at, lambda signer: signer.revoke(["qqq"], "a test")),
+        "`provision vpn list` shows them all",
+        0,
+        "iqua-laptop",
+    ),
+    "nobody named": (lambda at: of_the_signer(at, lambda signer: signer.revoke([], "a test")), *LIST),
+    "no certificate in use": (no_certificate, *LIST),
+    "another wish": (
+        another_wish,
+        "`provision vpn renew name={}` changes link, wrap and key; for the rest take another name",
+        0,
+        "iqua-laptop.2",
+    ),
+    "an old list": (an_old_list, "`provision vpn sync --sign` signs a new one", 0, ""),
+    "an old list is seen": (
+        an_old_list_is_seen,
+        "{} lacks serial {}, which is revoked: provision vpn sync --sign",
+        0,
+        "",
+    ),
+    "a list that ends soon": (
+        a_list_that_ends_soon,
+        "{} ends on {}, and then nobody gets in: provision vpn sync --sign",
+        0,
+        "",
+    ),
+    "a list that has ended": (
+        a_list_that_has_ended,
+        "look at this computer's clock, then sign a new one: provision vpn sync --sign",
+        0,
+        "",
+    ),
+    "a certificate that ends soon": (
+        a_certificate_that_ends_soon,
+        "{} {} on {}: provision vpn renew name={}",
+        0,
+        "iqua-laptop.2",
+    ),
+    "an identity for a gateway": (lambda at: at.type(*GATEWAY), "provision site={} only={}", 0, "as declared"),
+    "an identity that has ended": (
+        an_identity_that_has_ended,
+        "`provision vpn renew name={}` where the authority is, and here what it hands out",
+        0,
+        "coastal-router.2",
+    ),
+    "nothing to install on a gateway": (
+        lambda at: at.type("vpn", "install", "host=coastal-gateway", code=7),
+        "gateways get theirs from `provision site={}`",
+        0,
+        "as declared",
+    ),
+    "a gateway without identity": (
+        a_gateway_without_identity,
+        (
+            "{} has no identity of the VPN, neither there nor on this computer: its tunnel does not come up. Type "
+            "`provision vpn onboard host={}` where the authority is, or `provision vpn accept file=FILE` with what the "
+            "control centre has handed out, then the same again"
+        ),
+        0,
+        "coastal-gateway",
+    ),
+    "a strange name": (a_strange_name, "the ledger is not as this toolkit writes it: `provision vpn audit`", 0, ""),
+    "a list of another authority": (
+        a_list_of_another,
+        (
+            "it is not signed by this authority, or older than the one in its place: with it a revoked member would be "
+            "let in. Look at `provision vpn status`, and type the same again"
+        ),
+        0,
+        "the record is whole",
+    ),
+    "a list that cannot be read": (
+        lambda _: refused(lambda: vpn_list.accept(None, None, 0.0)),
+        "`provision vpn status` tells what is wrong with the authority's own list",
+        0,
+        "the record is whole",
+    ),
+    "a list that has ended by the server's clock": (
+        by_the_servers_clock,
+        "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
+        0,
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_what_is_advised_is_typed(name: str, laptop: Laptop) -> None:
+    brings, hint, code, says = SITUATIONS[name]
+    commands = advised(said(brings(laptop), hint))
+    assert commands
+    for words in commands:
+        if "file=FILE" in words:
+            continue  # what another laptop does, with a file that it was given
+        number = laptop.authority.roll().crl_number if (laptop.folder / "vpn").exists() else 0
+        printed = laptop.type(*words, code=code)
+        assert says in printed
+        if "--sign" in words:
+            assert laptop.authority.roll().crl_number > number
+            laptop.authority.crl()
+        if words[0].startswith("site="):
+            assert laptop.plays
+        if words[-1] == "only=coastal-gateway":
+            assert laptop.plays == [(["coastal-gateway"], True)]
