@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import sys
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Command
 
-__all__ = ["Stopped", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
+__all__ = ["Stopped", "as_typed", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
 
 
 def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> ExitCode:
@@ -21,11 +23,34 @@ def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> E
     What a hint leaves open (`site=…`) is filled in from what was typed.
     """
     errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
-    words = dict(word.partition("=")[::2] for word in typed)
-    device = words.get("device") or words.get("host") or ""
-    hints = [one.hint and complete(one.hint, site=words.get("site", ""), device=device) for one in errors]
+    hints = [one.hint and as_typed(one.hint, typed) for one in errors]
     _tell(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
     return error.exit
+
+
+def as_typed(hint: str, typed: Sequence[str]) -> str:
+    """A hint whose commands go on where the typed one was: its site and device, its authority, its emulated devices."""
+    from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+
+    words = dict(word.partition("=")[::2] for word in typed)
+    hint = complete(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
+
+    def completed(found: re.Match[str]) -> str:
+        try:
+            name, rest = choose(shlex.split(found[1]), COMMANDS)
+        except (NetcfgError, ValueError):  # what is wrong with a line may itself be quoted
+            return found[0]
+        if "--help" in rest:
+            return found[0]
+        command = load(name, COMMANDS).COMMAND
+        more = ""
+        if "authority" in words and command.word("authority") is not None and "authority=" not in found[1]:
+            more += f" {shlex.quote('authority=' + words['authority'])}"
+        if "--rehearse" in typed and command.flag("rehearse") is not None and "--rehearse" not in rest:
+            more += " --rehearse"
+        return f"`provision {found[1]}{more}`"
+
+    return re.sub(r"`provision ([a-z][^`…]*)`", completed, hint)
 
 
 class Stopped(DeviceFailed):

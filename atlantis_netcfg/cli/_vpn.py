@@ -121,15 +121,23 @@ def tell(
     """Print the result: one JSON object, or lines on the output and errors as every error is told."""
     from atlantis_netcfg.cli import _outcome
 
+    typed = [f"{AUTHORITY.name}={named}"] if (named := _named(arguments)) is not None else []
+    for error in errors:
+        error.hint = error.hint and _outcome.as_typed(error.hint, typed)
     if arguments.flag(JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json.dumps({"exit": int(code), "errors": rows, **told}, ensure_ascii=False))
         return code
     for line in lines:
-        print(_outcome.harmless(line))
+        print(_outcome.harmless(_outcome.as_typed(line, typed)))
     sys.stdout.flush()
     _outcome.tell(errors)
     return code
+
+
+def _named(arguments: Arguments) -> str | None:
+    """The authority's folder, where one was named."""
+    return arguments.optional(AUTHORITY.name) if arguments.command.word(AUTHORITY.name) is not None else None
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:

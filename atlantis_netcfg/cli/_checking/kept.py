@@ -38,10 +38,12 @@ def kept_of(where: Store, site: str, *, rehearsed: bool) -> tuple[Kept, ...]:
     known = sites_with(where)
     if site in known:
         return books(folder_of(where, site))
+    near = nearest(site, known)
+    begins = "" if near else f"; `provision check site={site}{' --rehearse' if rehearsed else ''}` begins one"
     other = "" if rehearsed or site not in sites_with(store(rehearsed=True)) else "; add --rehearsed for rehearsed ones"
     raise NothingMatched(
         f"there is no {'rehearsed ' if rehearsed else ''}checklist of `{site}`",
-        hint=_meant(site, known, "there are checklists of") + (other or f"; `provision check site={site}` begins one"),
+        hint=_meant(site, known, "there are checklists of") + (other or begins),
     )
 
 

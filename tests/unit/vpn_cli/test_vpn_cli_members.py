@@ -286,7 +286,10 @@ def test_a_server_by_another_name_gets_a_certificate_once(
 
     monkeypatch.setattr(_vpn, "declared", lambda _: moved)
     code, _, said = desk.type("init", passphrase=PASSPHRASE)
-    assert (code, "`provision vpn sync --sign` makes a certificate for it" in said) == (3, True), said
+    assert (code, f"`provision vpn sync --sign authority={desk.authority}` makes a certificate for it" in said) == (
+        3,
+        True,
+    ), said
     code, out, _ = desk.type("sync", "--sign", passphrase=PASSPHRASE)
     assert (code, "`provision site=scc` puts it in its place" in out) == (0, True), out
     made = x509.load_pem_x509_certificate((desk.authority / "server" / "server.crt").read_bytes())

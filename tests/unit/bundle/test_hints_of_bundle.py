@@ -1,0 +1,166 @@
+"""What is advised about bundles is typed as it was printed."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from bundle_made import HOST, WISH, folder, keys, manifest, signer
+from hints_said import advised, said
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_run, apt_words
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import Converge
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.bundle import Keys
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.operations import bundling
+from atlantis_netcfg.operations.bundling import _make
+from atlantis_netcfg.operations.computers._result import ComputerResult
+from atlantis_netcfg.operations.request import Mode
+from atlantis_netcfg.routeros.apply import Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from atlantis_netcfg.bundle import Manifest
+    from atlantis_netcfg.bundle.signing import Signer
+
+__all__ = ["folder", "keys", "signer"]
+KEYS_OF = Keys.of
+
+
+class Place:
+    """A computer with internet, and a bundle of it."""
+
+    def __init__(self, bundle: Path, state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.bundle, self.state, self.capsys = bundle, state, capsys
+        self.fresh = bundle.with_name("fresh")
+
+    def type(self, *words: str, code: int = 0) -> str:
+        ended = main(words)
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
+
+    def checked(self, *more: str, code: int) -> str:
+        return self.type("bundle", "site=coastal", f"check={self.bundle}", *more, code=code)
+
+
+@pytest.fixture
+def at(  # noqa: PLR0913, PLR0917 - fixtures
+    folder: Path,
+    keys: Keys,
+    signer: Signer,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Place:
+    """What is wanted is small, and what a mirror would give is there."""
+    place = Place(folder, tmp_path / "state", capsys)
+    shutil.copytree(folder, place.fresh)
+
+    def made(asked: bundling.Asked, *_: object) -> Manifest:
+        shutil.copytree(place.fresh, asked.place, dirs_exist_ok=True)
+        return manifest(signer)
+
+    monkeypatch.setenv("ATLANTIS_STATE", str(place.state))
+    monkeypatch.setattr(bundling, "made", made)
+    monkeypatch.setattr(_make, "wish_of", lambda *_, **__: WISH)
+    monkeypatch.setattr(Keys, "of", lambda _state: keys)
+    return place
+
+
+def damaged(at: Place) -> str:
+    (at.bundle / "pool/chrony_3.5_arm64.deb").write_bytes(b"x")
+    return at.checked(code=3)
+
+
+def lacking(at: Place) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_make, "wish_of", lambda *_, **__: replace(WISH, codename="jammy"))
+        return at.checked(code=3)
+
+
+def none(at: Place) -> str:
+    at.bundle = at.bundle.with_name("nowhere")
+    return at.checked(code=3)
+
+
+def told(hint: str) -> str:
+    """As the laptop tells what a gateway has refused."""
+    result = ComputerResult(HOST, Mode.APPLY, "coastal")
+    result.failed("packages", {"msg": "refused", "hint": hint}, Status.LEFT_AS_FOUND)
+    return str(result.as_dict()["hint"])
+
+
+def too_dear(_at: Place) -> str:
+    wanted: Any = SimpleNamespace(wanted=SimpleNamespace(limit_words="", limit_bytes=1))
+    return told(str(Converge._too_dear(wanted, "20 MB").hint))
+
+
+def no_name(_at: Place) -> str:
+    found = apt_words.of_install("E: Temporary failure resolving 'archive.example.org'\n", ["chrony"])
+    return told(str(found.hint))
+
+
+def another_system(_at: Place) -> str:
+    apt: Any = SimpleNamespace(tree=SimpleNamespace(read=lambda _: b"ID=debian\nVERSION_CODENAME=bookworm\n"))
+    with pytest.raises(Refused) as refused:
+        apt_run.refuse_another_system(apt, "ubuntu", "focal", ())
+    return told(str(refused.value.hint))
+
+
+SITUATIONS: dict[str, tuple[Callable[[Place], str], str]] = {
+    "damaged": (damaged, "copy the bundle again, or make it anew: `provision bundle site={}`"),
+    "lacking": (lacking, "on a computer with internet: `provision bundle site={}`"),
+    "none": (none, "name the folder itself; `provision bundle site=…` makes one, and tells where it has put it"),
+    "too dear": (
+        too_dear,
+        "type the same with --accept-cost; or bring the packages: `provision bundle site=…`, then `--offline`",
+    ),
+    "no name": (
+        no_name,
+        (
+            "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
+            "`provision bundle site=…`, then `--offline`"
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_the_bundle_that_is_advised_is_made_and_can_be_used(name: str, at: Place) -> None:
+    brings, hint = SITUATIONS[name]
+    (words,) = advised(said(brings(at), hint))
+    printed = at.type(*words)
+    at.bundle = at.state / "bundles" / "coastal"
+    assert str(at.bundle) in printed
+    assert "signed by" in at.checked(code=0)
+
+
+def test_a_bundle_of_another_computer_is_opened_with_the_key_that_is_told(
+    at: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = KEYS_OF(tmp_path / "other")
+    monkeypatch.setattr(Keys, "of", lambda _state: other)
+    hint = "let whoever made it read you the key; if it is this one: `provision bundle site=… check={} key={}`"
+    (words,) = advised(said(at.checked(code=3), hint))
+    assert "signed by" in at.type(*words)
+    assert "signed by" in at.checked(code=0)
+
+
+def test_a_key_needs_its_bundle(at: Place, signer: Signer) -> None:
+    hint = "add `check=` and its folder: `provision bundle site={} check=BUNDLE key={}`"
+    printed = at.type("bundle", "site=coastal", f"key={signer.fingerprint}", code=3)
+    (words,) = advised(said(printed, hint))
+    assert "signed by" in at.type(*(word.replace("BUNDLE", str(at.bundle)) for word in words))
+
+
+def test_another_card_is_made_with_the_words_that_are_shown(at: Place) -> None:
+    hint = "make a card with the right system (`provision image --help`), or declare the release that fits this one"
+    (words,) = advised(said(another_system(at), hint))
+    assert "host=coastal-gateway" in at.type(*words) or "the gateway computer" in at.type(*words)

@@ -1,0 +1,255 @@
+"""What commands advise without a device is typed as it was printed; after a stop, the words fit the command."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from check_desk import RADIO, Sitting
+from hints_said import advised, said
+
+from atlantis_netcfg.checklist._canonical import written
+from atlantis_netcfg.cli import _commands, _session, main
+from atlantis_netcfg.cli._checking import sitting
+from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.journal import RunStarted, Store
+from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+ROOT = checkout() / "inventory"
+CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).COMMAND.changes]
+
+
+class Place:
+    """Somebody who types, with a state of their own."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder, self.capsys, self.monkeypatch = folder, capsys, monkeypatch
+        self.state = folder / "state"
+        self.tried: list[str] = []
+        """Whose proof was begun."""
+
+    def type(self, *words: str, code: int = 0) -> str:
+        ended = main(words)
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
+
+
+@pytest.fixture
+def at(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Place:
+    """Values of the inventory are taken for real ones; a checklist is opened and closed, and asks nobody."""
+    shipped = load(ROOT)
+    real = replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
+    monkeypatch.setattr(_session, "load", lambda *_, **__: real)
+    monkeypatch.setattr(sitting, "_look", lambda *_: None)
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    return Place(tmp_path, capsys, monkeypatch)
+
+
+def kept(at: Place, *, sign: bool) -> Path:
+    """A checklist of this computer."""
+    folder = at.state / "real" / "coastal"
+    desk = Sitting(folder, [], (RADIO,), {"sparus/wifi": ["PASS hears the boat"]})
+    with desk.book() as book:
+        desk.turn(book).with_a_person(desk.desk)
+        if sign:
+            book.sign("A. Technician", lambda _document: {"report.html": b"well"})
+        return book.folder
+
+
+def not_signed(at: Place) -> str:
+    """A report whose signature somebody has left away."""
+    document = json.loads((kept(at, sign=True) / "report.json").read_bytes())
+    file = at.folder / "report.json"
+    file.write_bytes(written({**document, "signed": None}))
+    return at.type("report", "verify", f"file={file}", code=6)
+
+
+def damaged(at: Place) -> str:
+    folder = kept(at, sign=True)
+    (folder / "records.jsonl").write_bytes(b"")
+    (folder / "report.json").write_bytes(b"")
+    return at.type("report", "show", "site=coastal", code=4)
+
+
+def no_such_item(at: Place) -> str:
+    desk = Sitting(at.state / "real" / "coastal", [], (RADIO,), {})
+    with desk.book() as book, pytest.raises(NetcfgError) as refused:
+        book.item("qqq")
+    return str(refused.value.hint)
+
+
+def a_satellite_with_canaries(at: Place) -> str:
+    shutil.copytree(ROOT, at.folder / "inventory")
+    site = at.folder / "inventory/group_vars/coastal.yml"
+    text = site.read_text()
+    place = text.index("kind: satellite")
+    line = text.rindex("\n", 0, place) + 1
+    indent = " " * (len(text[line:place]) - len(text[line:place].lstrip(" -")))
+    site.write_text(f"{text[:place]}canaries: [192.0.2.53, 192.0.2.54]\n{indent}{text[place:]}")
+    return at.type("validate", f"inventory={at.folder / 'inventory'}", code=3)
+
+
+def stopped_at_the_end(at: Place) -> str:
+    """Ctrl-C while the end of a run is printed."""
+
+    def stop(*_: object) -> ExitCode:
+        raise KeyboardInterrupt
+
+    started = RunStarted(
+        site="coastal", revision="1", tool="1", hosts=("coastal-router",), rehearsed=False, command="provision"
+    )
+    with Store(at.state).start(started):
+        pass
+    with at.monkeypatch.context() as patch:
+        patch.setattr("atlantis_netcfg.cli.run.run", stop)
+        return at.type("site=coastal", code=5)
+
+
+SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
+    "a word that there is not": (
+        lambda at: at.type("runs", "qqq", code=3),
+        "`provision {} --help` lists what it takes",
+        0,
+        "provision runs",
+    ),
+    "nothing was signed": (
+        lambda at: at.type("report", "verify", code=7),
+        "`provision check site=NAME` ends with a signature",
+        6,
+        "coastal",
+    ),
+    "no checklist": (
+        lambda at: at.type("report", "list", "site=coastal", code=7),
+        "; `provision check site={}{}` begins one",
+        6,
+        "coastal",
+    ),
+    "damaged": (damaged, "look at it with `provision report verify`", 6, "NOT VERIFIED"),
+    "not signed": (
+        not_signed,
+        "nobody vouches for it: `provision check site={}{}` goes on with it, on the computer on which it was made",
+        6,
+        "coastal",
+    ),
+    "nothing is left": (
+        lambda at: at.type("check", "site=coastal", "vehicle=stork", "endpoint=acoustic", code=7),
+        "leave out a word: `provision check site={}` lists all",
+        6,
+        "sparus/wifi",
+    ),
+    "no such item": (no_such_item, "`provision check site={}` shows every id", 6, "sparus/wifi"),
+    "stopped at the end": (
+        stopped_at_the_end,
+        "`provision runs` shows what was confirmed, and how a run that is unfinished goes on",
+        0,
+        "UNFINISHED, go on: `provision resume site=coastal run=",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_what_is_advised_is_typed(name: str, at: Place) -> None:
+    brings, hint, code, says = SITUATIONS[name]
+    (words,) = advised(said(brings(at), hint))
+    assert says in at.type(*(word.replace("NAME", "coastal") for word in words), code=code)
+
+
+def test_canaries_of_a_satellite_are_tried_by_a_person(at: Place) -> None:
+    hint = "remove `canaries:`; `provision prove site={}` tries the satellite when a person asks for it"
+    (words,) = advised(said(a_satellite_with_canaries(at), hint))
+    at.monkeypatch.setattr("atlantis_netcfg.cli.prove._prove", _tried(at))
+    at.type(*words, code=7)
+    assert at.tried == ["coastal-router"]
+
+
+def _tried(at: Place) -> Callable[..., object]:
+    """In place of the router: say whom it would have been."""
+
+    def prove(opened: _session.Session) -> object:
+        at.tried.append(opened.hosts[0].name)
+        raise NothingBehindIt
+
+    return prove
+
+
+class NothingBehindIt(NetcfgError):
+    """Nothing stands behind the router's address here."""
+
+    exit = ExitCode.NOTHING
+
+    def __init__(self) -> None:
+        super().__init__("nothing was tried")
+
+
+def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert main(["validate"]) == 0
+    (words,) = advised(said(capsys.readouterr().out, "`provision site={} --rehearse`"))
+    seen: list[object] = []
+
+    def rehearsed(opened: object, _twins: object) -> object:
+        seen.append(opened)
+        raise NothingBehindIt
+
+    monkeypatch.setattr("atlantis_netcfg.cli._rehearse.rehearse", rehearsed)
+    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", _no_twins)
+    assert main([*words]) == 7
+    (opened,) = seen
+    assert isinstance(opened, _session.Session)
+    assert (opened.site, opened.rehearsed) == (words[0].partition("=")[2], True)
+
+
+@contextmanager
+def _no_twins(*_: object) -> Iterator[object]:
+    """In place of the emulated devices."""
+    yield object()
+
+
+# --- stops ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CHANGING)
+def test_what_is_said_after_a_stop_is_no_resume_that_knows_of_nothing(name: str) -> None:
+    """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
+    command = _commands.load(name, COMMANDS).COMMAND
+    assert command.plays != command.again.replace("what was recorded stands: ", "").startswith("type the same again")
+    assert "resume" not in command.again
+
+
+@pytest.mark.parametrize("name", [name for name in CHANGING if not _commands.load(name, COMMANDS).COMMAND.plays])
+def test_a_stopped_command_that_is_no_run_is_typed_again(name: str, at: Place) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    at.monkeypatch.setattr(f"{COMMANDS[name]}.run", stop)
+    words = _commands.load(name, COMMANDS).COMMAND.words
+    printed = at.type(*name.split(), *(word.typed for word in words if word.required), code=5)
+    assert "type the same again" in printed
+    assert not any("resume" in words for words in advised(printed))
+
+
+def test_a_stop_before_anything_was_sent_says_that_nothing_was_changed(at: Place) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    at.monkeypatch.setattr(_session, "load", stop)
+    for typed in (("site=coastal", "--yes"), ("resume", "site=coastal"), ("rollback", "site=coastal", "to=x")):
+        assert "nothing was changed" in at.type(*typed, code=4)
+
+
+def test_a_hint_goes_on_where_the_command_was_typed(at: Place) -> None:
+    """In the folder of the authority that was named, and with the emulated devices."""
+    (init,) = advised(at.type("vpn", "list", f"authority={at.folder / 'another'}", code=3))
+    assert init == ["vpn", "init", f"authority={at.folder / 'another'}"]
+    line = ("check", "site=coastal", "vehicle=stork", "endpoint=acoustic", "--rehearse")
+    assert advised(at.type(*line, code=7)) == [["check", "site=coastal", "--rehearse"]]
