@@ -1,0 +1,161 @@
+"""What the checks of a site advise is typed as it stands, beside whatever is broken."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hints_said import advised, said
+from own_broken import BROKEN
+from own_world import NOW, World, own_steps
+from test_hints_of_vpn import GATEWAY, ROUTER, Laptop, laptop
+
+from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.operations.vpn.router import Installed
+from atlantis_netcfg.routeros.apply import Status
+from atlantis_netcfg.twin.around import Validity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.site import Host
+
+__all__ = ["laptop"]
+RENEWED = (
+    "`provision vpn renew name={name}` makes another one, and `provision vpn install host={name}` brings it to the "
+    "router"
+)
+ACCEPTED = (
+    "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
+    "and `provision site={site} only={name}` brings it"
+)
+
+
+class NothingBehindIt(NetcfgError):
+    """No device stands behind an address here."""
+
+    exit = ExitCode.NOTHING
+
+
+@pytest.fixture
+def reached(laptop: Laptop) -> list[str]:
+    """The devices that a command would have asked or changed."""
+    names: list[str] = []
+
+    def look(opened: Any) -> None:  # noqa: ANN401 - a session
+        names.extend(host.name for host in opened.hosts)
+        raise NothingBehindIt(f"{opened.site} is asked")
+
+    def install(_declaration: object, host: Host, *_: object, **__: object) -> Installed:
+        names.append(host.name)
+        return Installed(host.name, Status.UNCHANGED, ExitCode.DONE, "already so")
+
+    def adoption(_arguments: object, _declaration: object, host: Host, *_: object) -> None:
+        names.append(host.name)
+        raise NothingBehindIt(f"{host.name} is looked for")
+
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.links._look", look)
+    laptop.monkeypatch.setattr("atlantis_netcfg.operations.vpn.router.install", install)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
+    laptop.type(*ROUTER)
+    laptop.type(*GATEWAY)
+    return names
+
+
+def hints(world: World) -> str:
+    """All that the checks advise there."""
+    found = [world.judged(step) for step in own_steps() if not step.unless]
+    if world.script:
+        assert world.device.run(world.caller, ["/safe-mode/unroll"])[-1].kind == "!done"
+    return "\n".join(one.hint for judged in found for one in judged.findings if one.hint)
+
+
+def telling(code: str) -> World:
+    """The first of the broken sites of which that is told."""
+    for broken in BROKEN.values():
+        if any(line.split(" ")[1].rstrip(":") == code for lines in broken().findings().values() for line in lines):
+            return broken()
+    raise AssertionError(code)
+
+
+def expiring() -> World:
+    soon = Validity(since=NOW - timedelta(days=300), until=NOW + timedelta(days=9))
+    world = World()
+    return World(around={**world.around, "validity": {**world.around["validity"], "atlantis-vpn": soon}})
+
+
+def identity_expiring() -> World:
+    pc = World().pc
+    soon = {"not_before": NOW - timedelta(days=300), "not_after": NOW + timedelta(days=9)}
+    certificates = {path: tuple(one.model_copy(update=soon) for one in held) for path, held in pc.certificates.items()}
+    return World(pc=pc.model_copy(update={"certificates": certificates}))
+
+
+LINKS = ["coastal-router", "coastal-cpe", "coastal-4g", "coastal-sat", "coastal-gateway"]
+SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
+    "clock": (
+        lambda: telling("not-synchronised"),
+        "can {} reach the declared time servers? `provision links site={}` tells whether any bearer is up",
+        7,
+        LINKS,
+    ),
+    "a better link": (
+        lambda: telling("better-unknown"),
+        "look at `provision links site={}` when the boxes answer again",
+        7,
+        LINKS,
+    ),
+    "no link": (
+        lambda: telling("no-default-route"),
+        "look at `provision links site={}`: is any bearer up? then run the site, which puts its routes back",
+        7,
+        LINKS,
+    ),
+    "lossy": (lambda: telling("server-lossy"), "look at `provision links site={}`", 7, LINKS),
+    "factory name": (
+        lambda: telling("factory-name"),
+        "`provision adopt site={} device=NAME` gives a new device its name, user and certificate",
+        7,
+        ["coastal-router"],
+    ),
+    "no tunnel": (
+        lambda: telling("router-no-tunnel"),
+        "`provision vpn install host={}`, and after it `provision site={}`",
+        0,
+        ["coastal-router"],
+    ),
+    "tunnel down": (
+        lambda: telling("router-tunnel-down"),
+        "`provision vpn status` tells whether its identity is known; look at its log for the server's reason",
+        0,
+        [],
+    ),
+    "another address": (
+        lambda: telling("router-tunnel-address"),
+        "`provision vpn sync` lets the server give each member its address",
+        0,
+        [],
+    ),
+    "silent": (lambda: telling("server-silent"), "is the VPN server running? `provision vpn status` asks it", 0, []),
+    "no identity": (
+        lambda: telling("identity-unreadable"),
+        "`provision site={} only={}` brings it there; only root may read it",
+        0,
+        [],
+    ),
+    "a certificate of the router": (expiring, RENEWED, 0, ["coastal-router"]),
+    "an identity of the gateway": (identity_expiring, ACCEPTED, 0, []),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_what_a_check_advises_is_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
+    world, hint, code, devices = SITUATIONS[name]
+    commands = advised(said(hints(world()), hint))
+    assert commands
+    for words in commands:
+        laptop.follow([word.replace("NAME", "coastal-router") for word in words], code)
+    assert reached == devices
+    if any(words[-1] == "only=coastal-gateway" for words in commands):
+        assert laptop.plays == [(["coastal-gateway"], True)]
