@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
@@ -155,7 +155,7 @@ class Adoption:
         return SshWay(address, self.wish, key, lambda port: self.locate(address, port))
 
     def _result(self, found: Adopted, code: ExitCode, message: str, run: str) -> AdoptionResult:
-        notes = (*found.notes, *self._missing(found))
+        notes = (*(complete(one, site=self.host.site) for one in found.notes), *self._missing(found))
         standing = found.standing.value
         return AdoptionResult(self.host.name, found.status.value, code, message, standing, found.steps, notes, run)
 

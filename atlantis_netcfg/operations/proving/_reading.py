@@ -81,7 +81,8 @@ def read(port: str, replies: Sequence[Reply]) -> Reading:
     if found is None or "rx-byte" not in found or "tx-byte" not in found:
         raise DeviceFailed(
             f"the router tells no byte counters of port {port}, and without them nothing is sent",
-            hint="is the port of the satellite declared as it is called on the router? `provision drift` compares",
+            hint="is the port of the satellite declared as it is called on the router?"
+            " `provision drift site=…` compares",
         )
     return Reading(
         port_bytes=_number(found, "rx-byte") + _number(found, "tx-byte"),

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 from carton import ROUTER, Carton, adopted_export, carton
+from hints_said import advised, said
+from test_hints_of_vpn import Laptop, laptop
 
 from atlantis_netcfg.console import HostKeyChanged, LoginFailed
 from atlantis_netcfg.errors import ExitCode, NetcfgError
@@ -18,6 +20,7 @@ from atlantis_netcfg.twin import DeviceMode, Mode, User
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+__all__ = ["laptop"]
 pytestmark = pytest.mark.slow
 
 
@@ -187,14 +190,21 @@ def test_a_box_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
         assert box.adopt().status == "unchanged"
 
 
-def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path) -> None:
-    with carton(tmp_path, serial=True) as box:
+def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path, laptop: Laptop) -> None:
+    hint = (
+        "not verified, because the laptop is on the serial line: that {} answers on {}; plug into {} with address {}, "
+        "and `provision site=…` verifies it"
+    )
+    with carton(tmp_path / "box", serial=True) as box:
         adoption = box.adoption()
         adoption.locate = lambda _address, _port: ("127.0.0.1", 1)
         result = adoption.carry_out(lambda _: None)
         assert result.status == "changed"
         (note,) = (note for note in result.notes if note.startswith("not verified"))
-        assert "plug into ether8 with address 10.64.100.10/24, and `provision site=...` verifies it" in note
+        assert "plug into ether8 with address 10.64.100.10/24" in note
+        (words,) = advised(said(note, hint))
+        laptop.type(*words)
+        assert ROUTER in laptop.plays[0][0]
         pins = Store(box.state, rehearsed=True).pins
         assert pins.host_key(ROUTER) is None
         assert box.adopt(via="ssh").status == "unchanged"

@@ -1,0 +1,192 @@
+"""What is advised about a satellite, and about devices that were not met or have changed, is typed as it stands."""
+
+from __future__ import annotations
+
+from datetime import date
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import paramiko
+import pytest
+from hints_said import advised, said
+from proving_router import Fake
+from test_hints_of_vpn import Laptop, laptop, real
+from test_proving import ADDED, SATELLITE, prove, proving
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
+from atlantis_netcfg.cli import _outcome
+from atlantis_netcfg.console._keys import PinnedKey
+from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations.proving._reading import read
+from atlantis_netcfg.operations.terminals import look
+from atlantis_netcfg.operations.upgrade._prepared import _configuration
+from atlantis_netcfg.probes.answers import Proved
+from atlantis_netcfg.probes.satellite._allowed import AllowListProbe
+from atlantis_netcfg.routeros.api import Endpoint
+from atlantis_netcfg.routeros.api._tls import check_pin
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["laptop"]
+PROVE = ("prove", "site=coastal", "--try-all")
+ADOPT = ("adopt", "site=coastal", "device=coastal-router")
+
+
+class NothingBehindIt(NetcfgError):
+    """No device stands behind an address here."""
+
+    exit = ExitCode.NOTHING
+
+
+@pytest.fixture
+def reached(laptop: Laptop) -> list[str]:
+    """The devices that a command would have asked or changed, and how."""
+    seen: list[str] = []
+
+    def proof(opened: Any) -> None:  # noqa: ANN401 - a session
+        seen.append(f"{opened.hosts[0].name} {opened.arguments.flag('try-all')} {opened.arguments.optional('backup')}")
+        raise NothingBehindIt("it would be tried")
+
+    def adoption(arguments: Any, _declaration: object, host: Any, *_: object) -> None:  # noqa: ANN401 - of the command
+        seen.append(f"{host.name} {arguments.flag('replaced')}")
+        raise NothingBehindIt("it would be looked for")
+
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.prove._prove", proof)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
+    return seen
+
+
+def of_an_error(typed: tuple[str, ...], act: Callable[[], object]) -> str:
+    """The hint of an error as the last door tells it, after what was typed."""
+    with pytest.raises(NetcfgError) as told:
+        act()
+    return _outcome.as_typed(str(told.value.hint), typed)
+
+
+def evidence(at: Laptop, **changes: Any) -> str:  # noqa: ANN401 - fields of the evidence
+    """A terminal at which somebody has looked so."""
+    declaration = real()
+    host = declaration.hosts["coastal-sat"]
+    device: Any = host.device
+    seen = {"firmware": "1", "allow_list": True, "by": "A", "seen_on": "2026-11-01", "sim_address": None}
+    found = SimpleNamespace(**{**seen, "backup_file": None, "backup_sha256": None, **changes})
+    looked = look(
+        declaration,
+        SimpleNamespace(
+            name=host.name, site=host.site, device=device.model_construct(**{**dict(device), "evidence": found})
+        ),  # type: ignore[arg-type] # a host
+        Store(at.folder),
+        today=date(2026, 11, 2),
+    )
+    return "\n".join(one.hint for one in looked.findings if one.hint)
+
+
+def leak(_at: Laptop) -> str:
+    attempt = Attempt("weather", ADDED, Expected.REFUSED, Probe.ICMP, Outcome.ANSWERED)
+    return str(proving()._judged(attempt, link_seen=True).hint)
+
+
+def not_tried(_at: Laptop) -> str:
+    tried = Finding(Verdict.PASS, "reached", "weather was reached")
+    untried = Finding(Verdict.INCONCLUSIVE, "not-tried", "the VPN could not be tried")
+    judged = AllowListProbe("satellite", "coastal").judge({"prove": Proved(None, findings=(tried, untried))})
+    return "\n".join(one.hint for one in judged.findings if one.hint)
+
+
+def rows_that_stay(_at: Laptop) -> str:
+    router = Fake(beyond={ADDED: 0}, stuck=True)
+    return of_an_error(PROVE, lambda: prove(router, proving(open_filter=True)))
+
+
+def another_port(_at: Laptop) -> str:
+    reply: Any = SimpleNamespace(checked=lambda: SimpleNamespace(rows=()))
+    return of_an_error(PROVE, lambda: read(SATELLITE.port, [reply] * 4))
+
+
+def never_met(_at: Laptop) -> str:
+    client: Any = None
+    key = paramiko.ECDSAKey.generate()
+    return of_an_error(ADOPT, lambda: PinnedKey(None).missing_host_key(client, "192.0.2.1", key))
+
+
+def another_box(_at: Laptop) -> str:
+    endpoint = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), "00" * 32)
+    return of_an_error(ADOPT, lambda: check_pin(endpoint, "11" * 32))
+
+
+def upgraded(_at: Laptop) -> str:
+    planned: Any = SimpleNamespace(exit=ExitCode.CHANGES, planned=3, name="coastal-router")
+    return _configuration(planned, "coastal")
+
+
+SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
+    "no allow-list": (
+        lambda at: evidence(at, allow_list=False),
+        "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them",
+        7,
+        ["coastal-router False None"],
+    ),
+    "a backup that is not here": (
+        lambda at: evidence(at, backup_file="x.bin", backup_sha256="00" * 32),
+        "put {} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`",
+        7,
+        ["coastal-router False FILE"],
+    ),
+    "a leak": (
+        leak,
+        "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed",
+        0,
+        [],
+    ),
+    "not tried": (not_tried, "`provision prove site={} --try-all`", 7, ["coastal-router True None"]),
+    "rows that stay": (
+        rows_that_stay,
+        "remove the rows that say `{}`; or run the site, which removes them, too: `provision site=…`",
+        0,
+        [],
+    ),
+    "another port": (
+        another_port,
+        "is the port of the satellite declared as it is called on the router? `provision drift site=…` compares",
+        0,
+        [],
+    ),
+    "never met": (
+        never_met,
+        "`provision adopt site=… device=…` records it, over a cable that leads to nothing but the device",
+        7,
+        ["coastal-router False"],
+    ),
+    "another box": (
+        another_box,
+        (
+            "{}; only if they are equal and the certificate was renewed on purpose, pin {} instead; a device that "
+            "stands in for another one is met by `provision adopt site=… device=… --replaced`"
+        ),
+        7,
+        ["coastal-router True"],
+    ),
+    "upgraded": (
+        upgraded,
+        "{} changes to the declared configuration: look at them with `provision site={} only={} --plan`",
+        0,
+        [],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_what_is_advised_is_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
+    brings, hint, code, devices = SITUATIONS[name]
+    commands = advised(said(brings(laptop), hint))
+    assert commands
+    for words in commands:
+        laptop.type(*words, code=code)
+    assert reached == devices
+    assert devices or all("coastal-router" in names for names, _ in laptop.plays)
+    assert devices or laptop.plays
