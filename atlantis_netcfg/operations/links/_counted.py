@@ -77,5 +77,5 @@ def bills(turn: Round, active: tuple[str, ...] | None, seconds: float) -> dict[s
         if link != LAN.name and active is not None and len(active) == 1 and not turn.request.rehearsed:
             link = active[0]
         if links[link].metered and door.spent:
-            spent[link] = spent.get(link, 0) + on_the_wire(door.bytes, len(door.spent))
+            spent[link] = spent.get(link, 0) + on_the_wire(door.bytes, door.connections)
     return {name: bill(nbytes, seconds, links[name].tariff) for name, nbytes in spent.items()}

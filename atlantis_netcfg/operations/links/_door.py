@@ -32,7 +32,6 @@ class Door:
     async def opened(self) -> AsyncIterator[Session]:
         """A session that is closed at the end. Raises what `Session.open` raises, all of it a DeviceFailed."""
         session = await self._open()
-        self.spent.append(session.traffic)
         try:
             yield session
         finally:
@@ -40,11 +39,19 @@ class Door:
 
     async def _open(self) -> Session:
         try:
-            return await Session.open(self.endpoint)
+            return await self._logged_in()
         except CertificateUnknown as unknown:
             self.pin(self.name, unknown.fingerprint)
             self.endpoint = replace(self.endpoint, pin=unknown.fingerprint)
-            return await Session.open(self.endpoint)
+            return await self._logged_in()
+
+    async def _logged_in(self) -> Session:
+        return await Session.open(replace(self.endpoint, opening=self.spent.append))
+
+    @property
+    def connections(self) -> int:
+        """How many were made, also those whose session failed before its login was over."""
+        return sum(traffic.connections for traffic in self.spent)
 
     @property
     def round_trips(self) -> int:

@@ -42,10 +42,11 @@ class Proof:
     carrier: str
     """The link that the session to the router goes over."""
     opening_bytes: int = 0
-    """What that session has carried before the first count, above TLS."""
+    """What was carried before the first count, TLS and an attempt that learnt the certificate included."""
     session_bytes: int = 0
-    """All that it has carried, above TLS."""
+    """All that was carried, as above."""
     sessions: int = 1
+    """Connections to the router."""
 
     @property
     def exit(self) -> ExitCode:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.operations.proving._proof import Proof
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.api import Traffic
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Bearer
 
@@ -112,16 +113,23 @@ def try_out(declaration: Declaration, router: Host, request: Request, proving: P
 
 async def _try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
     job = device_job(declaration, router, request, NoJournal(), proving.notify)
-    sessions = 1
+    spent: list[Traffic] = []
+    endpoint = replace(job.endpoint, opening=spent.append)
     try:
-        session = await Session.open(job.endpoint)
+        session = await Session.open(endpoint)
     except CertificateUnknown as unknown:
         if job.pin is not None:
             job.pin(job.name, unknown.fingerprint)
-        session = await Session.open(replace(job.endpoint, pin=unknown.fingerprint))
-        sessions += 1
+        session = await Session.open(replace(endpoint, pin=unknown.fingerprint))
     async with session:
-        return replace(await proving.run(session), sessions=sessions)
+        proof = await proving.run(session)
+    before = sum(each.sent + each.received for each in spent[:-1])
+    return replace(
+        proof,
+        opening_bytes=proof.opening_bytes + before,
+        session_bytes=proof.session_bytes + before,
+        sessions=sum(each.connections for each in spent),
+    )
 
 
 def previews(declaration: Declaration, proving: Proving) -> tuple[Preview, ...]:

@@ -51,7 +51,9 @@ class Session:
 
         Raises Unreachable, CertificateUnknown, CertificateChanged, LoginRefused, SessionLost, ProtocolError.
         """
-        wire, seen = await _logged_in(endpoint, Traffic())
+        traffic = Traffic()
+        endpoint.opening(traffic)
+        wire, seen = await _logged_in(endpoint, traffic)
         return cls(endpoint, wire, seen)
 
     async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:

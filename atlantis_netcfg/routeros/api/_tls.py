@@ -47,6 +47,7 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
         """The TCP connection is there, which took a round trip."""
         self._raw = cast("asyncio.Transport", transport)
         keep_alive(transport)
+        self._traffic.connections += 1
         self._traffic.round_trips += 1
         self._shake_hands()
 

@@ -82,6 +82,8 @@ class Endpoint:
     """Reading commands in flight at once; other commands go in `api.WINDOW`."""
     narrowed: Callable[[], None] = field(default=lambda: None, repr=False, compare=False)
     """Called when the device has fallen silent in `window`, and has then answered in `api.WINDOW`."""
+    opening: Callable[[Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
+    """Called before a session is opened, with what it will cost: one that fails costs its handshakes, too."""
 
     def __str__(self) -> str:
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
@@ -98,3 +100,5 @@ class Traffic:
     round_trips: int = 0
     sent: int = 0
     received: int = 0
+    connections: int = 0
+    """Two if the device fell silent in its large window: see `Session.flight`."""

@@ -36,23 +36,19 @@ class Contact:
         self.notes: list[str] = []
         """What the result has to say of the sessions."""
         self._job = job
-        self._endpoint = replace(job.endpoint, narrowed=self._narrowed)
         self._open: list[Channel] = []
         self._traffic: list[Traffic] = []
+        self._endpoint = replace(job.endpoint, narrowed=self._narrowed, opening=self._traffic.append)
 
     @property
     def traffic(self) -> Traffic:
-        """What all sessions cost so far."""
+        """What all sessions cost so far, also those that ended before the login was over."""
         return Traffic(
             sum(each.round_trips for each in self._traffic),
             sum(each.sent for each in self._traffic),
             sum(each.received for each in self._traffic),
+            sum(each.connections for each in self._traffic),
         )
-
-    @property
-    def sessions(self) -> int:
-        """How many were opened."""
-        return len(self._traffic)
 
     async def open(self) -> Channel:
         """Open a session; the certificate of a device that was never met is pinned before the login is sent.
@@ -68,7 +64,6 @@ class Contact:
             self._endpoint = replace(self._endpoint, pin=unknown.fingerprint)
             session = await self._job.connect(self._endpoint)
         self._open.append(session)
-        self._traffic.append(session.traffic)
         return session
 
     async def reach(self, patience_s: float, why: str, *, insist: bool = True) -> Channel:

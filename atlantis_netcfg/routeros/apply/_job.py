@@ -232,7 +232,7 @@ class DeviceResult:
     seconds: float = 0.0
     facts: Facts | None = None
     sessions: int = 0
-    """How often a session was opened."""
+    """Connections to the device, also those that failed before the login was over."""
     counts: tuple[PortCounts, ...] = field(default=(), compare=False)
     """The first and the last look at the byte counters of the job's ports, as far as it came."""
     busy: str = ""

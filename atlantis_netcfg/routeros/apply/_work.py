@@ -175,7 +175,7 @@ class Work:
             received=traffic.received,
             seconds=asyncio.get_running_loop().time() - self.started,
             facts=self.before.facts if self.before is not None else None,
-            sessions=self.contact.sessions,
+            sessions=traffic.connections,
             counts=self.counts,
             busy=self.busy,
         )

@@ -276,7 +276,7 @@ class End:
             received=traffic.received,
             seconds=now - self.started,
             facts=self.before.facts if self.before is not None else None,
-            sessions=self.contact.sessions,
+            sessions=traffic.connections,
         )
 
     def clean(self, text: str) -> str:

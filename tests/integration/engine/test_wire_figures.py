@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from engine_bench import run
+from engine_bench import PASSWORD, Bench, on, run
 
-from atlantis_netcfg.routeros import Status
+from atlantis_netcfg.operations.links._door import Door
+from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros.api import LoginRefused
+from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.twin import Fault, FaultKind
 from bench import wire
 from bench.job import Scenario
-from bench.proxy import Shape
+from bench.proxy import Count, Proxy, Shape
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros import Endpoint
 
 RTT_S = 0.7
 PLAIN = Shape(RTT_S / 2)
@@ -47,12 +57,91 @@ def test_a_run_takes_its_round_trips_and_nothing_else(scenario: Scenario) -> Non
 
 @pytest.mark.parametrize("scenario", Scenario)
 def test_what_a_run_says_of_itself_is_what_the_wire_has_carried(scenario: Scenario) -> None:
-    figure = figures()[scenario]
-    result, count = figure.result, figure.count
+    compare(figures()[scenario].result, figures()[scenario].count)
+
+
+def compare(result: DeviceResult, count: Count) -> None:
     assert result.round_trips == pytest.approx(count.round_trips, rel=0.1)
     assert result.sent == pytest.approx(count.sent, rel=0.1)
     assert result.received == pytest.approx(count.received, rel=0.1)
     assert result.sessions == count.connections
+
+
+def at(proxy: Proxy, endpoint: Endpoint, **changes: Any) -> Endpoint:  # noqa: ANN401 - fields of Endpoint
+    host, port = proxy.address
+    return replace(endpoint, host=host, port=port, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message", "sessions"),
+    [
+        ({"password": Secret("another one")}, "refused the login", 1),
+        ({"pin": "00" * 32}, "the certificate is not the one of this device", 1),
+        ({"pin": None}, "read back and kept", 3),
+    ],
+)
+def test_a_session_that_fails_is_told_as_well(
+    tmp_path: Path, changes: dict[str, Any], message: str, sessions: int
+) -> None:
+    """A refused login, another certificate, and a first contact, whose first session only learns the certificate."""
+
+    async def act(bench: Bench) -> None:
+        async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
+            endpoint = at(proxy, bench.job().endpoint, **changes)
+            result = await bench.converge(endpoint=endpoint, pin=lambda _name, _seen: None)
+            assert message in result.message
+            assert result.sessions == sessions
+            compare(result, proxy.count)
+
+    on(Bench(tmp_path), act)
+
+
+def test_a_session_that_is_lost_in_its_login_and_repeated_is_told_twice(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
+            bench.router.arm(Fault(do=FaultKind.DROP, match="/login", sentence=2, when="after"))
+            result = await bench.converge(endpoint=at(proxy, bench.job().endpoint))
+            assert result.status is Status.CHANGED
+            assert result.sessions == 3
+            compare(result, proxy.count)
+
+    on(Bench(tmp_path), act)
+
+
+def test_a_port_that_does_not_speak_tls_is_told_as_well(tmp_path: Path) -> None:
+    async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.read(1)
+        writer.write(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        writer.close()
+
+    async def act(bench: Bench) -> None:
+        server = await asyncio.start_server(refuse, "127.0.0.1", 0)
+        async with server, Proxy("127.0.0.1", 0, server.sockets[0].getsockname()[:2], PLAIN) as proxy:
+            result = await bench.converge(endpoint=at(proxy, bench.job().endpoint))
+            assert "not with TLS" in result.message
+            assert result.sessions == 1
+            assert result.round_trips == 2
+            compare(result, proxy.count)
+
+    on(Bench(tmp_path), act)
+
+
+def test_a_look_at_the_links_tells_failed_sessions_as_well(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
+            endpoint = at(proxy, bench.job().endpoint, pin=None)
+            door = Door("router", replace(endpoint, password=Secret("another one")), lambda _name, _seen: None)
+            with pytest.raises(LoginRefused):
+                async with door.opened():
+                    pass
+            door.endpoint = replace(door.endpoint, password=Secret(PASSWORD))
+            async with door.opened():
+                pass
+            assert door.connections == proxy.count.connections == 3
+            assert door.round_trips == proxy.count.round_trips
+            assert door.bytes == pytest.approx(proxy.count.bytes, rel=0.1)
+
+    on(Bench(tmp_path), act)
 
 
 @pytest.mark.parametrize("scenario", Scenario)
