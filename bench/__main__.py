@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,15 +19,19 @@ from bench.job import Scenario
 from bench.onboarding import EASY_RSA, OURS, easy_rsa_version, onboardings
 from bench.page import page
 from bench.proxy import Shape
-from bench.race import LONG_MS, Plan, line, race
+from bench.race import LONG_MS, SHORT_S, Plan, line, race
+from bench.runs import kept_runs
 
 if TYPE_CHECKING:
     from bench.figures import Figure, Onboarding
 
-_CROWD, _VPN = "crowd", "vpn"
+_CROWD, _RUNS, _VPN = "crowd", "runs", "vpn"
+_SILENT = (50, 2)
+_CALLS = 5
+"""Of a command that takes less than a second."""
 _BESIDE = (
-    f"from {LONG_MS} ms on the peers run side by side, each with a router of its own, since they do little but wait;"
-    " we run alone"
+    f"from {LONG_MS} ms on the peers run side by side and over all links at once, each with a router of its own, since"
+    " they do little but wait; we run alone"
 )
 
 
@@ -35,13 +40,15 @@ def main() -> int:
     given = _parser().parse_args()
     if given.wire is not None:
         return _wire(given.wire)
-    rtts, sizes = ([0], [1, 2]) if given.smoke else (given.rtt, given.crowd)
+    begun = time.monotonic()
+    links = [Shape()] if given.smoke else given.link
+    sizes = [(1, 0), (2, 0)] if given.smoke else [*((size, 0) for size in given.crowd), _SILENT]
     runs, devices = (1, 2) if given.smoke else (given.runs, given.devices)
-    only = set(given.only) or {contender.name for contender in ALL} | {_CROWD, _VPN}
+    only = set(given.only) or {contender.name for contender in ALL} | {_CROWD, _RUNS, _VPN}
     contenders = [contender for contender in ALL if contender.name in only]
     with tempfile.TemporaryDirectory(prefix="bench-") as place:
         folder = Path(place)
-        plan = Plan(contenders, given.scenario or list(Scenario), rtts, runs, given.rate)
+        plan = Plan(contenders, given.scenario or list(Scenario), links, runs)
         figures: list[Figure] = []
 
         def tell(figure: Figure) -> None:
@@ -49,24 +56,32 @@ def main() -> int:
             figures.append(figure)
 
         excuse = race(folder, plan, tell) if contenders else None
-        figures.sort(key=lambda one: (one.rtt_ms, [contender.name for contender in ALL].index(one.contender)))
+        figures.sort(key=lambda one: (links.index(one.link), [each.name for each in ALL].index(one.contender)))
         many = []
         for crowd in crowds(sizes, folder) if _CROWD in only else ():
-            print(f"{crowd.routers:>5} routers  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
+            of_them = f"{crowd.silent} silent"
+            print(f"{crowd.routers:>5} routers  {of_them:<9}  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
             many.append(crowd)
+        kept = []
+        for one in (
+            kept_runs((10, 20 if given.smoke else 1000), 1 if given.smoke else _CALLS, folder) if _RUNS in only else ()
+        ):
+            print(f"{one.runs:>5} runs  {one.command:<9}  {one.wall_s:8.2f} s  {one.failure}", flush=True)
+            kept.append(one)
         batches = _batches(devices, runs, folder) if _VPN in only else []
         exact = _exact(folder, Shape() if given.smoke else wire.SATELLITE) if OURS in only else {}
     versions = {one.name: one.version() for one in contenders if one.missing() is None}
     versions |= {OURS: f"provision {__version__}", EASY_RSA: easy_rsa_version() or "none"} if batches else {}
     notes = [f"not the real command: {excuse}"] if excuse else []
-    notes += [_BESIDE] if max(rtts) >= LONG_MS and len(contenders) > 1 else []
-    notes += [] if given.rate is None else [f"the link carries {given.rate[0]:g} bit/s up, {given.rate[1]:g} down"]
-    text = page(figures, many, batches, exact, versions, notes)
+    notes += [_BESIDE] if max(link.rtt_ms for link in links) >= LONG_MS and len(contenders) > 1 else []
+    notes += [f"all of this took {(time.monotonic() - begun) / 60:.0f} min"]
+    text = page(figures, many, kept, batches, exact, versions, notes)
     if given.write is not None:
         given.write.write_text(text, encoding="utf-8")
     print(text[text.index("## Marks") :])
     failed = [one.failure for one in figures if one.samples]
-    failed += [one.failure for one in many] + [one.failure for one in batches if one.costs]
+    failed += [one.failure for one in many] + [one.failure for one in kept]
+    failed += [one.failure for one in batches if one.costs]
     return 1 if any(failed) else 0
 
 
@@ -97,11 +112,19 @@ def _batches(devices: int, runs: int, folder: Path) -> list[Onboarding]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     names = [contender.name for contender in ALL]
-    parser.add_argument("--only", nargs="+", choices=[*names, _CROWD, _VPN], default=[], help="these contenders only")
+    parser.add_argument(
+        "--only", nargs="+", choices=[*names, _CROWD, _RUNS, _VPN], default=[], help="these contenders only"
+    )
     parser.add_argument("--scenario", nargs="+", type=Scenario, choices=list(Scenario), default=[])
-    parser.add_argument("--rtt", nargs="+", type=int, default=[0, 100, 700], help="round-trip times in ms")
-    parser.add_argument("--runs", type=int, default=3, help="how often; peers run once on a delayed link")
-    parser.add_argument("--rate", nargs=2, type=float, metavar=("UP", "DOWN"), help="of the link, in bit/s")
+    parser.add_argument(
+        "--link",
+        nargs="+",
+        type=Shape.read,
+        metavar="RTT[/UP/DOWN]",
+        default=[*map(Shape.read, ("0", "100", "700")), wire.SATELLITE],
+        help="round-trip times in ms, and what a link carries in kbit/s",
+    )
+    parser.add_argument("--runs", type=int, default=3, help=f"how often, where a run takes less than {SHORT_S:g} s")
     parser.add_argument("--crowd", nargs="+", type=int, default=[1, 50, 500], help="numbers of routers for one no-op")
     parser.add_argument("--devices", type=int, default=1000, help="in one batch into the VPN")
     parser.add_argument(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import socket
 import sys
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.site import load
@@ -29,24 +31,26 @@ _PER_PROCESS = 125
 """Twins in one process."""
 
 
-def crowds(sizes: Sequence[int], folder: Path) -> Iterator[Crowd]:
-    """Measure a no-op over so many routers each: ships that differ in names and addresses only.
+def crowds(sizes: Sequence[tuple[int, int]], folder: Path) -> Iterator[Crowd]:
+    """Measure a no-op over so many routers, of which so many are silent: ships with names and addresses of their own.
 
     Each size has an inventory of its own, since loading and validating that is part of what a run takes.
     """
-    for size in sizes:
-        place = folder / f"crowd-{size}"
+    for size, silent in sizes:
+        place = folder / f"crowd-{size}-{silent}"
         place.mkdir()
         inventory = many(CHECKOUT / "inventory", place / "inventory", size)
-        yield _crowd(load(inventory), inventory, size, place)
+        yield _crowd(load(inventory), inventory, size, silent, place)
 
 
-def _crowd(declaration: Declaration, inventory: Path, size: int, place: Path) -> Crowd:
+def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, place: Path) -> Crowd:
     names = [f"{name(number)}-router" for number in range(size)]
     with ExitStack() as stack:
         targets = place / "targets"
-        lines = []
-        for start in range(0, size, _PER_PROCESS):
+        # It listens and never accepts: TCP's handshake is all that is heard of it.
+        mute = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        lines = [f"{names.pop(0)}=127.0.0.1:{mute.getsockname()[1]}:{'00' * 32}" for _ in range(silent)]
+        for start in range(0, len(names), _PER_PROCESS):
             part = tuple(_finished(declaration, one) for one in names[start : start + _PER_PROCESS])
             home = place / f"twins-{start}"
             home.mkdir()
@@ -56,9 +60,10 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, place: Path) ->
         argv = (sys.executable, "-m", "bench.engine", str(inventory), str(place / "state"), f"@{targets}")
         ran = measure.run_command(Command(argv, {"ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}), place)
     unchanged = ran.said.count("already so: nothing to change")
-    failure = "" if ran.code == 0 and unchanged == size else f"{size - unchanged} of {size} were not found as declared"
-    engine_s = json.loads(ran.said.splitlines()[-1])["engine_s"] if ran.code == 0 else 0.0
-    return Crowd(size, ran.cost, engine_s, failure)
+    good = ran.code == (ExitCode.FAILED if silent else ExitCode.DONE) and unchanged == size - silent
+    failure = "" if good else f"{size - unchanged} of {size} were not found as declared"
+    engine_s = json.loads(ran.said.splitlines()[-1])["engine_s"] if good else 0.0
+    return Crowd(size, silent, ran.cost, engine_s, failure)
 
 
 def _finished(declaration: Declaration, one: str) -> TwinSpec:

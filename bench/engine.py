@@ -1,7 +1,7 @@
 """`python -m bench.engine INVENTORY STATE NAME=HOST:PORT:PIN ...`: the play that `provision` runs, led to given ports.
 
-For routers that cannot stand at their declared addresses: without root, or hundreds of them. Targets may also be given
-as `@FILE`, one a line.
+For routers that cannot stand at their declared addresses: without root, or hundreds of them. A cable leads to all of
+them. Targets may also be given as `@FILE`, one a line.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._playbook import PlaybookRunner
 from atlantis_netcfg.operations import Request
+from atlantis_netcfg.operations.bearers import LAN
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.vault import Vault
 from atlantis_netcfg.site import load
@@ -28,7 +29,13 @@ def main() -> int:
     inventory, state, *given = sys.argv[1:]
     words = [line for word in given for line in (Path(word[1:]).read_text().split() if word[0] == "@" else [word])]
     targets = dict(map(_target, words))
-    request = Request(state=Path(state), rehearsed=True, targets=targets, command="make bench")
+    request = Request(
+        state=Path(state),
+        rehearsed=True,
+        targets=targets,
+        via=dict.fromkeys(targets, LAN.name),
+        command="make bench",
+    )
     moments: list[float] = []
 
     def seen(_event: Event) -> None:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from bench.job import Scenario
     from bench.measure import Cost
-    from bench.proxy import Count
+    from bench.proxy import Count, Shape
 
-__all__ = ["Crowd", "Figure", "Onboarding", "Sample"]
+__all__ = ["Crowd", "Figure", "Onboarding", "Runs", "Sample"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +24,11 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """All runs of one contender in one scenario at one delay."""
+    """All runs of one contender in one scenario over one link."""
 
     contender: str
     scenario: Scenario
-    rtt_ms: int
+    link: Shape
     samples: tuple[Sample, ...] = ()
     notes: tuple[str, ...] = ()
     """What it does not do, or does in another way."""
@@ -69,6 +69,8 @@ class Crowd:
     """One run of ours over many routers."""
 
     routers: int
+    silent: int
+    """So many of them accept a connection and say nothing."""
     cost: Cost
     engine_s: float
     """From the first session to the last result, without the start of Ansible and the loading of the inventory."""
@@ -78,6 +80,21 @@ class Crowd:
     def memory_each_kib(self) -> float:
         """Peak memory divided by the number of routers."""
         return self.cost.memory_kib / self.routers
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """All calls of one of our commands on a computer that has made so many runs."""
+
+    command: str
+    runs: int
+    costs: tuple[Cost, ...]
+    failure: str = ""
+
+    @property
+    def wall_s(self) -> float:
+        """Median of the wall times."""
+        return median(cost.wall_s for cost in self.costs)
 
 
 @dataclass(frozen=True, slots=True)

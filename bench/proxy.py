@@ -35,6 +35,23 @@ class Shape:
     """From the client to the device; None is unlimited."""
     down_bps: float | None = None
 
+    @classmethod
+    def read(cls, text: str) -> Self:
+        """Read `RTT` or `RTT/UP/DOWN`, in ms and kbit/s. Raises ValueError."""
+        rtt_ms, *rates = map(float, text.split("/"))
+        up, down = (1000 * rate for rate in rates) if rates else (None, None)
+        return cls(rtt_ms / 2000, up, down)
+
+    @property
+    def rtt_ms(self) -> int:
+        """The round trip."""
+        return round(2000 * self.delay_s)
+
+    def __str__(self) -> str:
+        rates = [rate for rate in (self.up_bps, self.down_bps) if rate is not None]
+        limit = f", {'/'.join(f'{rate / 1000:g}' for rate in rates)} kbit/s" if rates else ""
+        return f"{self.rtt_ms} ms{limit}"
+
 
 @dataclass(slots=True)
 class Count:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SATELLITE", "WireFigure", "measured", "part", "published", "replaced"]
 
-SATELLITE = Shape(0.35, 352_000, 704_000)
+SATELLITE = Shape.read("700/352/704")
 """Iridium Certus: 700 ms, 352 kbit/s up, 704 down."""
 _TITLE = "## Our own run on the wire\n"
 _WORDS = """\

@@ -21,7 +21,7 @@ def test_the_bench_runs_and_writes_its_page(tmp_path: Path) -> None:
     if not (ROOT / ".venv-strangers" / "stamp").exists():
         pytest.skip(NO_STRANGERS)
     page = tmp_path / "page.md"
-    only = ("--only", "ours", "librouteros", "netmiko", "crowd", "vpn")
+    only = ("--only", "ours", "librouteros", "netmiko", "crowd", "runs", "vpn")
     done = subprocess.run(
         [sys.executable, "-m", "bench", "--smoke", *only, "--write", str(page)],
         cwd=ROOT,
@@ -34,7 +34,8 @@ def test_the_bench_runs_and_writes_its_page(tmp_path: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text.count("| as ours |") == 9, text
     assert "FAILED" not in text
-    assert re.search(r"^\| 2 \| [0-9]", text, re.MULTILINE), text
+    assert re.search(r"^\| 2 \| 0 \| [0-9]", text, re.MULTILINE), text
+    assert len(re.findall(r"^\| (runs|resume) \| (10|20) \| [0-9]", text, re.MULTILINE)) == 4, text
     assert "| 2 | ours | " in text
     assert "| 2 | easy-rsa | " in text
     assert "not measured" not in text

@@ -1,0 +1,56 @@
+"""What a computer's earlier runs cost: our commands that search them, after ten of them and after a thousand."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
+from bench import measure
+from bench.declared import CHECKOUT, ROUTER, SITE
+from bench.figures import Runs
+from bench.job import Command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+__all__ = ["kept_runs"]
+
+_COMMANDS = {"runs": ExitCode.DONE, "resume": ExitCode.NOTHING}
+"""Our commands, and how they end where no run is unfinished."""
+_STARTED = RunStarted(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=False, command="provision")
+
+
+def kept_runs(sizes: Sequence[int], calls: int, folder: Path) -> Iterator[Runs]:
+    """Measure each command so many times on a state of each size; every run has changed one router."""
+    for size in sizes:
+        state = folder / f"runs-{size}"
+        state.mkdir()
+        _make(state, size)
+        for command, code in _COMMANDS.items():
+            yield _called(command, code, size, calls, state)
+
+
+def _make(state: Path, size: int) -> None:
+    moments = iter(datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=each) for each in range(10 * size))
+    store = Store(state, now=lambda: next(moments))
+    for number in range(size):
+        with store.start(replace(_STARTED, revision=str(number))) as journal:
+            journal.save(ROUTER, "# before\n")
+            journal.confirm(ROUTER, lambda: "# after\n")
+            journal.write(Outcome(device=ROUTER, status="changed", exit=0, message=""))
+            journal.write(RunEnded(exit=0))
+
+
+def _called(command: str, code: ExitCode, size: int, calls: int, state: Path) -> Runs:
+    words = [sys.executable, "-P", "-m", "atlantis_netcfg", command, f"site={SITE}"]
+    if command == "resume":
+        words.append(f"inventory={CHECKOUT / 'inventory'}")
+    environment = {"ATLANTIS_STATE": str(state), "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}
+    ran = [measure.run_command(Command(tuple(words), environment), state) for _ in range(calls)]
+    failure = next((one.said.strip() for one in ran if one.code != code), "")
+    return Runs(command, size, tuple(one.cost for one in ran), failure)
