@@ -26,16 +26,18 @@ _STARTED = RunStarted(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearse
 
 
 def kept_runs(sizes: Sequence[int], calls: int, folder: Path) -> Iterator[Runs]:
-    """Measure each command so many times on a state of each size; every run has changed one router."""
-    for size in sizes:
-        state = folder / f"runs-{size}"
-        state.mkdir()
-        _make(state, size)
-        for command, code in _COMMANDS.items():
-            yield _called(command, code, size, calls, state)
+    """Measure each command so many times on a state of each size, by turns; every run has changed one router."""
+    states = {size: _state(folder / f"runs-{size}", size) for size in sizes}
+    for command, code in _COMMANDS.items():
+        ran = [(size, _call(command, state)) for _ in range(calls) for size, state in states.items()]
+        for size in sizes:
+            mine = [one for of, one in ran if of == size]
+            failure = next((one.said.strip() for one in mine if one.code != code), "")
+            yield Runs(command, size, tuple(one.cost for one in mine), failure)
 
 
-def _make(state: Path, size: int) -> None:
+def _state(state: Path, size: int) -> Path:
+    state.mkdir()
     moments = iter(datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=each) for each in range(10 * size))
     store = Store(state, now=lambda: next(moments))
     for number in range(size):
@@ -44,13 +46,12 @@ def _make(state: Path, size: int) -> None:
             journal.confirm(ROUTER, lambda: "# after\n")
             journal.write(Outcome(device=ROUTER, status="changed", exit=0, message=""))
             journal.write(RunEnded(exit=0))
+    return state
 
 
-def _called(command: str, code: ExitCode, size: int, calls: int, state: Path) -> Runs:
+def _call(command: str, state: Path) -> measure.Ran:
     words = [sys.executable, "-P", "-m", "atlantis_netcfg", command, f"site={SITE}"]
     if command == "resume":
         words.append(f"inventory={CHECKOUT / 'inventory'}")
     environment = {"ATLANTIS_STATE": str(state), "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}
-    ran = [measure.run_command(Command(tuple(words), environment), state) for _ in range(calls)]
-    failure = next((one.said.strip() for one in ran if one.code != code), "")
-    return Runs(command, size, tuple(one.cost for one in ran), failure)
+    return measure.run_command(Command(tuple(words), environment), state)
