@@ -6,14 +6,14 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.api import CertificateUnknown, Command, Session
+from atlantis_netcfg.routeros.api import CertificateUnknown, Command, Session, Traffic
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
 
     from atlantis_netcfg.bearers.query import Query
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.api import Endpoint, Reply, Traffic
+    from atlantis_netcfg.routeros.api import Endpoint, Reply
 
 __all__ = ["Door", "command", "rows"]
 
@@ -51,17 +51,17 @@ class Door:
     @property
     def connections(self) -> int:
         """How many were made, also those whose session failed before its login was over."""
-        return sum(traffic.connections for traffic in self.spent)
+        return Traffic.total(self.spent).connections
 
     @property
     def round_trips(self) -> int:
         """Turns on the link, handshakes and logins included."""
-        return sum(traffic.round_trips for traffic in self.spent)
+        return Traffic.total(self.spent).round_trips
 
     @property
     def bytes(self) -> int:
         """Sent and received, handshakes and TLS included."""
-        return sum(traffic.sent + traffic.received for traffic in self.spent)
+        return Traffic.total(self.spent).bytes
 
 
 def command(query: Query) -> Command:

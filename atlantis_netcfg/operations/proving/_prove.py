@@ -106,7 +106,7 @@ class Proving:
         """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
         before = await self._read(session)
         self._start_bytes = before.port_bytes
-        self._opening_bytes = session.traffic.sent + session.traffic.received
+        self._opening_bytes = session.traffic.bytes
         active = active_bearer(before.routes, self.ways) == self.bearer.name
         terminal = await self._terminal(session)
         planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
@@ -126,7 +126,7 @@ class Proving:
             self._attempts += await self._ask(session, held, active=active)
         after = await self._read(session)
         proof = self._proof(before, after, terminal, active=active)
-        return replace(proof, session_bytes=session.traffic.sent + session.traffic.received)
+        return replace(proof, session_bytes=session.traffic.bytes)
 
     def _proof(self, before: Reading, after: Reading, terminal: Sequence[Finding], *, active: bool) -> Proof:
         seen = any(one.expected is Expected.REACHED and one.outcome is Outcome.ANSWERED for one in self._attempts)

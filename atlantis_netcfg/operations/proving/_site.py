@@ -15,7 +15,7 @@ from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.proving._errors import NothingToProve
 from atlantis_netcfg.operations.proving._names import named_targets, resolve
 from atlantis_netcfg.operations.proving._prove import Pace, Proving
-from atlantis_netcfg.routeros.api import CertificateUnknown, Session
+from atlantis_netcfg.routeros.api import CertificateUnknown, Session, Traffic
 from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.site.model import BearerKind, Router
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.operations.proving._proof import Proof
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.api import Traffic
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Bearer
 
@@ -123,12 +122,12 @@ async def _try_out(declaration: Declaration, router: Host, request: Request, pro
         session = await Session.open(replace(endpoint, pin=unknown.fingerprint))
     async with session:
         proof = await proving.run(session)
-    before = sum(each.sent + each.received for each in spent[:-1])
+    before = Traffic.total(spent[:-1]).bytes
     return replace(
         proof,
         opening_bytes=proof.opening_bytes + before,
         session_bytes=proof.session_bytes + before,
-        sessions=sum(each.connections for each in spent),
+        sessions=Traffic.total(spent).connections,
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Self
 from atlantis_netcfg.routeros.api._errors import Refused
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.secret import Secret
@@ -102,3 +102,19 @@ class Traffic:
     received: int = 0
     connections: int = 0
     """Two if the device fell silent in its large window: see `Session.flight`."""
+
+    @property
+    def bytes(self) -> int:
+        """Both directions together."""
+        return self.sent + self.received
+
+    @classmethod
+    def total(cls, sessions: Iterable[Traffic]) -> Self:
+        """Add up what several sessions cost."""
+        each = tuple(sessions)
+        return cls(
+            sum(one.round_trips for one in each),
+            sum(one.sent for one in each),
+            sum(one.received for one in each),
+            sum(one.connections for one in each),
+        )

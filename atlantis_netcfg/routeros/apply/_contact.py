@@ -38,17 +38,12 @@ class Contact:
         self._job = job
         self._open: list[Channel] = []
         self._traffic: list[Traffic] = []
-        self._endpoint = replace(job.endpoint, narrowed=self._narrowed, opening=self._traffic.append)
+        self._endpoint = replace(job.endpoint, narrowed=self._narrowed, opening=self._opening)
 
     @property
     def traffic(self) -> Traffic:
         """What all sessions cost so far, also those that ended before the login was over."""
-        return Traffic(
-            sum(each.round_trips for each in self._traffic),
-            sum(each.sent for each in self._traffic),
-            sum(each.received for each in self._traffic),
-            sum(each.connections for each in self._traffic),
-        )
+        return Traffic.total(self._traffic)
 
     async def open(self) -> Channel:
         """Open a session; the certificate of a device that was never met is pinned before the login is sent.
@@ -114,6 +109,10 @@ class Contact:
         """Close every session; the device undoes safe mode that one of them still holds: then `wait` for it."""
         sessions, self._open = self._open, []
         await asyncio.gather(*(session.close(wait=wait) for session in sessions))
+
+    def _opening(self, traffic: Traffic) -> None:
+        self._traffic.append(traffic)
+        self._job.endpoint.opening(traffic)
 
     def _narrowed(self) -> None:
         """Go on in small batches: the device has fallen silent in a large one."""

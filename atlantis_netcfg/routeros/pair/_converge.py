@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.routeros.api import Traffic
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._contact import Contact
 from atlantis_netcfg.routeros.pair._agreement import disagreements
@@ -33,7 +34,27 @@ async def converge_pair(pair: Pair, *, mode: Mode = Mode.APPLY) -> Results:
 
     Where no radio is changed, both are ordinary runs, far end first. So is the near end's run while its radio is off
     and the far end is not to be seen: a bridge that is not there yet is made end by end, each from its own cable.
+    A result tells all sessions with its end, whoever opened them.
     """
+    near_sessions: list[Traffic] = []
+    far_sessions: list[Traffic] = []
+    pair = replace(pair, near=_counted(pair.near, near_sessions), far=_counted(pair.far, far_sessions))
+    near, far = await _converged(pair, mode)
+    return _with_cost(near, near_sessions), _with_cost(far, far_sessions)
+
+
+def _counted(job: DeviceJob, sessions: list[Traffic]) -> DeviceJob:
+    return replace(job, endpoint=replace(job.endpoint, opening=sessions.append))
+
+
+def _with_cost(result: DeviceResult, sessions: list[Traffic]) -> DeviceResult:
+    cost = Traffic.total(sessions)
+    return replace(
+        result, round_trips=cost.round_trips, sent=cost.sent, received=cost.received, sessions=cost.connections
+    )
+
+
+async def _converged(pair: Pair, mode: Mode) -> Results:
     if mode not in (Mode.PLAN, Mode.APPLY, Mode.RESUME, Mode.ROLLBACK):
         return await _one_by_one(pair, mode)
     started = asyncio.get_running_loop().time()

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import AsyncExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from pair_bench import PairBench, Words, on
+from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, text
 
-from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Status
+from atlantis_netcfg.routeros.desired import read
+from atlantis_netcfg.routeros.pair import Pair, converge_pair
+from bench.proxy import Proxy, Shape
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -60,3 +65,38 @@ def test_the_progress_of_an_end_that_is_done_is_whole(tmp_path: Path) -> None:
     ended = on(PairBench(tmp_path), act)
     assert {device for device, _, _ in ended} == {"near", "far"}
     assert all(done == total > 0 for _, done, total in ended), ended
+
+
+@pytest.mark.parametrize("change", ["nothing", "identity", "name"])
+def test_a_result_tells_every_session_with_its_end(tmp_path: Path, change: str) -> None:
+    """Also those in which both were read as a pair, before they were changed one by one."""
+    words = CHANGES["name"] if change == "name" else Words()
+
+    async def act(bench: PairBench) -> None:
+        async with AsyncExitStack() as stack:
+            jobs: list[DeviceJob] = []
+            proxies: list[Proxy] = []
+            journal = stack.enter_context(bench.journal())
+            for name in ("near", "far"):
+                job = bench.job(name, words, journal=journal)
+                door = (job.endpoint.host, job.endpoint.port)
+                proxies.append(await stack.enter_async_context(Proxy("127.0.0.1", 0, door, Shape(0.05))))
+                host, port = proxies[-1].address
+                desired = read(text(bench.family, bench.mode(name), words) + IDENTITY[change])
+                endpoint = replace(job.endpoint, host=host, port=port)
+                jobs.append(replace(job, endpoint=endpoint, desired=desired))
+            near, far = jobs
+            results = await converge_pair(Pair(near, far, link_timeout_s=LINK_TIMEOUT_S))
+            counts = [proxy.count for proxy in proxies]
+        status = Status.UNCHANGED if change == "nothing" else Status.CHANGED
+        for result, count in zip(results, counts, strict=True):
+            assert result.status is status, result.message
+            assert result.sessions == count.connections
+            assert result.round_trips == pytest.approx(count.round_trips, rel=0.1)
+            assert result.sent == pytest.approx(count.sent, rel=0.1)
+            assert result.received == pytest.approx(count.received, rel=0.1)
+
+    on(PairBench(tmp_path), act)
+
+
+IDENTITY = {"nothing": "", "name": "", "identity": "/system identity\nset name=another\n"}
