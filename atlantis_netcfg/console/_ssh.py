@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import socket
 from typing import TYPE_CHECKING
 
 import paramiko
@@ -24,7 +25,9 @@ from atlantis_netcfg.errors import NetcfgError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.console._types import Console
+    from _typeshed import ReadableBuffer
+
+    from atlantis_netcfg.console._types import Console, Tally
     from atlantis_netcfg.secret import Secret
 
 __all__ = ["connected", "open_ssh"]
@@ -44,6 +47,32 @@ class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # ne
 
     def _try_session_preparation(self, force_data: bool = True) -> None:  # noqa: FBT001, FBT002 - netmiko's signature
         """Type nothing: an Enter would answer the first of those questions."""
+
+
+class _CountedSocket(socket.socket):
+    """A TCP connection that tells what it carries."""
+
+    tally: Tally
+
+    @classmethod
+    def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally) -> _CountedSocket:
+        """Connect. Raises OSError."""
+        made = cls(fileno=socket.create_connection((address, port), timeout_s).detach())
+        made.settimeout(timeout_s)
+        made.tally = tally
+        tally.connect()
+        return made
+
+    def send(self, data: ReadableBuffer, flags: int = 0, /) -> int:
+        size = super().send(data, flags)
+        self.tally.send(size)
+        return size
+
+    def recv(self, size: int, flags: int = 0, /) -> bytes:
+        data = super().recv(size, flags)
+        if data:
+            self.tally.receive(len(data))
+        return data
 
 
 class SshWire:
@@ -107,16 +136,25 @@ def connected(address: str, port: int) -> Iterator[None]:
 
 
 def open_ssh(  # noqa: PLR0913 - all of it is one address
-    address: str, port: int, user: str, password: Secret, *, pin: str | None, timeout_s: float = CONNECT_S
+    address: str,
+    port: int,
+    user: str,
+    password: Secret,
+    *,
+    pin: str | None,
+    timeout_s: float = CONNECT_S,
+    tally: Tally | None = None,
 ) -> Console:
-    """Log in over SSH. `pin`: `SHA256:...` of the host key.
+    """Log in over SSH. `pin`: `SHA256:...` of the host key; `tally`: told what the wire carries.
 
     Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
     LoginFailed, ConsoleLost.
     """
     policy = PinnedKey(pin)
     with connected(address, port):
+        sock = None if tally is None else _CountedSocket.connect_to(address, port, timeout_s, tally)
         connection = _Connection(
+            sock=sock,
             host=address,
             port=port,
             username=user,
@@ -133,6 +171,8 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
             connection._open()  # noqa: SLF001 - the step that `auto_connect` leaves out
         except BaseException:
             connection.paramiko_cleanup()
+            if sock is not None:
+                sock.close()
             raise
     terminal = Terminal(SshWire(connection), user=user, name=f"{address} port {port}", host_key=policy.seen)
     terminal.settle(timeout_s)

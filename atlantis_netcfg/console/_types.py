@@ -9,12 +9,25 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.secret import Secret
 
-__all__ = ["COMMAND_S", "CONNECT_S", "Console"]
+__all__ = ["COMMAND_S", "CONNECT_S", "Console", "Tally"]
 
 COMMAND_S = 180.0
 """How long a command may take; Certus has gaps of 70 s in practice (FFI report 20/01338)."""
 CONNECT_S = 180.0
 """How long connecting and logging in may take."""
+
+
+class Tally(Protocol):
+    """Who counts what the wire carries; `routeros.api.Traffic` is one."""
+
+    def connect(self) -> None:
+        """Count a connection that has just been made."""
+
+    def send(self, size: int) -> None:
+        """Count bytes that go out."""
+
+    def receive(self, size: int) -> None:
+        """Count bytes that have come in."""
 
 
 class Console(Protocol):

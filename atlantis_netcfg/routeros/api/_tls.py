@@ -38,8 +38,6 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
         self._tls = client_context().wrap_bio(self._in, self._out, server_hostname=host)
         self._raw: asyncio.Transport | None = None
         self._failure: Exception | None = None
-        self._unanswered = False
-        """We have said something since the device was last heard."""
 
     # What asyncio reports of the TCP connection.
 
@@ -47,16 +45,12 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
         """The TCP connection is there, which took a round trip."""
         self._raw = cast("asyncio.Transport", transport)
         keep_alive(transport)
-        self._traffic.connections += 1
-        self._traffic.round_trips += 1
+        self._traffic.connect()
         self._shake_hands()
 
     def data_received(self, data: bytes) -> None:
         """Decrypt, or go on with the handshake."""
-        self._traffic.received += len(data)
-        if self._unanswered:
-            self._unanswered = False
-            self._traffic.round_trips += 1
+        self._traffic.receive(len(data))
         self._in.write(data)
         if not self.established.done():
             self._shake_hands()
@@ -145,8 +139,7 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
         data = self._out.read()
         if data and self._raw is not None and not self._raw.is_closing():
             self._raw.write(data)
-            self._traffic.sent += len(data)
-            self._unanswered = True
+            self._traffic.send(len(data))
 
 
 _COMPARE = "compare it with `fingerprint` in  /certificate print detail  on the device's own console (cable, Winbox)"

@@ -91,7 +91,7 @@ class Endpoint:
 
 @dataclass(slots=True)
 class Traffic:
-    """What a session cost on the wire so far: TCP's payload in each direction, TLS included, and round trips.
+    """What a session cost on the wire so far: TCP's payload in each direction, TLS or SSH included, and round trips.
 
     A round trip is TCP's handshake, and each time that the device answers what we have said since it was last heard:
     two for the handshake of TLS 1.2, one for that of TLS 1.3. Headers of TCP and IP come to the bytes.
@@ -102,6 +102,25 @@ class Traffic:
     received: int = 0
     connections: int = 0
     """Two if the device fell silent in its large window: see `Session.flight`."""
+    _unanswered: bool = field(default=False, init=False, repr=False, compare=False)
+    """We have said something since the device was last heard."""
+
+    def connect(self) -> None:
+        """Count a connection that has just been made: its handshake is a round trip."""
+        self.connections += 1
+        self.round_trips += 1
+        self._unanswered = False
+
+    def send(self, size: int) -> None:
+        """Count bytes that go out."""
+        self.sent += size
+        self._unanswered = True
+
+    def receive(self, size: int) -> None:
+        """Count bytes that have come in: the first ones after we have said something end a round trip."""
+        self.received += size
+        self.round_trips += self._unanswered
+        self._unanswered = False
 
     @property
     def bytes(self) -> int:

@@ -38,7 +38,7 @@ class Contact:
         self._job = job
         self._open: list[Channel] = []
         self._traffic: list[Traffic] = []
-        self._endpoint = replace(job.endpoint, narrowed=self._narrowed, opening=self._opening)
+        self._endpoint = replace(job.endpoint, narrowed=self._narrowed, opening=self.opening)
 
     @property
     def traffic(self) -> Traffic:
@@ -110,7 +110,8 @@ class Contact:
         sessions, self._open = self._open, []
         await asyncio.gather(*(session.close(wait=wait) for session in sessions))
 
-    def _opening(self, traffic: Traffic) -> None:
+    def opening(self, traffic: Traffic) -> None:
+        """Count a session that is about to be opened."""
         self._traffic.append(traffic)
         self._job.endpoint.opening(traffic)
 

@@ -56,7 +56,9 @@ class Interrupted(DeviceFailed):
 
 async def converge(job: DeviceJob, *, mode: Mode = Mode.APPLY) -> DeviceResult:
     """Bring one device to its declared state, or say why not. Never raises but when it is cancelled a second time."""
-    work = Work(job, Contact(job), asyncio.get_running_loop().time())
+    contact = Contact(job)
+    ssh = job.ssh and replace(job.ssh, opening=contact.opening)
+    work = Work(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
     try:
         result = await _honestly(work, mode)
         await _lay_down(work, result)

@@ -134,6 +134,8 @@ class SshEndpoint:
     password: Secret
     pin: str | None
     """The host key as OpenSSH prints it, `SHA256:...`; None if it was never met over SSH."""
+    opening: Callable[[Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
+    """As that of the API's endpoint."""
 
 
 OpenConsole = Callable[[SshEndpoint], "Console"]
@@ -143,7 +145,10 @@ def open_console(endpoint: SshEndpoint) -> Console:
     """Log in over SSH; blocks. Raises what `console.open_ssh` raises."""
     from atlantis_netcfg.console import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
 
-    return open_ssh(endpoint.host, endpoint.port, endpoint.user, endpoint.password, pin=endpoint.pin)
+    traffic = Traffic()
+    endpoint.opening(traffic)
+    host, port = endpoint.host, endpoint.port
+    return open_ssh(host, port, endpoint.user, endpoint.password, pin=endpoint.pin, tally=traffic)
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,6 +108,27 @@ def test_a_session_that_is_lost_in_its_login_and_repeated_is_told_twice(tmp_path
     on(Bench(tmp_path), act)
 
 
+@pytest.mark.parametrize("password", [PASSWORD, "another one"])
+def test_the_console_that_holds_safe_mode_is_told_as_well(tmp_path: Path, password: str) -> None:
+    """Before RouterOS 7.18 there is none on the API; also where it does not let us in."""
+
+    async def act(bench: Bench) -> None:
+        ports = bench.router.ports
+        async with (
+            Proxy("127.0.0.1", 0, (bench.router.host, ports["api-ssl"]), PLAIN) as api,
+            Proxy("127.0.0.1", 0, (bench.router.host, ports["ssh"]), PLAIN) as console,
+        ):
+            host, port = console.address
+            ssh = replace(bench.ssh, host=host, port=port, password=Secret(password))
+            result = await bench.converge(endpoint=at(api, bench.job().endpoint), ssh=ssh)
+            assert result.status is (Status.CHANGED if password == PASSWORD else Status.LEFT_AS_FOUND), result.message
+            assert console.count.connections == 1
+            console.count.add(api.count)
+            compare(result, console.count)
+
+    on(Bench(tmp_path, spec={"version": "7.16"}), act)
+
+
 def test_a_port_that_does_not_speak_tls_is_told_as_well(tmp_path: Path) -> None:
     async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.read(1)
