@@ -4,8 +4,10 @@ The arguments are checked here, by the module's own argument spec. The gateway g
 the module out of the tool that it has; only where it has none, or a damaged one, the tool is sent, in one command that
 runs the module as well. Nothing else is made on the gateway, no folder for a session and no file with parameters.
 
-Each call is one command on the kept SSH connection: 2 round trips, one to open its channel and one to run it, and one
-more with sudo, for whose word Ansible waits before it sends anything. Sending the tool adds one such command.
+Each call is one command on the kept SSH connection: 3 round trips, to open its channel, to run it, and for its standard
+input, since OpenSSH's server takes none before it has started the command (seen with 9.2; sudo's word comes in time for
+it). On the command line the arguments would save the third, but other users of the gateway would see them, and sudo
+would log them. Sending the tool adds one such command.
 """
 
 from __future__ import annotations
