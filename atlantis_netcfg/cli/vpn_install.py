@@ -52,7 +52,7 @@ def run(arguments: Arguments) -> ExitCode:
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional(VIA.name),
         site=host.site,
-        chosen=lambda _: (host,),
+        chosen=lambda opened: choose(opened, ALL, [host.name]),
     ) as opened:
         return _installed(opened)
 

@@ -1,0 +1,128 @@
+"""What is advised of a router that lacks something is typed as it was printed, with the router as it is there."""
+
+from __future__ import annotations
+
+import builtins
+import getpass
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hints_said import advised, said
+from quay import ROUTER, Quay, quay
+from vpn_desk import PASSPHRASE
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.twin import DeviceMode, Mode
+from atlantis_netcfg.vpn.authority import Authority
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+HERE = (f"only={ROUTER}", "--yes")
+
+
+@dataclass
+class Technician:
+    """Somebody at a terminal who agrees to everything."""
+
+    at: Quay
+    capsys: pytest.CaptureFixture[str]
+
+    def type(self, *words: str, code: int = 0) -> str:
+        """Type a command; nothing but the router stands at this quay."""
+        more = HERE if words[0] == "site=coastal" else ()
+        ended = main([*words, *more, f"inventory={self.at.inventory}"])
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
+
+    def follow(self, printed: str, hint: str, code: int = 0) -> str:
+        """Type the first command of a hint that was printed."""
+        words, *_ = advised(said(printed, hint))
+        return self.type(*words, code=code)
+
+    def rows(self, menu: str) -> list[dict[str, str]]:
+        answer = self.at.do("console", words=[f"{menu}/print"])
+        return [dict(word[1:].partition("=")[::2] for word in words) for kind, *words in answer if kind == "!re"]
+
+
+@pytest.fixture
+def technician(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Technician]:
+    with quay(tmp_path) as at:
+        for name, value in at.environment().items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+        vault = (tmp_path / "vault-password").read_text(encoding="utf-8")
+        monkeypatch.setattr(getpass, "getpass", lambda question: vault if "vault" in question else PASSPHRASE)
+        monkeypatch.setattr(builtins, "input", lambda _question: "yes")
+        founding = Authority.init
+        # Sealed as Ansible does it: tests do not wait for age.
+        monkeypatch.setattr(
+            Authority, "init", lambda folder, word, names, who, _: founding(folder, word, names, who, sealed_by="vault")
+        )
+        yield Technician(at, capsys)
+
+
+def test_a_router_that_lacks_its_identity_gets_one(technician: Technician) -> None:
+    """From the refused run to the run that is as declared, each step as the one before has advised."""
+    for row in technician.rows("/certificate"):
+        if row["name"] == "atlantis-vpn":
+            technician.at.do("console", words=["/certificate/remove", f"=.id={row['.id']}"])
+    refused = technician.type("site=coastal", code=4)
+    lacking = technician.follow(refused, "type `provision vpn install host={}` first", code=3)
+    onboard = (
+        "`provision vpn onboard host={}` where the authority is, else `provision vpn accept file=FILE` with what it "
+        "has handed out"
+    )
+    nobody = technician.follow(lacking, onboard, code=3)
+    technician.follow(nobody, "`provision vpn init` makes one; `authority=DIR` names it")
+    handed = technician.follow(lacking, onboard, code=5)  # the server is not reached from here, and waits
+    technician.follow(handed, "provision vpn install host={}")
+    technician.type("site=coastal")
+    assert "already so" in technician.type("site=coastal")
+    technician.type("vpn", "renew", f"name={ROUTER}", "key=ec", code=5)
+    installed = technician.follow(handed, "provision vpn install host={}")
+    tried = "its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew name={} key=rsa`"
+    technician.follow(installed, tried, code=5)
+    renewed = technician.follow(handed, "provision vpn install host={}")
+    assert "elliptic" not in renewed
+    lost = (
+        "rows that named the former interface (lists, routes) have lost it: type `provision site={site}` when this is "
+        "done"
+    )
+    technician.follow(renewed, lost)
+    assert "already so" in technician.type("site=coastal")
+
+
+class NothingBehindIt(NetcfgError):
+    """No console is plugged in here."""
+
+    exit = ExitCode.NOTHING
+
+
+def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypatch: pytest.MonkeyPatch) -> None:
+    met: list[str] = []
+
+    def adoption(_arguments: object, _declaration: object, host: Any, *_: object) -> None:  # noqa: ANN401 - a host
+        met.append(host.name)
+        raise NothingBehindIt("it would be looked for")
+
+    monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
+    technician.at.replace("old", version="7.17.1", device_mode=DeviceMode(mode=Mode.HOME))
+    technician.at.adopt()
+    refused = technician.type("site=coastal", code=4)
+    hint = (
+        "nothing would take this change back if it went wrong: {}; it moves traffic{}. Pin its SSH host key with "
+        "`provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say --without-protection with somebody "
+        "standing beside it"
+    )
+    technician.follow(refused, hint, code=7)
+    assert met == [ROUTER]
+    assert "--without-protection" in refused
+    technician.type("site=coastal", "--without-protection")
