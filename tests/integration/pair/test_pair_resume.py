@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
+from hints_said import advised, said
 from pair_bench import PairBench, Words, on, without_job
 
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
@@ -80,3 +82,48 @@ def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, 
     assert {result.status for result in results} == {status}, [result.message for result in results]
     assert as_before == (status is Status.LEFT_AS_FOUND)
     assert ("atlantis-pair" in far) == (status is Status.LEFT_AS_FOUND)
+
+
+TYPED = {"resume": Mode.RESUME}
+"""What a command of a hint is for the engine, which knows no command line."""
+
+
+def test_what_is_advised_beside_the_job_of_a_dead_run_goes_on(tmp_path: Path) -> None:
+    hint = (
+        "let them finish, then run the same command again; if a run of ours has died there: `provision resume site={}`"
+    )
+
+    async def act(bench: PairBench) -> tuple[Results, list[list[str]], Results]:
+        job = ["=name=atlantis-pair", "=interval=1h", "=start-time=startup", "=on-event=:put 1"]
+        await bench.router("far").console(["/system/scheduler/add", *job])
+        refused = await bench.converge(NEW)
+        commands = [words for each in refused for words in advised(said(str(each.hint), hint))]
+        return refused, commands, await bench.converge(NEW, TYPED[commands[0][0]])
+
+    refused, commands, followed = on(PairBench(tmp_path), act)
+    assert [each.status for each in refused] == [Status.LEFT_AS_FOUND] * 2
+    assert commands == [["resume", "site=quay"]] * 2
+    assert [each.status for each in followed] == [Status.CHANGED] * 2
+
+
+def test_what_is_advised_where_the_outcome_is_not_known_settles_it(tmp_path: Path) -> None:
+    hint = (
+        "each end takes back by itself what was not kept, within ten minutes if its link has died; then: "
+        "`provision resume site={}`"
+    )
+
+    async def act(bench: PairBench) -> tuple[list[list[str]], Results, Results]:
+        run = asyncio.ensure_future(bench.converge(NEW))
+        for _ in iter(lambda: "new name" in bench.exports()[1], True):
+            await asyncio.sleep(0)
+        bench.link.change(Air(distance_m=500_000.0))
+        unknown = await run
+        bench.link.change(Air())
+        told = [str(each.hint) for each in unknown if each.status is Status.UNKNOWN]
+        commands = [words for each in told for words in advised(said(each, hint))]
+        return commands, await bench.converge(NEW, TYPED[commands[0][0]]), await bench.converge(NEW)
+
+    commands, followed, again = on(PairBench(tmp_path), act)
+    assert commands[0] == ["resume", "site=quay"]
+    assert {each.status for each in followed} <= {Status.CHANGED, Status.UNCHANGED}
+    assert [each.status for each in again] == [Status.UNCHANGED] * 2

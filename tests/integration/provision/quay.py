@@ -190,7 +190,7 @@ def quay(folder: Path, *others: User) -> Iterator[Quay]:
         stack.enter_context(_namespace())
         twins = stack.enter_context(spawn(spec, folder / "twins"))
         door = Door(twins.ready[ROUTER]["api_ssl"])
-        stack.enter_context(_forwarded(door))
+        stack.enter_context(forwarded(door))
         yield Quay(root, folder / "state", spec, twins, door, stack)
 
 
@@ -240,7 +240,7 @@ def _namespace() -> Iterator[None]:
 
 
 @contextmanager
-def _forwarded(door: Door) -> Iterator[None]:
+def forwarded(door: Door, port: int = ADDRESS[1]) -> Iterator[None]:
     """Stand at the router's declared address and pass every byte to the twin; drop who comes when there is none."""
 
     class Visit(socketserver.BaseRequestHandler):
@@ -258,7 +258,7 @@ def _forwarded(door: Door) -> Iterator[None]:
         daemon_threads = True
         block_on_close = False
 
-    with Doors(ADDRESS, Visit) as server:
+    with Doors((ADDRESS[0], port), Visit) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
         thread.start()
         try:

@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hints_said import advised, said
-from quay import ROUTER, Quay, quay
+from npk_files import write
+from quay import ROUTER, Door, Quay, forwarded, quay
 from vpn_desk import PASSPHRASE
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations import upgrade
+from atlantis_netcfg.operations.upgrade import Waiting
 from atlantis_netcfg.twin import DeviceMode, Mode
 from atlantis_netcfg.vpn.authority import Authority
 
@@ -126,3 +130,24 @@ def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypat
     assert met == [ROUTER]
     assert "--without-protection" in refused
     technician.type("site=coastal", "--without-protection")
+
+
+def test_a_router_that_is_too_old_is_upgraded_and_joins(
+    technician: Technician, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at = technician.at
+    # An emulated router is back within seconds.
+    monkeypatch.setattr(upgrade, "Waiting", lambda: Waiting(poll_s=0.2, connect_s=1.0))
+    at.replace("old", version="7.16")
+    at.adopt()
+    Store(at.state).pins.change_host_key(ROUTER, at.twins.ready["old"]["host_key"])
+    at.stack.enter_context(forwarded(Door(at.twins.ready["old"]["ssh"]), 22))
+    technician.type("vpn", "init")
+    handed = technician.type("vpn", "onboard", f"host={ROUTER}", code=5)
+    (install,) = (words for words in advised(handed) if words[:2] == ["vpn", "install"])
+    refused = technician.type(*install, code=4)
+    (words,) = advised(said(refused, "`provision upgrade site={} device={} packages=FILE.npk`"))
+    file = write(tmp_path, "routeros", "7.21.5", "arm64")
+    upgraded = technician.type(*(word.replace("FILE.npk", str(file)) for word in words))
+    assert "RouterOS 7.16 -> 7.21.5, read back" in upgraded
+    assert "is imported, with the certificate atlantis-vpn: read back" in technician.type(*install)

@@ -117,11 +117,13 @@ def register() -> list[Entry]:
 
 
 def typing_tests(path: Path) -> set[str]:
-    """The tests of a file that type what was advised: they call `advised`, which finds it in what was printed."""
+    """The tests of a file that type what was advised: they, or a helper of the same file, call `advised`."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    return {
-        node.name
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef)
-        and any(isinstance(one, ast.Call) and ast.unparse(one.func) == "advised" for one in ast.walk(node))
-    }
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    helpers = {node.name for node in functions if "advised" in _called(node) and not node.name.startswith("test_")}
+    return {node.name for node in functions if _called(node) & {"advised", *helpers}}
+
+
+def _called(node: ast.AST) -> set[str]:
+    """What is called in it, by its last name."""
+    return {ast.unparse(one.func).rpartition(".")[2] for one in ast.walk(node) if isinstance(one, ast.Call)}

@@ -9,7 +9,7 @@ import pytest
 from hints_said import CHECKOUT, Entry, Hint, _texts, hints, register, typing_tests, untypeable
 
 ENTRIES = register()
-NOT_TYPED = 3
+NOT_TYPED = 0
 """So many hints are typed by no test yet. It may only fall."""
 OF_RUNS = (
     "cli/resume.py",
