@@ -140,6 +140,7 @@ def test_a_router_that_is_too_old_is_upgraded_and_joins(
     monkeypatch.setattr(upgrade, "Waiting", lambda: Waiting(poll_s=0.2, connect_s=1.0))
     at.replace("old", version="7.16")
     at.adopt()
+    at.do("knobs", boot_s=0.3)
     Store(at.state).pins.change_host_key(ROUTER, at.twins.ready["old"]["host_key"])
     at.stack.enter_context(forwarded(Door(at.twins.ready["old"]["ssh"]), 22))
     technician.type("vpn", "init")
