@@ -16,9 +16,10 @@ from atlantis_netcfg.checklist._canonical import written
 from atlantis_netcfg.cli import _commands, _session, main
 from atlantis_netcfg.cli._checking import sitting
 from atlantis_netcfg.cli._commands import COMMANDS
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.report.run import RunReport
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
@@ -253,3 +254,21 @@ def test_a_hint_goes_on_where_the_command_was_typed(at: Place) -> None:
     assert init == ["vpn", "init", f"authority={at.folder / 'another'}"]
     line = ("check", "site=coastal", "vehicle=stork", "endpoint=acoustic", "--rehearse")
     assert advised(at.type(*line, code=7)) == [["check", "site=coastal", "--rehearse"]]
+
+
+def test_a_host_that_was_named_and_is_not_handled_is_never_green(at: Place) -> None:
+    line = ("backup", "site=coastal")
+    assert "no role handles" in at.type(*line, "only=coastal-gateway", code=7)
+    assert "does nothing with coastal-gateway" in at.type(*line, "only=coastal-router,coastal-gateway", code=7)
+
+
+@pytest.mark.parametrize(
+    ("codes", "asks"), [((2, 6), True), ((2,), True), ((6,), False), ((2, 4), False), ((0,), False)]
+)
+def test_what_a_look_has_found_wrong_keeps_no_other_device_from_being_changed(
+    codes: tuple[int, ...],
+    asks: bool,  # noqa: FBT001 - a case
+) -> None:
+    devices = {f"d{place}": {"exit": code} for place, code in enumerate(codes)}
+    planned = RunReport("coastal", rehearsed=False, devices=devices)
+    assert (worst(_session.Session._plannable(planned)) is ExitCode.CHANGES) == asks
