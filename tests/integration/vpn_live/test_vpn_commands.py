@@ -122,7 +122,7 @@ def test_a_server_that_is_away_delays_and_loses_nothing(
     waits = desk.told(*SEALED, passphrase=PASSPHRASE, code=5)
     (row,) = waits["members"]
     assert (waits["deployed"], row["passphrase"]) == (False, None)
-    assert "`provision vpn sync`" in waits["errors"][0]["hint"]
+    assert f"`provision vpn sync authority={desk.authority}`" in waits["errors"][0]["hint"]
     assert told(desk.told("status", code=5), "INCONCLUSIVE").startswith("the server: ")
 
     monkeypatch.setattr(connected, "over_ssh", there)
