@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import time
 from contextlib import suppress
 from datetime import timedelta
 from functools import cache
@@ -27,6 +28,8 @@ MARK = "atlantis: "
 """Opens the comment of every row that is ours."""
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+_KEPT_S = 30 * 24 * 3600
+"""For so long a compiled template is kept."""
 _UNITS = (("w", 7 * 24 * 3600), ("d", 24 * 3600), ("h", 3600), ("m", 60), ("s", 1))
 
 
@@ -60,9 +63,14 @@ class _Compiled(FileSystemBytecodeCache):
             bucket.reset()
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Put it into its file, whole or not at all."""
+        """Put it into its file, whole or not at all; what is old goes: the checkout that it was for may be gone."""
         with suppress(OSError):
             super().dump_bytecode(bucket)
+        oldest = time.time() - _KEPT_S
+        for file in Path(self.directory).glob("*"):
+            with suppress(OSError):
+                if file.stat().st_mtime < oldest:
+                    file.unlink()
 
 
 def compiled(*modules: str) -> FileSystemBytecodeCache | None:

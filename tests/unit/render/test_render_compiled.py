@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import pytest
@@ -84,3 +85,16 @@ def test_a_folder_in_which_nothing_can_be_kept_is_as_none(kept: Path, template: 
     assert start.render() == ("DONE, FOLDED", 1)
     kept.write_text("a file in its place")
     assert Start(template.parent, __file__).render() == ("DONE, FOLDED", 1)
+
+
+def test_what_is_old_goes_when_something_is_compiled(kept: Path, template: Path) -> None:
+    Start(template.parent, __file__).render()
+    (first,) = kept.iterdir()
+    os.utime(first, (0, 0))
+    assert Start(template.parent, __file__).render() == ("DONE, FOLDED", 0)
+    other = template.parent / "elsewhere"
+    other.mkdir()
+    template.rename(other / template.name)
+    assert Start(other, __file__).render() == ("DONE, FOLDED", 1)
+    (second,) = kept.iterdir()
+    assert second != first
