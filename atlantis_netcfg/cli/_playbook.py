@@ -21,7 +21,7 @@ from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.ansible_settings import import_ansible
 from atlantis_netcfg.operations.asking import shared
 from atlantis_netcfg.operations.play_control import PlayControl
-from atlantis_netcfg.operations.unreported import without_result
+from atlantis_netcfg.operations.unreported import other_ends, without_result
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
@@ -79,7 +79,9 @@ class PlaybookRunner:
         *,
         ended: Ended = lambda _name, _result: None,
     ) -> Outcome:
-        """Run the playbook for these hosts to its end; each of them has a result then, whatever happened.
+        """Run the playbook for these hosts to its end; each has a result then, whatever happened.
+
+        So has the other end of a bridge, which is worked on with them.
 
         A stop signal is handed to the engine, which settles: it is no KeyboardInterrupt here. Raises EngineError where
         the request was refused, and no device was changed or found as declared.
@@ -93,7 +95,8 @@ class PlaybookRunner:
                 control.cut_off(reason)
         outcome, refusal = heard.outcome, heard.refusal
         outcome.stopped_by = control.stopped_by
-        missing = [name for name in names if name not in outcome.devices]
+        asked = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
+        missing = [name for name in asked if name not in outcome.devices]
         unreported = without_result(missing, self._declaration, request, outcome.runs, refusal or reason, output)
         known = {**outcome.devices, **unreported}
         if refusal is not None and all(result["status"] == _UNTOUCHED for result in known.values()):

@@ -14,8 +14,11 @@ from atlantis_netcfg.journal.records import (
     ActionsAcknowledged,
     ActionsConfirmed,
     DeviceObserved,
+    LayerSent,
     Outcome,
+    Protected,
     Purpose,
+    Releasing,
     RunEnded,
     RunResumed,
     RunStarted,
@@ -33,6 +36,9 @@ __all__ = ["Confirmed", "Run"]
 
 _DONE = frozenset({"unchanged", "changed"})
 """Outcomes that stand for a device that was read back as it was to be."""
+
+_TOUCHING = (Signed, Protected, LayerSent, Releasing)
+"""Records after which something of the run may be open on the device."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +108,14 @@ class Run:
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
-        """How each device ended, the last word of the journal about it."""
-        return {record.device: record for record in self.log.records if isinstance(record, Outcome)}
+        """How each device ended, if that is the last word about it: a run that is resumed may have gone on with it."""
+        found: dict[str, Outcome] = {}
+        for record in self.log.records:
+            if isinstance(record, Outcome):
+                found[record.device] = record
+            elif isinstance(record, _TOUCHING):
+                found.pop(record.device, None)
+        return found
 
     @property
     def purpose(self) -> Purpose:

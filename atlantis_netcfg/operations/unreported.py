@@ -8,15 +8,18 @@ from atlantis_netcfg.crash import write_log
 from atlantis_netcfg.errors import ExitCode, NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
+from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from atlantis_netcfg.journal import Run
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration
 
-__all__ = ["without_result"]
+__all__ = ["other_ends", "without_result"]
 
 _READING = (DeviceObserved, StateSaved, Planned)
 """Records of a device on which nothing was changed or armed yet: whatever does that is recorded before it is sent."""
@@ -30,7 +33,10 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     reason: NetcfgError | str,
     output: str,
 ) -> dict[str, dict[str, Any]]:
-    """Give each name a result that says what is known: `left-as-found` (4) or `unknown` (5), never nothing.
+    """Give each name a result that says what is known, never nothing.
+
+    `left-as-found` (4), `unknown` (5), or how the journal says that it has ended: that is not green (6), for nobody has
+    seen the run to its end.
 
     `reason` is why they have none, as far as that is known; `output` is what Ansible has printed. It is kept in a log
     file, except after a refusal of ours, which says all there is.
@@ -38,6 +44,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     if not names:
         return {}
     note, results = [] if isinstance(reason, NetcfgError) else _logged(output, request), {}
+    others = other_ends(names, declaration, request)
     for name in names:
         site = declaration.hosts[name].site
         run = runs.get(site, "")
@@ -45,14 +52,27 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
         if isinstance(reason, NetcfgError) and result.status is not Status.UNKNOWN:
             # A refusal has a code of its own (a declaration that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
-        results[name] = {**result.as_dict(), "notes": note, "other_end": None}
+        results[name] = {**result.as_dict(), "notes": note, "other_end": others.get(name)}
     return results
+
+
+def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
+    """The ends of all bridges that one of these is an end of, each with the other one: both have a result."""
+    try:
+        members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)
+    except NetcfgError:  # then nothing was begun on any of them
+        return {}
+    bridged = [member.bridge.ends for member in members if member.bridge is not None]
+    return {one.name: other.name for ends in bridged for one, other in (ends, ends[::-1])}
 
 
 def _result(name: str, site: str, run: str, reason: str, request: Request) -> DeviceResult:
     if request.mode.reads_only:
         return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"not read: {reason}", _AGAIN)
-    if run and _is_touched(name, site, run, request):
+    written = _written(site, run, request)
+    if written is not None and name in written.settled:
+        return _recorded(written, name, reason)
+    if (run and written is None) or (written is not None and _is_touched(written, name)):
         hint = (
             "what was not confirmed the device takes back by itself, within ten minutes if the link has died; then:"
             f"  provision resume site={site} run={run}"
@@ -64,13 +84,26 @@ def _result(name: str, site: str, run: str, reason: str, request: Request) -> De
 _AGAIN = "type the same command again"
 
 
-def _is_touched(name: str, site: str, run: str, request: Request) -> bool:
-    """Whether anything was, or may have been, sent that changes the device; a journal that is gone proves nothing."""
+def _written(site: str, run: str, request: Request) -> Run | None:
+    """The run as its journal tells it; None: there is none, or it is gone, which proves nothing."""
     try:
-        records = Store(request.state, rehearsed=request.rehearsed).run(site, run).log.records
+        return Store(request.state, rehearsed=request.rehearsed).run(site, run) if run else None
     except NetcfgError:
-        return True
+        return None
+
+
+def _is_touched(written: Run, name: str) -> bool:
+    """Whether anything was, or may have been, sent that changes the device."""
+    records = written.log.records
     return any(getattr(record, "device", None) == name and not isinstance(record, _READING) for record in records)
+
+
+def _recorded(written: Run, name: str, reason: str) -> DeviceResult:
+    """Tell how it has ended; whoever wrote that has not lived to tell it, and `resume` has nothing to do there."""
+    outcome = written.outcomes[name]
+    message, code = f"{outcome.message}; then: {reason}", ExitCode(outcome.exit).unproved
+    confirmed = len(written.confirmed(name))
+    return DeviceResult(name, Status(outcome.status), code, message, _AGAIN, confirmed=confirmed)
 
 
 def _logged(output: str, request: Request) -> list[str]:

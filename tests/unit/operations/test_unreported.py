@@ -1,0 +1,103 @@
+"""What is said of hosts of which no result has come: no more, and no less, than what the journal proves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.journal import (
+    ActionsConfirmed,
+    DeviceObserved,
+    LayerSent,
+    Outcome,
+    RunResumed,
+    RunStarted,
+    Store,
+)
+from atlantis_netcfg.operations import Mode, Request
+from atlantis_netcfg.operations.unreported import other_ends, without_result
+from atlantis_netcfg.site import load
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.journal.records import Record
+    from atlantis_netcfg.site import Declaration
+
+KILLED = "the process that worked on it was killed"
+NAME = "coastal-router"
+READ = DeviceObserved(device=NAME, version="7.18.2", identity="router", state="")
+SENT = LayerSent(device=NAME, layer="policy", actions=(1, 2))
+KEPT = ActionsConfirmed(device=NAME, actions=(1, 2))
+RESUMED = RunResumed(revision="", tool="", command="provision resume")
+
+
+def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
+    return Outcome(device=NAME, status=status, exit=code, message=f"it is {status}", open=still_open)
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(Path(__file__).parents[3] / "inventory")
+
+
+def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = Mode.APPLY) -> dict[str, Any]:
+    """What is said of the router after a run that has written these."""
+    started = RunStarted(site="coastal", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
+    with Store(state).start(started) as journal:
+        for record in records:
+            journal.write(record)
+    request = Request(state=state, mode=mode, command="provision")
+    return without_result([NAME], declaration, request, {"coastal": journal.run}, KILLED, "")[NAME]
+
+
+@pytest.mark.parametrize(
+    ("records", "status", "code", "resumes"),
+    [
+        ((READ,), "left-as-found", ExitCode.FAILED, False),
+        ((READ, SENT), "unknown", ExitCode.UNKNOWN, True),
+        ((READ, SENT, ended("unknown", 5)), "unknown", ExitCode.UNKNOWN, True),
+        ((READ, SENT, ended("left-as-found", 4, still_open=True)), "unknown", ExitCode.UNKNOWN, True),
+        ((READ, SENT, KEPT, ended("changed", 0)), "changed", ExitCode.CHECKS_FAILED, False),
+        ((READ, ended("unchanged", 0)), "unchanged", ExitCode.CHECKS_FAILED, False),
+        ((READ, SENT, ended("rolled-back", 4)), "rolled-back", ExitCode.FAILED, False),
+        ((READ, SENT, ended("rolled-back", 4), RESUMED, SENT), "unknown", ExitCode.UNKNOWN, True),
+        ((READ, SENT, ended("unknown", 5), RESUMED, ended("changed", 0)), "changed", ExitCode.CHECKS_FAILED, False),
+    ],
+)
+def test_what_the_journal_says_is_told_and_resume_is_advised_where_it_has_something_to_do(  # noqa: PLR0913, PLR0917
+    declaration: Declaration,
+    tmp_path: Path,
+    records: tuple[Record, ...],
+    status: str,
+    code: ExitCode,
+    resumes: bool,  # noqa: FBT001
+) -> None:
+    result = said(declaration, tmp_path, *records)
+    assert (result["status"], result["exit"]) == (status, code)
+    assert KILLED in result["message"]
+    (run,) = Store(tmp_path).runs("coastal")
+    assert (f"provision resume site=coastal run={run.id}" in result["hint"]) == resumes
+    assert resumes or result["hint"] == "type the same command again"
+    assert (NAME in run.unsettled) or not resumes, "resume has nothing to do"
+
+
+def test_what_was_confirmed_is_counted(declaration: Declaration, tmp_path: Path) -> None:
+    result = said(declaration, tmp_path, READ, SENT, KEPT, ended("changed", 0))
+    assert result["confirmed"] == 2
+    assert result["message"] == f"it is changed; then: {KILLED}"
+
+
+def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Declaration, tmp_path: Path) -> None:
+    request = Request(state=tmp_path, command="provision")
+    result = without_result([NAME], declaration, request, {"coastal": "20260101T000000Z"}, KILLED, "")[NAME]
+    assert (result["status"], result["exit"]) == ("unknown", ExitCode.UNKNOWN)
+
+
+def test_both_ends_of_a_bridge_have_a_result(declaration: Declaration, tmp_path: Path) -> None:
+    request = Request(state=tmp_path, command="provision")
+    ends = other_ends([NAME, "coastal-cpe"], declaration, request)
+    assert ends == {"coastal-cpe": "scc-cpe", "scc-cpe": "coastal-cpe"}
+    results = without_result(["scc-cpe"], declaration, request, {}, KILLED, "")
+    assert (results["scc-cpe"]["status"], results["scc-cpe"]["other_end"]) == ("left-as-found", "coastal-cpe")
