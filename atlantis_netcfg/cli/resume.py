@@ -70,6 +70,7 @@ def _resumed(opened: Session, broken: Run) -> RunReport:
     from atlantis_netcfg.operations import Mode
 
     _refuse_others(broken)
+    _refuse_settled(broken)
     _tell(opened, broken)
     opened.narrow(broken.unsettled)
     if broken.started is not None:
@@ -113,6 +114,16 @@ def _refuse_others(broken: Run) -> None:
     if broken.purpose in repeated:
         what = repeated[broken.purpose]
         raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
+
+
+def _refuse_settled(broken: Run) -> None:
+    """What has left nothing open may still not have come to its end everywhere. Raises NothingMatched."""
+    if broken.unsettled or broken.started is None or not broken.started.command.startswith("provision "):
+        return
+    raise NothingMatched(
+        f"run {broken.id} has left nothing open on any device",
+        hint=f"to bring them to where it was going, type its command again:  {broken.started.command}",
+    )
 
 
 def _tell(opened: Session, broken: Run) -> None:

@@ -46,8 +46,8 @@ def read(output: str, site: str) -> Advice | None:
 
 
 def _complete(command: str, site: str) -> tuple[str, ...]:
-    """Fill in what the advice leaves to the reader: the site."""
-    words = shlex.split(command.rstrip(".;,"))
+    """Fill in what the advice leaves to the reader: the site. The inventory is named for every command."""
+    words = [word for word in shlex.split(command.rstrip(".;,")) if not word.startswith("inventory=")]
     words = [f"site={site}" if word.startswith("site=") and ("…" in word or "NAME" in word) else word for word in words]
     if not any(word.startswith("site=") for word in words):
         words.append(f"site={site}")

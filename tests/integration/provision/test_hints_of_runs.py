@@ -32,7 +32,7 @@ def follow(at: Quay, command: list[str], code: int = 0) -> str:
         done = subprocess.run([PROVISION, *words], env=at.environment(), capture_output=True, text=True, check=False)
         assert done.returncode == code, done.stderr
         return done.stdout + done.stderr
-    yes = ("--yes",) if words[0].startswith("site=") else ()
+    yes = ("--yes",) if words[0].startswith("site=") and "--yes" not in words else ()
     done = at.provision(*words, *yes, code=code)
     return done.stdout + done.stderr
 
@@ -70,11 +70,21 @@ def test_a_state_that_no_run_has_confirmed_or_that_is_damaged(at: Quay) -> None:
 
 
 def test_a_run_that_has_nothing_open(at: Quay) -> None:
-    at.configure()
+    at.provision(*RUN, code=0)
     (row,) = at.runs()
     refused = at.provision("resume", "site=coastal", f"run={row['run']}", code=7).stderr
+    (command,) = advised(refused)
+    assert [word for word in command if word in RUN] == list(RUN)
+    assert "already so" in follow(at, [word for word in command if not word.startswith("inventory=")])
+
+
+def test_a_run_before_which_nothing_was_saved(at: Quay) -> None:
+    at.configure()
+    at.configure()
+    run = at.runs()[-1]["run"]
+    refused = at.provision("rollback", "site=coastal", f"to={run}", "--yes", code=7).stderr
     (listing,) = advised(refused)
-    assert row["run"] in follow(at, listing)
+    assert run in follow(at, listing)
 
 
 def test_a_link_that_is_lost_before_the_first_change(at: Quay) -> None:

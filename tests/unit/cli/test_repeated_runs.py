@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.cli.resume import _refuse_others
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.journal import Purpose, Run, RunStarted, Store
+from atlantis_netcfg.cli.resume import _refuse_others, _refuse_settled
+from atlantis_netcfg.errors import NothingMatched, UsageError
+from atlantis_netcfg.journal import Outcome, Purpose, Run, RunResumed, RunStarted, Store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,3 +45,14 @@ def test_a_run_of_the_engine_goes_on(tmp_path: Path) -> None:
 
 def test_a_backup_leaves_nothing_to_go_on_with(tmp_path: Path) -> None:
     assert broken(tmp_path, "provision backup site=quay", Purpose.BACKUP).unsettled == ()
+
+
+def test_a_run_that_has_left_nothing_open_is_typed_again(tmp_path: Path) -> None:
+    """Stopped before the last device's turn came: nothing is open, and not everything is done."""
+    run = broken(tmp_path, "provision site=quay --yes", Purpose.CONFIGURE)
+    _refuse_settled(run)
+    with Store(tmp_path).resume("quay", run.id, RunResumed(revision="", tool="", command="")) as journal:
+        journal.write(Outcome(device="router", status="left-as-found", exit=4, message="stopped by hand"))
+    with pytest.raises(NothingMatched, match="has left nothing open") as refused:
+        _refuse_settled(Store(tmp_path).run("quay", run.id))
+    assert "type its command again:  provision site=quay --yes" in (refused.value.hint or "")
