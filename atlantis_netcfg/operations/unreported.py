@@ -9,7 +9,6 @@ from atlantis_netcfg.errors import ExitCode, NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
         site = declaration.hosts[name].site
         run = runs.get(site, "")
         result = _result(name, site, run, str(reason) or "it has ended without a result", request)
-        if isinstance(reason, NetcfgError) and result.status is not Status.UNKNOWN:
+        if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
             # A refusal has a code of its own (a declaration that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
         results[name] = {**result.as_dict(), "notes": note, "other_end": others.get(name)}
@@ -58,6 +57,8 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
 
 def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
     """The ends of all bridges that one of these is an end of, each with the other one: both have a result."""
+    from atlantis_netcfg.operations.members import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
+
     try:
         members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)
     except NetcfgError:  # then nothing was begun on any of them

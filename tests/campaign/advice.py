@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 _COMMAND = re.compile(r"`(?:\./)?provision ([^`]+)`|(?:then|died|type|run|again):\s+(?:\./)?provision ([^\n]+)")
 _INFORMS = ("runs", "--help", "help", "links", "validate", "report")
 """Commands that show something and settle nothing."""
+_REMARKS = ("note:", "drift:")
+"""Lines of a device's result that advise nothing; they stand as far to the right as its hint goes on."""
 _AGAIN = re.compile(r"\b(again|repeat|once more|run it)\b", re.IGNORECASE)
 _WAIT = re.compile(r"\b(wait|minutes|by itself|later|until)\b", re.IGNORECASE)
 
@@ -33,10 +35,10 @@ class Advice:
 
 def read(output: str, site: str) -> Advice | None:
     """The last advice of an output; None: there is none."""
-    tail = "\n".join(line for line in output.splitlines() if not line.lstrip().startswith("note:"))
+    tail = "\n".join(line for line in output.splitlines() if not line.lstrip().startswith(_REMARKS))
     joined = re.sub(r"\n {7,}", " ", tail)
     commands = [(found[1] or found[2]).strip() for found in _COMMAND.finditer(joined)]
-    commands = [command for command in commands if command.split()[0] not in _INFORMS]
+    commands = [command for command in commands if command.split()[0] not in _INFORMS and "--help" not in command]
     waits = bool(_WAIT.search(joined))
     if commands:
         return Advice(_complete(commands[-1], site), waits, commands[-1])

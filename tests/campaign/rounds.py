@@ -223,8 +223,8 @@ class Player:
                 found = advice.Advice(advice.TABLE[ended.code], waits=False, text=f"exit {ended.code}")
             elif found is None and ended.code is not None and ended.code > ExitCode.OUR_FAULT:
                 table.wrong(f"no advice: `{' '.join(typed)}` ended with {ended.code} and names no next step")
-            if ended.code == ExitCode.OUR_FAULT:
-                table.wrong(f"exit 1: {ended.advice_text.strip()[-300:]}")
+            if ended.code in (ExitCode.OUR_FAULT, ExitCode.USAGE):
+                table.wrong(f"exit {ended.code} of `{' '.join(typed)}`: {ended.advice_text.strip()[-300:]}")
             key = (ended.typed, ended.code, found and found.text)
             seen[key] = seen.get(key, 0) + 1
             if seen[key] > 2 and not struck:

@@ -25,6 +25,14 @@ CTRL_C = """error: stopped by Ctrl-C; what a device kept is not known here
 BUSY = """  scc-cpe            another run changes this bridge
                      wait until it has ended; if it has died:  provision resume
 """
+OPEN = """  coastal-router     nothing was changed: stopped by hand (6 round trips, 68.0 kB, 0.2 s)
+                     what is in safe mode the device takes back by itself; then:  provision resume site=coastal run=1
+                     drift: not declared, and not ours: left as it is
+"""
+TYPED_BEFORE = """error: run 1 has left nothing open on any device
+       type its command again:  provision site=coastal only=scc-cpe inventory=/srv/pilot
+"""
+HELP = "       `provision resume --help` lists what it takes"
 ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc-cpe"
 
 
@@ -34,6 +42,8 @@ ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc
         (BUSY, ("resume", "site=coastal"), True),
         ("error: no run\n       `provision site=…` begins one", ("site=coastal",), False),
         (ONE_HOST, ("drift", "site=coastal", "only=scc-cpe"), True),
+        (OPEN, ("resume", "site=coastal", "run=1"), True),
+        (TYPED_BEFORE, ("site=coastal", "only=scc-cpe"), False),
         ("  make room on the disk, then run the same command again", None, False),
     ],
 )
@@ -48,7 +58,7 @@ def test_the_last_command_that_settles_something_is_the_advice(
 
 
 @pytest.mark.parametrize(
-    "output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them", CTRL_C]
+    "output", ["", "  coastal-router  already so\n", "       `provision runs` lists all of them", CTRL_C, HELP]
 )
 def test_what_only_informs_is_no_advice(output: str) -> None:
     assert advice.read(output, "coastal") is None
