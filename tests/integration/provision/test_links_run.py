@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 ONLY = ("site=coastal", f"only={ROUTER}")
+NOT_ASKED = 6
+"""What a look ends with here: no resolver is in this network, so a name of the allow-list cannot be asked for."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def berth(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Quay]:
 def test_a_look_reads_and_changes_nothing(berth: Quay) -> None:
     before, entries = berth.export(), berth.do("console", words=["/system/history/print"])
     berth.do("reset")
-    told = berth.json("links", *ONLY, code=0)
+    told = berth.json("links", *ONLY, code=NOT_ASKED)
     assert berth.do("counters")["turns"] <= 4
     assert told["round_trips"] == {ROUTER: 5}
     assert [one["state"] for one in told["bearers"].values()] == ["up", "up", "unknown"]
@@ -41,13 +43,12 @@ def test_a_look_reads_and_changes_nothing(berth: Quay) -> None:
 
 
 def test_names_of_the_allow_list_are_asked_for(berth: Quay) -> None:
-    findings = berth.json("links", *ONLY, code=0)["bearers"]["satellite"]["findings"]
-    codes = {one["code"] for one in findings}
-    assert codes & {"allow-list-name-not-asked", "allow-list-name-unknown"}, "no resolver is there in this network"
+    findings = berth.json("links", *ONLY, code=NOT_ASKED)["bearers"]["satellite"]["findings"]
+    assert ("INCONCLUSIVE", "allow-list-name-not-asked") in {(one["verdict"], one["code"]) for one in findings}
 
 
 def test_the_month_grows_with_the_counters(berth: Quay) -> None:
-    first, second = (berth.json("links", *ONLY, code=0)["bearers"]["4g"] for _ in range(2))
+    first, second = (berth.json("links", *ONLY, code=NOT_ASKED)["bearers"]["4g"] for _ in range(2))
     assert first["month_bytes"] < second["month_bytes"]
     assert first["month_since"] == second["month_since"]
     kept = Store(berth.state).usage("coastal").last("4g")
@@ -64,7 +65,7 @@ def test_boxes_that_do_not_answer_are_findings(berth: Quay) -> None:
 
 def test_a_look_waits_for_nobody(berth: Quay) -> None:
     with Store(berth.state).lock("coastal", "somebody else's run"):
-        berth.provision("links", *ONLY, code=0)
+        berth.provision("links", *ONLY, code=NOT_ASKED)
 
 
 def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(berth: Quay) -> None:
@@ -72,7 +73,7 @@ def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(berth: Quay
     refused = berth.provision("links", *ONLY, "via=4g", code=4)
     assert "--accept-cost" in refused.stderr
     assert berth.do("counters")["turns"] == 0
-    agreed = berth.provision("links", *ONLY, "via=4g", "--accept-cost", code=0)
+    agreed = berth.provision("links", *ONLY, "via=4g", "--accept-cost", code=NOT_ASKED)
     assert "over 4g of coastal, which is paid by the byte" in agreed.stdout
     assert berth.do("counters")["turns"] > 0
 
