@@ -74,6 +74,8 @@ class SiteLock:
         try:
             os.ftruncate(self._descriptor, 0)
         finally:
+            # Closing is not enough: a child that was forked meanwhile, and that is about to end, has it open as well.
+            fcntl.flock(self._descriptor, fcntl.LOCK_UN)
             self._close()
 
     def _sign(self) -> None:

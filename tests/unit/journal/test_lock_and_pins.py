@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -56,6 +57,19 @@ def test_a_killed_holder_frees_the_site(tmp_path: Path) -> None:
         process.wait()
     with Store(tmp_path).lock("coastal", "mine"):
         assert str(os.getpid()).encode() in (tmp_path / "real" / "coastal" / "lock").read_bytes()
+
+
+def test_a_child_that_was_forked_meanwhile_does_not_keep_the_site(tmp_path: Path) -> None:
+    """A task of Ansible's ends a little after its result has been taken."""
+    over = multiprocessing.get_context("fork").Event()
+    with Store(tmp_path).lock("coastal", "mine"):
+        child = multiprocessing.get_context("fork").Process(target=over.wait)
+        child.start()
+    with Store(tmp_path).lock("coastal", "mine again"):
+        assert child.is_alive()
+    over.set()
+    child.join(30)
+    assert child.exitcode == 0
 
 
 def test_a_dead_name_in_the_file_is_not_blamed(tmp_path: Path) -> None:
