@@ -12,9 +12,13 @@ from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, complete
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.cli._arguments import Command
+    from atlantis_netcfg.cli._arguments import Arguments, Command
 
-__all__ = ["Stopped", "as_typed", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
+__all__ = ["Stopped", "as_typed", "carried", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
+
+_CARRIED = ("inventory", "authority")
+_ADVISED = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)
+"""A command in a hint: in backquotes, or at the end of a line behind a colon."""
 
 
 def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> ExitCode:
@@ -29,7 +33,7 @@ def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> E
 
 
 def as_typed(hint: str, typed: Sequence[str]) -> str:
-    """A hint whose commands go on where the typed one was: its site and device, its authority, its emulated devices."""
+    """A hint whose commands go on where the typed one was: its site and device, and what `carried` gives."""
     from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 
     words = dict(word.partition("=")[::2] for word in typed)
@@ -37,20 +41,29 @@ def as_typed(hint: str, typed: Sequence[str]) -> str:
 
     def completed(found: re.Match[str]) -> str:
         try:
-            name, rest = choose(shlex.split(found[1]), COMMANDS)
+            name, rest = choose(shlex.split(found["command"]), COMMANDS)
         except (NetcfgError, ValueError):  # what is wrong with a line may itself be quoted
             return found[0]
         if "--help" in rest:
             return found[0]
         command = load(name, COMMANDS).COMMAND
         more = ""
-        if "authority" in words and command.word("authority") is not None and "authority=" not in found[1]:
-            more += f" {shlex.quote('authority=' + words['authority'])}"
+        for name in _CARRIED:
+            if name in words and command.word(name) is not None and f"{name}=" not in found["command"]:
+                more += f" {shlex.quote(f'{name}={words[name]}')}"
         if "--rehearse" in typed and command.flag("rehearse") is not None and "--rehearse" not in rest:
             more += " --rehearse"
-        return f"`provision {found[1]}{more}`"
+        return found[0].replace(found["command"], f"{found['command']}{more}")
 
-    return re.sub(r"`provision ([a-z][^`…]*)`", completed, hint)
+    return _ADVISED.sub(completed, hint)
+
+
+def carried(arguments: Arguments) -> list[str]:
+    """What a command that a hint advises has to be told as well, as it was typed: whose files, and which devices."""
+    named = [(name, arguments.optional(name)) for name in _CARRIED if arguments.command.word(name) is not None]
+    words = [f"{name}={value}" for name, value in named if value is not None]
+    rehearsed = arguments.command.flag("rehearse") is not None and arguments.flag("rehearse")
+    return [*words, "--rehearse"] if rehearsed else words
 
 
 class Stopped(DeviceFailed):

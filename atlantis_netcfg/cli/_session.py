@@ -17,7 +17,7 @@ from atlantis_netcfg import paths
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pays
-from atlantis_netcfg.cli._outcome import Stopped
+from atlantis_netcfg.cli._outcome import Stopped, as_typed, carried
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
 from atlantis_netcfg.cli._progress import progress
@@ -158,7 +158,7 @@ class Session:
         return RunReport(
             site=self.site,
             rehearsed=self.rehearsed,
-            devices=outcome.devices,
+            devices={name: self._advised(result) for name, result in outcome.devices.items()},
             not_handled={
                 host.name: host.device.kind
                 for host in self.hosts
@@ -227,7 +227,11 @@ class Session:
     def _ended(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
         """Give a program that reads along the result of a device while others are still in work."""
         if self.as_json and self._says(STREAM):
-            print(json.dumps({"device": name, **result}, ensure_ascii=False), file=out, flush=True)
+            print(json.dumps({"device": name, **self._advised(result)}, ensure_ascii=False), file=out, flush=True)
+
+    def _advised(self, result: Mapping[str, Any]) -> dict[str, Any]:
+        """A result whose hint can be typed as it stands: the engine does not know what else this command was told."""
+        return {**result, "hint": result["hint"] and as_typed(result["hint"], carried(self.arguments))}
 
     def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""

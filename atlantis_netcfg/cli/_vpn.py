@@ -121,7 +121,7 @@ def tell(
     """Print the result: one JSON object, or lines on the output and errors as every error is told."""
     from atlantis_netcfg.cli import _outcome
 
-    typed = [f"{AUTHORITY.name}={named}"] if (named := _named(arguments)) is not None else []
+    typed = _outcome.carried(arguments)
     for error in errors:
         error.hint = error.hint and _outcome.as_typed(error.hint, typed)
     if arguments.flag(JSON.name):
@@ -133,11 +133,6 @@ def tell(
     sys.stdout.flush()
     _outcome.tell(errors)
     return code
-
-
-def _named(arguments: Arguments) -> str | None:
-    """The authority's folder, where one was named."""
-    return arguments.optional(AUTHORITY.name) if arguments.command.word(AUTHORITY.name) is not None else None
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -126,7 +127,9 @@ class Run:
     def next_command(self) -> str:
         """What a person types to go on with it: what is no run of the engine is repeated."""
         if self.started is None or self.purpose is Purpose.CONFIGURE:
-            return f"provision resume site={self.directory.parent.parent.name} run={self.id}"
+            typed = shlex.split(self.started.command) if self.started is not None else []
+            declared = [shlex.quote(word) for word in typed if word.startswith("inventory=")]
+            return " ".join([f"provision resume site={self.directory.parent.parent.name} run={self.id}", *declared])
         return self.started.command
 
     @property

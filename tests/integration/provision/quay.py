@@ -87,7 +87,7 @@ class Quay:
     def provision(self, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
         """Type a command; `inventory=` is added, and `only=`: nothing but the router stands at this quay."""
         done = subprocess.run(
-            [PROVISION, *typed, *self._only(typed), f"inventory={self.inventory}"],
+            [PROVISION, *typed, *self._only(typed), *self._inventory(typed)],
             env=self.environment(),
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -127,7 +127,7 @@ class Quay:
         with os.fdopen(ours, "wb", buffering=0) as keyboard:
             keyboard.write(f"{answer}\n".encode())
             done = subprocess.run(
-                [PROVISION, *typed, *self._only(typed), f"inventory={self.inventory}"],
+                [PROVISION, *typed, *self._only(typed), *self._inventory(typed)],
                 env=self.environment(),
                 stdin=theirs,
                 stdout=subprocess.PIPE,
@@ -138,6 +138,9 @@ class Quay:
             os.close(theirs)
         assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}"
         return done.stdout
+
+    def _inventory(self, typed: tuple[str, ...]) -> tuple[str, ...]:
+        return () if any(word.startswith("inventory=") for word in typed) else (f"inventory={self.inventory}",)
 
     def _only(self, typed: tuple[str, ...]) -> tuple[str, ...]:
         """Leave the bridge alone where a command is about the site; the engine's runs, which take `only=`."""

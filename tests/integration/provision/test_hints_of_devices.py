@@ -39,7 +39,7 @@ class Technician:
     def type(self, *words: str, code: int = 0) -> str:
         """Type a command; nothing but the router stands at this quay."""
         more = HERE if words[0] == "site=coastal" else ()
-        ended = main([*words, *more, f"inventory={self.at.inventory}"])
+        ended = main([*dict.fromkeys([*words, *more, f"inventory={self.at.inventory}"])])
         printed = self.capsys.readouterr()
         assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
         return printed.out + printed.err

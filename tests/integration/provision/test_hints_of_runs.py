@@ -54,7 +54,7 @@ def test_nothing_is_unfinished_and_nothing_ran(
 def test_a_state_that_no_run_has_confirmed_or_that_is_damaged(at: Quay) -> None:
     refused = at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=7).stderr
     run, listing = advised(refused)
-    assert (run, listing) == (["site=coastal"], ["runs"])
+    assert (run, listing) == (["site=coastal", f"inventory={at.inventory}"], ["runs"])
     follow(at, run)
     assert at.json("restore", f"device={ROUTER}", "to=latest", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
     with next(at.inventory.rglob("*.yml")).open("a", encoding="utf-8") as file:
@@ -93,7 +93,7 @@ def test_a_link_that_is_lost_before_the_first_change(at: Quay) -> None:
     assert told["status"] == "left-as-found"
     (row,) = at.runs()
     (command,) = advised(told["hint"])
-    assert command == ["resume", "site=coastal", f"run={row['run']}"]
+    assert command == ["resume", "site=coastal", f"run={row['run']}", f"inventory={at.inventory}"]
     follow(at, command)
     assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
     assert [each["unfinished"] for each in at.runs()] == [False]
@@ -105,9 +105,9 @@ def test_somebody_else_holds_safe_mode(at: Quay) -> None:
     told = at.json(*RUN, code=4)["devices"][ROUTER]
     assert "holds safe mode" in told["message"]
     (command,) = advised(told["hint"])
-    assert command == ["resume", "site=coastal"]
+    assert command == ["resume", "site=coastal", f"inventory={at.inventory}"]
     with subprocess.Popen(
-        [PROVISION, *command, f"inventory={at.inventory}"],
+        [PROVISION, *command],
         env=at.environment(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

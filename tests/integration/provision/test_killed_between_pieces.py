@@ -63,7 +63,7 @@ def _signs(at: Quay) -> str:
 def laptop(at: Quay, name: str, *typed: str) -> tuple[int, dict[str, Any]]:
     """Type a command on another laptop, which shares nothing with the first one."""
     done = subprocess.run(
-        [PROVISION, *typed, "--json", f"inventory={at.inventory}"],
+        [PROVISION, *dict.fromkeys([*typed, "--json", f"inventory={at.inventory}"])],
         env={**at.environment(), "ATLANTIS_STATE": str(at.state.with_name(name))},
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -92,7 +92,7 @@ def test_what_the_list_of_runs_advises_goes_on(at: Quay) -> None:
     run = killed_between_pieces(at)
     (row,) = at.runs()
     (command,) = advised(row["next"])
-    assert command == ["resume", "site=coastal", f"run={run}"]
+    assert command == ["resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     assert at.json(*command, code=0)["devices"][ROUTER]["status"] == "changed"
     whole(at)
 
@@ -106,7 +106,7 @@ def test_a_second_laptop_is_told_how_to_take_over_and_settles_nothing_of_the_fir
     assert "or has died there" in told["message"]
     assert re.search(r"the sign of a run that died goes by itself within (29|30)m", told["hint"])
     (command,) = advised(told["hint"])
-    assert command == ["resume", "site=coastal", f"run={run}"]
+    assert command == ["resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     code, told = laptop(at, "second", *command)
     assert (code, told["devices"][ROUTER]["status"]) == (0, "changed")
     assert not _signs(at)
@@ -118,7 +118,7 @@ def test_resume_on_a_laptop_without_that_journal_leads_on(at: Quay) -> None:
     code, told = laptop(at, "second", "resume", "site=coastal")
     assert code == 4
     (command,) = advised(told["devices"][ROUTER]["hint"])
-    assert command == ["resume", "site=coastal", f"run={run}"]
+    assert command == ["resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     code, told = laptop(at, "second", *command)
     assert (code, told["devices"][ROUTER]["status"]) == (0, "changed")
     assert not _signs(at)

@@ -84,10 +84,13 @@ def said(printed: str, hint: str) -> str:
     words = re.sub(r"(?:site|device|host)=…", "{}", " ".join(hint.split()))
     # At its beginning it stands for one word: no other text comes in with it.
     words = words.replace("{}", "{first}", 1) if words.startswith("{}") else words
-    pattern = re.sub(r"\\\{\w*\\\}", "[^`]+?", re.escape(words))
+    # The last door adds to a command what else the typed one was told.
+    pattern = re.sub("(`provision[^`]*)`", r"\1(?: (?:inventory|authority)=[^ `]+| --rehearse)*`", re.escape(words))
+    pattern = re.sub(r"\\\{\w*\\\}", "[^`]+?", pattern)
     if hint.endswith("{}"):
         pattern += r"\S+"
-    found = re.search(pattern.replace("[^`]+?", r"\S+", words.startswith("{first}")), " ".join(printed.split()))
+    pattern = pattern.replace("[^`]+?", r"\S+", words.startswith("{first}"))
+    found = re.search(pattern, " ".join(printed.split()))
     assert found is not None, f"not printed: {hint}\n{printed}"
     assert "…" not in found[0], found[0]
     return found[0]

@@ -63,7 +63,7 @@ def test_a_child_that_was_forked_meanwhile_does_not_keep_the_site(tmp_path: Path
     """A task of Ansible's ends a little after its result has been taken."""
     over = multiprocessing.get_context("fork").Event()
     with Store(tmp_path).lock("coastal", "mine"):
-        child = multiprocessing.get_context("fork").Process(target=over.wait)
+        child = multiprocessing.get_context("fork").Process(target=over.wait, daemon=True)
         child.start()
     with Store(tmp_path).lock("coastal", "mine again"):
         assert child.is_alive()
