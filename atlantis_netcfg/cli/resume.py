@@ -66,13 +66,13 @@ def _broken(opened: Session, name: str | None) -> Run:
 
 
 def _resumed(opened: Session, broken: Run) -> RunReport:
-    """Go on with a run of this computer."""
+    """Go on with a run of this computer: also on devices whose turn had not come, or which were as before again."""
     from atlantis_netcfg.operations import Mode
 
     _refuse_others(broken)
     _refuse_settled(broken)
     _tell(opened, broken)
-    opened.narrow(broken.unsettled)
+    opened.narrow(broken.undone)
     if broken.started is not None:
         opened.back_to, opened.restore = broken.started.back_to, broken.started.restore
     return opened.perform(Mode.RESUME, run=broken.id)
@@ -130,7 +130,7 @@ def _tell(opened: Session, broken: Run) -> None:
     if opened.as_json:
         return
     print(f"run {broken.id}: {broken.started.command if broken.started else 'killed before it had begun'}")
-    for host in broken.unsettled:
+    for host in broken.undone:
         told = f"{len(broken.confirmed(host))} actions were confirmed, {len(broken.acknowledged(host))} acknowledged"
         print(f"  {host:<18} {told}")
     started = broken.started

@@ -56,3 +56,15 @@ def test_a_run_that_has_left_nothing_open_is_typed_again(tmp_path: Path) -> None
     with pytest.raises(NothingMatched, match="has left nothing open") as refused:
         _refuse_settled(Store(tmp_path).run("quay", run.id))
     assert "type its command again:  provision site=quay --yes" in (refused.value.hint or "")
+
+
+def test_resume_goes_on_with_every_device_that_is_not_done(tmp_path: Path) -> None:
+    """Seed 209 of the campaign: `resume` was green, and the devices whose turn had not come were as before."""
+    hosts = ("open", "never reached", "taken back", "done")
+    started = RunStarted(site="quay", revision="", tool="", hosts=hosts, rehearsed=False, command="provision")
+    with Store(tmp_path).start(started) as journal:
+        for device, status in zip(hosts[1:], ("left-as-found", "rolled-back", "changed"), strict=True):
+            journal.write(Outcome(device=device, status=status, exit=4, message=""))
+    run = Store(tmp_path).run("quay", journal.run)
+    assert run.unsettled == ("open",)
+    assert run.undone == ("open", "never reached", "taken back")
