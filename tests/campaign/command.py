@@ -25,6 +25,8 @@ SILENCE_S = 30.0
 ORPHAN_S = 3.0
 """What a process may need to notice that it is not wanted any more."""
 _POLL_S = 0.02
+_REMINDER = b"  still at work, "
+"""How `provision` begins what it says while it waits (`cli/_progress.py`)."""
 _NO_RESULT = ("not handled yet", "SKIP")
 _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 """Who was struck by these cannot speak."""
@@ -108,11 +110,12 @@ class Command:
     stopped: bool = False
     _heard: list[tuple[str, str]] = field(default_factory=list)
     _last: float = 0.0
+    _news: float = 0.0
     _silent_s: float = 0.0
     on_line: Callable[[int], None] = lambda _count: None
 
     def start(self, python: str) -> None:
-        self.begun = self._last = time.monotonic()
+        self.begun = self._last = self._news = time.monotonic()
         self.process = subprocess.Popen(
             [python, "-P", "-m", "atlantis_netcfg", *self.typed],
             env={**self.environment, **dict([self.mark.split("=")])},
@@ -135,17 +138,18 @@ class Command:
         with contextlib.suppress(OSError, ValueError):
             for line in pipe:
                 self._heard.append((name, line.decode(errors="replace")))
-                self._note()
+                self._note(news=_REMINDER not in line)
                 self.lines += 1
                 self.on_line(self.lines)
                 if self.closes:
                     break
             pipe.close()
 
-    def _note(self) -> None:
+    def _note(self, *, news: bool) -> None:
         now = time.monotonic()
         self._silent_s = max(self._silent_s, now - self._last)
         self._last = now
+        self._news = now if news else self._news
 
     @property
     def mark(self) -> str:
@@ -156,6 +160,11 @@ class Command:
     def quiet_s(self) -> float:
         """Seconds since its last word."""
         return time.monotonic() - self._last
+
+    @property
+    def idle_s(self) -> float:
+        """Seconds since it has told something new: that it is still at work is a word, but no news."""
+        return time.monotonic() - self._news
 
     @property
     def alive(self) -> bool:
@@ -174,7 +183,8 @@ class Command:
         if number == signal.SIGSTOP:
             self.stopped = True
         if number == signal.SIGCONT:
-            self.stopped, self._last = False, time.monotonic()
+            self.stopped = False
+            self._last = self._news = time.monotonic()
 
     def finish(self, *, killed: bool = False) -> Ended:
         """Gather what it said once it has ended, or end it."""

@@ -34,7 +34,7 @@ STEPS = 6
 """So often is advice followed; a person would have asked somebody by then."""
 HANG_S = 600.0
 DEAD_S = 180.0
-"""Without a word, and without a record in its journal."""
+"""Without news, and without a record in its journal."""
 SETTLE_S = 90.0
 """What a task may need to take back what it has open, once the process that a person has started is killed."""
 STRIDE_S = 60.0
@@ -259,13 +259,13 @@ class Player:
         while command.alive or any(other.alive for other in others):
             trap.look()
             now = time.monotonic()
-            quiet = min((*(each.quiet_s for each in (command, *others) if each.alive), trap.quiet_s))
-            dead = quiet > DEAD_S and not command.stopped and "--json" not in typed
+            idle = min((*(each.idle_s for each in (command, *others) if each.alive), trap.quiet_s))
+            dead = idle > DEAD_S and not command.stopped and "--json" not in typed
             if dead or now - command.begun > HANG_S:
                 killed = True
                 break
-            late = trap.sprung or fault is None or quiet > SILENCE_S
-            if late and quiet > table.plan.quiet_s and now - last_skip > 1.0 and not command.stopped:
+            late = trap.sprung or fault is None or idle > SILENCE_S
+            if late and idle > table.plan.quiet_s and now - last_skip > 1.0 and not command.stopped:
                 site.skip(STRIDE_S)
                 last_skip = now
             time.sleep(_POLL_S)
@@ -273,7 +273,7 @@ class Player:
         ended = command.finish(killed=killed)
         self._judge_orphans(table, command, ended)
         if killed:
-            last = f"{command.quiet_s:.0f} s after its last word"
+            last = f"{command.idle_s:.0f} s after its last news"
             table.wrong(f"hang: `{' '.join(typed)}` was alive after {ended.seconds:.0f} s, {last}")
         for other in others:
             told = other.finish(killed=killed)

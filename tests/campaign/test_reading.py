@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from atlantis_netcfg.cli._progress import _reminder
+from atlantis_netcfg.events import Event, Stage
 from campaign import advice
 from campaign.command import Command, end, living
 from campaign.faults import FAULTS, draw
@@ -121,3 +123,14 @@ def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -
     assert ended.orphans == [pid]
     assert [words.partition(" ")[0] for words in end(ended.orphans)] == [str(pid)]
     assert living(command.mark, 5.0) == [], "it was not ended"
+
+
+def test_a_word_that_is_no_news_ends_the_silence_and_not_the_waiting(tmp_path: Path) -> None:
+    """A driver that took it for news would put no time forward at the devices, and wait for hours."""
+    told = _reminder([Event("router", Stage.WAITING, "")], 20.0)
+    (tmp_path / "atlantis_netcfg.py").write_text(f"print({told!r})\n", encoding="utf-8")
+    command = Command((), {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}, tmp_path)
+    command.start(sys.executable)
+    ended = command.finish()
+    assert ended.out == f"{told}\n"
+    assert command.idle_s > command.quiet_s
