@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
-from campaign.site import ADDRESSES, CHECKOUT, STRANGER
+from campaign.site import ADDRESSES, ADMIN, CHECKOUT, STRANGER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -57,13 +57,14 @@ class Picture:
 
     @property
     def armed(self) -> list[str]:
-        """What a run has left on the device: jobs of ours, markers, safe mode."""
+        """What a run has left on the device: jobs of ours, markers, safe mode that is not a colleague's."""
         jobs = [f"job {row.get('name')}" for row in self.menus.get(_JOBS) or () if "atlantis" in str(row.get("name"))]
         marks = [
             f"marker {row.get('comment', '')}" for row in self.menus.get(_LISTS) or () if _MARKER in json.dumps(row)
         ]
         held = [row for row in self.menus.get(_SAFE_MODE) or () if row.get("enabled") in (True, "true", "yes")]
-        return [*jobs, *marks, *("safe mode is held" for _ in held)]
+        ours = [row for row in held if f"{ADMIN.name}@" not in str(row.get("owner"))]
+        return [*jobs, *marks, *(f"safe mode is held by {row.get('owner', 'somebody')}" for row in ours)]
 
     def _lines(self, menu: str) -> list[str]:
         rows = [row for row in self.menus[menu] or () if not _dynamic(row) and row.get("comment") != "foreign"]

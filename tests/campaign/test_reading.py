@@ -85,12 +85,14 @@ def test_what_a_run_leaves_is_seen() -> None:
         "router",
         {
             "system/scheduler": jobs,
-            "safe-mode": [{"enabled": True}],
+            "safe-mode": [{"enabled": True, "owner": "api:provision@10.0.0.2"}],
             "ip/firewall/address-list": [{"list": "atlantis-run", "comment": "run 1"}],
         },
     )
-    assert left.armed == ["job atlantis-pair", "marker run 1", "safe mode is held"]
+    assert left.armed == ["job atlantis-pair", "marker run 1", "safe mode is held by api:provision@10.0.0.2"]
     assert picture(safe_mode=[{"enabled": False}]).armed == []
+    assert Picture("router", {"safe-mode": [{"enabled": True, "owner": "api:colleague@10.0.0.2"}]}).armed == []
+    assert Picture("router", {"safe-mode": [{"enabled": True}]}).armed == ["safe mode is held by somebody"]
 
 
 def test_a_seed_stands_for_one_round() -> None:
