@@ -232,7 +232,7 @@ class _Way:
         )
 
     def _unknown(self, end: End) -> DeviceResult:
-        site = end.job.site
+        site = self.work.near.job.site  # the one that was asked for; from there both ends are reached
         return end.result(
             Status.UNKNOWN,
             f"the outcome is not known: {self.reason}",

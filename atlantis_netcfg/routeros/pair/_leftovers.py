@@ -105,7 +105,11 @@ async def read_again(work: Transaction) -> Results | None:
     near, far = await asyncio.gather(work.near.problem(), work.far.problem())
     if near is None and far is None:
         return None
-    return near or _left(work.near, f"{work.far.name} is away"), far or _left(work.far, f"{work.near.name} is away")
+    site = work.near.job.site
+    return (
+        near or _left(work.near, site, f"{work.far.name} is away"),
+        far or _left(work.far, site, f"{work.near.name} is away"),
+    )
 
 
 def _stopped_if(work: Transaction, why: str) -> Results | None:
@@ -113,12 +117,13 @@ def _stopped_if(work: Transaction, why: str) -> Results | None:
 
 
 def _stopped(work: Transaction, why: str) -> Results:
-    return _left(work.near, why), _left(work.far, why)
+    return _left(work.near, work.near.job.site, why), _left(work.far, work.near.job.site, why)
 
 
-def _left(end: End, why: str) -> DeviceResult:
+def _left(end: End, site: str, why: str) -> DeviceResult:
+    """`site`: the one that was asked for; from there both ends are reached."""
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there:"
-        f"  `provision resume site={end.job.site}`"
+        f"  `provision resume site={site}`"
     )
     return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)
