@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.machine import Yard
     from atlantis_netcfg.probes import Answer
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
 NAME = "coastal-gateway"
 OTHER_KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
