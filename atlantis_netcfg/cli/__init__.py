@@ -30,7 +30,6 @@ __all__ = ["main"]
 
 _OBJECTS = 50_000
 """Between two looks for garbage: nearly all that a start makes stays, and looking took a fifth of its time."""
-_STDERR = 2
 _HELP = frozenset({"-h", "--help"})
 
 
@@ -138,11 +137,10 @@ class _Reader(io.FileIO):
 def _open_streams() -> None:
     """A console that cannot show a character gets a question mark, and one that is closed nothing: neither a crash."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if (
-            getattr(sys, name) is None
-        ):  # `provision … <&-`: else the next file that is opened becomes our standard input
+        # `provision … <&-`: else the next file that is opened becomes our standard input.
+        if getattr(sys, name) is None:
             nothing = os.open(os.devnull, os.O_RDWR)
-            os.set_inheritable(nothing, nothing <= _STDERR)
+            os.set_inheritable(nothing, True)
             setattr(sys, name, os.fdopen(nothing, "w" if number else "r", encoding="utf-8", closefd=False))
         stream = getattr(sys, name)
         if number == 0 or not isinstance(stream, io.TextIOWrapper):

@@ -144,6 +144,10 @@ class Arguments:
         self._declared_flag(name)
         return name in self.flags
 
+    def given(self, flag: Flag) -> bool:
+        """Whether a flag was given that not every command has."""
+        return self.command.flag(flag.name) is not None and self.flag(flag.name)
+
     def value(self, name: str) -> str | None:
         """The value of a flag that takes one; None when it was not given."""
         self._declared_flag(name)

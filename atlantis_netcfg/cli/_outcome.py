@@ -48,9 +48,9 @@ def as_typed(hint: str, typed: Sequence[str]) -> str:
             return found[0]
         command = load(name, COMMANDS).COMMAND
         more = ""
-        for name in _CARRIED:
-            if name in words and command.word(name) is not None and f"{name}=" not in found["command"]:
-                more += f" {shlex.quote(f'{name}={words[name]}')}"
+        for word in _CARRIED:
+            if word in words and command.word(word) is not None and f"{word}=" not in found["command"]:
+                more += f" {shlex.quote(f'{word}={words[word]}')}"
         if "--rehearse" in typed and command.flag("rehearse") is not None and "--rehearse" not in rest:
             more += " --rehearse"
         return found[0].replace(found["command"], f"{found['command']}{more}")

@@ -63,7 +63,7 @@ def vault_of(arguments: Arguments) -> Vault:
     """
     from atlantis_netcfg.operations.vault import Vault
 
-    insist = arguments.command.flag(ASK_VAULT_PASS.name) is not None and arguments.flag(ASK_VAULT_PASS.name)
+    insist = arguments.given(ASK_VAULT_PASS)
     if not sys.stdin.isatty():
         if insist:
             raise UsageError(
@@ -71,8 +71,7 @@ def vault_of(arguments: Arguments) -> Vault:
                 hint="type the command on a terminal, or name a file: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
             )
         return Vault()
-    by_program = arguments.command.flag(JSON.name) is not None and arguments.flag(JSON.name)
-    return Vault(_vault_password if insist or not by_program else None, insist=insist)
+    return Vault(_vault_password if insist or not arguments.given(JSON) else None, insist=insist)
 
 
 def _vault_password(vault_id: str) -> Secret:

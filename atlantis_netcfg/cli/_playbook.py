@@ -95,17 +95,15 @@ class PlaybookRunner:
                 control.cut_off(reason)
         outcome, refusal = heard.outcome, heard.refusal
         outcome.stopped_by = control.stopped_by
-        asked = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
-        missing = [name for name in asked if name not in outcome.devices]
+        hosts = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
+        missing = [name for name in hosts if name not in outcome.devices]
         unreported = without_result(missing, self._declaration, request, outcome.runs, refusal or reason, output)
         known = {**outcome.devices, **unreported}
         if refusal is not None and all(result["status"] == _UNTOUCHED for result in known.values()):
             raise refusal
         for name, result in unreported.items():
             ended(name, result)
-        outcome.devices = known
-        order = {name: place for place, name in enumerate(names)}
-        outcome.devices = dict(sorted(outcome.devices.items(), key=lambda item: order.get(item[0], len(order))))
+        outcome.devices = {name: known[name] for name in (*names, *known)}
         return outcome
 
 

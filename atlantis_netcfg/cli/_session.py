@@ -37,7 +37,7 @@ from atlantis_netcfg.site import choose, load
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments, Flag
+    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.operations.vault import Vault
     from atlantis_netcfg.site import Declaration, Host
@@ -118,8 +118,8 @@ class Session:
             back_to=self.back_to,
             restore=self.restore,
             offline=self.offline,
-            unprotected=self._says(UNPROTECTED),
-            accept_cost=self._says(ACCEPT_COST),
+            unprotected=self.arguments.given(UNPROTECTED),
+            accept_cost=self.arguments.given(ACCEPT_COST),
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
 
@@ -220,13 +220,9 @@ class Session:
         """The hosts of a rehearsal that nothing stands for here, and why."""
         return self.rehearsal.left_out if self.rehearsal is not None else {}
 
-    def _says(self, flag: Flag) -> bool:
-        """Whether a flag was given that not every command has."""
-        return self.arguments.command.flag(flag.name) is not None and self.arguments.flag(flag.name)
-
     def _ended(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
         """Give a program that reads along the result of a device while others are still in work."""
-        if self.as_json and self._says(STREAM):
+        if self.as_json and self.arguments.given(STREAM):
             print(json.dumps({"device": name, **self._advised(result)}, ensure_ascii=False), file=out, flush=True)
 
     def _advised(self, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -255,7 +251,7 @@ class Session:
         if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
         dear = [asked(one["cost"]) for one in planned.devices.values() if one["planned"] and "cost" in one]
-        if dear and not self._says(ACCEPT_COST):
+        if dear and not self.arguments.given(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
         changing = (name for name, one in planned.devices.items() if one["planned"] or one["status"] == "planned")
         agreed(f"Change {', '.join(changing)} now")

@@ -149,7 +149,7 @@ def server(arguments: Arguments, declaration: Declaration) -> Server:
     from atlantis_netcfg.operations.vpn.connected import Connected, over_ssh
     from atlantis_netcfg.operations.vpn.deploying import Later
 
-    if arguments.command.flag(NO_PUSH.name) is not None and arguments.flag(NO_PUSH.name):
+    if arguments.given(NO_PUSH):
         return Later()
     return Connected(declaration, over_ssh(declaration, request(arguments)), who())
 

@@ -142,16 +142,19 @@ class Run:
     @property
     def unsettled(self) -> tuple[str, ...]:
         """Devices of the run whose outcome is unknown or was never reached; a backup leaves nothing open."""
-        hosts = self.started.hosts if self.started is not None and self.purpose is not Purpose.BACKUP else ()
         settled = self.settled
-        return tuple(host for host in hosts if host not in settled)
+        return tuple(host for host in self._changing if host not in settled)
 
     @property
     def undone(self) -> tuple[str, ...]:
         """Devices of the run that were not read back as they were to be, also where nothing is open on them."""
-        hosts = self.started.hosts if self.started is not None and self.purpose is not Purpose.BACKUP else ()
         settled, outcomes = self.settled, self.outcomes
-        return tuple(host for host in hosts if host not in settled or outcomes[host].status not in _DONE)
+        return tuple(host for host in self._changing if host not in settled or outcomes[host].status not in _DONE)
+
+    @property
+    def _changing(self) -> tuple[str, ...]:
+        """Devices that the run was to change: none of a backup."""
+        return self.started.hosts if self.started is not None and self.purpose is not Purpose.BACKUP else ()
 
     def settles(self, earlier: Run) -> frozenset[str]:
         """Devices on which this run has ended what an earlier one had left open: it did the same, and read it back.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import getpass
 import shutil
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -11,11 +10,10 @@ import live_stand
 import pytest
 from hints_said import advised, said
 from live_stand import NAME, Record, Server
-from test_hints_of_vpn import LAPTOP, Laptop, Play, real
-from vpn_desk import PASSPHRASE, founded
+from test_hints_of_vpn import LAPTOP, Laptop, prepared, real
+from vpn_desk import PASSPHRASE
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
-from atlantis_netcfg.cli import _session, _vpn
 from atlantis_netcfg.operations.vpn import connected, live
 from atlantis_netcfg.operations.vpn.link import LocalLink, SshLink
 from atlantis_netcfg.secret import Secret
@@ -37,17 +35,7 @@ def laptop(
     monkeypatch: pytest.MonkeyPatch,
 ) -> Laptop:
     """As beside the authority alone, with a way to the server."""
-    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
-    shutil.copytree(founded(tmp_path_factory.getbasetemp()) / "vpn", tmp_path / "vpn")
-    monkeypatch.setattr(_vpn, "declared", lambda _arguments: real())
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
-    made = Laptop(tmp_path, capsys, monkeypatch)
-    monkeypatch.setattr(Play, "laptop", made, raising=False)
-    monkeypatch.setattr(_session, "PlaybookRunner", Play)
-    monkeypatch.setattr(_session, "load", lambda *_, **__: real())
-    capsys.readouterr()
-    return made
+    return prepared(tmp_path, tmp_path_factory.getbasetemp(), capsys, monkeypatch)
 
 
 @pytest.fixture

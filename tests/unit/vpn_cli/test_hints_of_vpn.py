@@ -111,23 +111,12 @@ def real() -> Declaration:
     return replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
 
 
-@pytest.fixture
-def laptop(
-    tmp_path: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> Laptop:
+def prepared(tmp_path: Path, base: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Laptop:
+    """A laptop with an authority, on which plays go to a stand-in and a person types the passphrase."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
-    shutil.copytree(founded(tmp_path_factory.getbasetemp()) / "vpn", tmp_path / "vpn")
+    shutil.copytree(founded(base) / "vpn", tmp_path / "vpn")
     monkeypatch.setattr(_vpn, "declared", lambda _arguments: real())
-    monkeypatch.setattr(_vpn, "server", lambda *_: Later())
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    founding = Authority.init
-    # Sealed as Ansible does it: tests do not wait for age.
-    monkeypatch.setattr(
-        Authority, "init", lambda folder, word, names, who, _: founding(folder, word, names, who, sealed_by="vault")
-    )
     monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
     made = Laptop(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr(Play, "laptop", made, raising=False)
@@ -135,6 +124,22 @@ def laptop(
     monkeypatch.setattr(_session, "load", lambda *_, **__: real())
     capsys.readouterr()
     return made
+
+
+@pytest.fixture
+def laptop(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Laptop:
+    monkeypatch.setattr(_vpn, "server", lambda *_: Later())
+    founding = Authority.init
+    # Sealed as Ansible does it: tests do not wait for age.
+    monkeypatch.setattr(
+        Authority, "init", lambda folder, word, names, who, _: founding(folder, word, names, who, sealed_by="vault")
+    )
+    return prepared(tmp_path, tmp_path_factory.getbasetemp(), capsys, monkeypatch)
 
 
 # --- situations --------------------------------------------------------------------------------------------------
