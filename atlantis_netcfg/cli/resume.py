@@ -90,16 +90,16 @@ def _left_by_others(opened: Session, name: str | None, nothing: NothingMatched) 
     opened.narrow([host.name for host in opened.asked])
     if not opened.as_json:
         print(f"{nothing}; looking on its devices", flush=True)
-    looked = opened.perform(Mode.PLAN)
-    busy = {device: str(result["busy"]) for device, result in looked.devices.items() if result.get("busy")}
+    report = opened.perform(Mode.PLAN)
+    busy = {device: str(result["busy"]) for device, result in report.devices.items() if result.get("busy")}
     if name is not None:
         busy = {device: words for device, words in busy.items() if f"run {name} of " in words}
     if busy:
         opened.narrow([*busy])
         return opened.perform(Mode.RESUME, run=name)
-    if looked.exit in (ExitCode.DONE, ExitCode.CHANGES):
+    if report.exit in (ExitCode.DONE, ExitCode.CHANGES):
         raise nothing
-    return looked
+    return report
 
 
 def _refuse_others(broken: Run) -> None:

@@ -79,11 +79,11 @@ class Proving:
     def expected_bytes(self) -> int:
         """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        asked = expected_bytes(planned, self.pace.rounds)
+        probes = expected_bytes(planned, self.pace.rounds)
         if self.carrier != self.bearer.name:
-            return min(BUDGET_BYTES, asked)
+            return min(BUDGET_BYTES, probes)
         always, by_turns = self._session()
-        return min(BUDGET_BYTES, asked + ceil((1 + HEADERS) * by_turns)) + on_the_wire(always + HANDSHAKE_BYTES, 1)
+        return min(BUDGET_BYTES, probes + ceil((1 + HEADERS) * by_turns)) + on_the_wire(always + HANDSHAKE_BYTES, 1)
 
     @property
     def session_bytes(self) -> int:

@@ -235,8 +235,8 @@ async def _release(work: Work, hold: Hold, *, last: bool = False) -> None:
     work.permanent = True
     farewell = work.farewell() if last else ()
     look = closing(work.job.counted)
-    asked = [each.command for each in witness]
-    answers = await work.shield.release(work.channel, [*asked, *look, *farewell])
+    reads = [each.command for each in witness]
+    answers = await work.shield.release(work.channel, [*reads, *look, *farewell])
     if look:
         work.last_look = read_counts(*answers[len(witness) : len(witness) + len(look)])
     answers = answers[: len(witness)]
@@ -255,8 +255,8 @@ async def _confirm(work: Work) -> None:
         work.record(Releasing(device=work.job.name))
     witness = _witness(work)
     farewell = () if work.stages.finish else work.farewell()
-    asked = [each.command for each in witness]
-    in_time, answers = await disarm(work.channel, work.dead_man.id, [*asked, *farewell])
+    reads = [each.command for each in witness]
+    in_time, answers = await disarm(work.channel, work.dead_man.id, [*reads, *farewell])
     answers = answers[: len(witness)]
     work.dead_man = None
     work.signed_off(farewell)
