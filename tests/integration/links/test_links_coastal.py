@@ -188,12 +188,22 @@ def test_a_radio_on_another_network_name(coastal: Bench) -> None:
 
 def test_a_radio_that_is_too_loud(coastal: Bench) -> None:
     power = ("=tx-power-mode=all-rates-fixed", "=tx-power=30", "=frequency-mode=superchannel")
+    before = [word for word in radio(coastal, NEAR) if word.startswith(("=tx-power", "=frequency-mode="))]
     coastal.types(NEAR, "/interface/wireless/set", "=.id=wlan1", *power)
-    associated(coastal)
-    report = coastal.report()
+    try:
+        associated(coastal)
+        report = coastal.report()
+    finally:
+        coastal.types(NEAR, "/interface/wireless/set", "=.id=wlan1", *before)
+        associated(coastal)
     golden("coastal-too-loud", report)
     assert codes(report, "wifi-ptp") == ["WARN signal-strong"]
     assert report.exit is ExitCode.DONE
+
+
+def radio(at: Bench, name: str) -> list[str]:
+    """How the radio of a device is set."""
+    return next(words for kind, *words in at.do(name, "console", words=["/interface/wireless/print"]) if kind == "!re")
 
 
 def associated(at: Bench) -> None:

@@ -40,6 +40,7 @@ def asked(link: LocalLink | SshLink) -> dict[str, Any]:
 
 def test_the_tool_is_sent_once_and_again_where_it_is_not_whole(computer: Computer) -> None:
     path = f"{FOLDER}/{build_live().sha256}.pyz"
+    computer.run("rm", "-rf", FOLDER)
     with LocalLink(NAME, computer.enter) as link:
         assert asked(link)["management"] == "down"
         assert link.round_trips == START + SENT + ASKED

@@ -49,7 +49,7 @@ def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = M
         for record in records:
             journal.write(record)
     request = Request(state=state, mode=mode, command="provision")
-    return without_result([NAME], declaration, request, {"coastal": journal.run}, KILLED, "")[NAME]
+    return without_result([NAME], [NAME], declaration, request, {"coastal": journal.run}, KILLED, "")[NAME]
 
 
 @pytest.mark.parametrize(
@@ -91,13 +91,43 @@ def test_what_was_confirmed_is_counted(declaration: Declaration, tmp_path: Path)
 
 def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Declaration, tmp_path: Path) -> None:
     request = Request(state=tmp_path, command="provision")
-    result = without_result([NAME], declaration, request, {"coastal": "20260101T000000Z"}, KILLED, "")[NAME]
+    result = without_result([NAME], [NAME], declaration, request, {"coastal": "20260101T000000Z"}, KILLED, "")[NAME]
     assert (result["status"], result["exit"]) == ("unknown", ExitCode.UNKNOWN)
+
+
+def test_a_4g_unit_has_a_run_of_its_own(declaration: Declaration, tmp_path: Path) -> None:
+    """Beside the routers of its site, whose run says nothing of it."""
+    router, unit, request = "te4sea-router", "te4sea-4g", Request(state=tmp_path, command="provision")
+    runs = {}
+    for told, host in (("te4sea", router), ("te4sea 4G", unit)):
+        started = RunStarted(site="te4sea", revision="", tool="", hosts=(host,), rehearsed=False, command="provision")
+        with Store(tmp_path).start(started) as journal:
+            runs[told] = journal.run
+            if host == unit:
+                journal.write(LayerSent(device=unit, layer="lte", actions=(1,)))
+    asked = [router, unit]
+    result = without_result(asked, asked, declaration, request, runs, KILLED, "")
+    assert (result[unit]["status"], result[unit]["exit"]) == ("unknown", ExitCode.UNKNOWN)
+    assert result[unit]["hint"] == f"provision resume site=te4sea run={runs['te4sea 4G']}"
+    assert result[router]["status"] == "left-as-found"
+
+
+def test_the_far_end_of_a_bridge_is_resumed_from_the_site_that_was_asked_for(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    far, request = "scc-cpe", Request(state=tmp_path, command="provision")
+    started = RunStarted(site="scc", revision="", tool="", hosts=(far,), rehearsed=False, command="provision")
+    with Store(tmp_path).start(started) as journal:
+        journal.write(LayerSent(device=far, layer="policy", actions=(1,)))
+    runs = {"coastal": journal.run, "scc": journal.run}
+    for asked, site in (("coastal-cpe", "coastal"), (far, "scc")):
+        result = without_result([far], [asked], declaration, request, runs, KILLED, "")[far]
+        assert result["hint"].endswith(f"provision resume site={site} run={journal.run}")
 
 
 def test_both_ends_of_a_bridge_have_a_result(declaration: Declaration, tmp_path: Path) -> None:
     request = Request(state=tmp_path, command="provision")
     ends = other_ends([NAME, "coastal-cpe"], declaration, request)
     assert ends == {"coastal-cpe": "scc-cpe", "scc-cpe": "coastal-cpe"}
-    results = without_result(["scc-cpe"], declaration, request, {}, KILLED, "")
+    results = without_result(["scc-cpe"], ["coastal-cpe"], declaration, request, {}, KILLED, "")
     assert (results["scc-cpe"]["status"], results["scc-cpe"]["other_end"]) == ("left-as-found", "coastal-cpe")
