@@ -97,7 +97,7 @@ class PlaybookRunner:
         outcome.stopped_by = control.stopped_by
         hosts = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
         missing = [name for name in hosts if name not in outcome.devices]
-        unreported = without_result(missing, self._declaration, request, outcome.runs, refusal or reason, output)
+        unreported = without_result(missing, names, self._declaration, request, outcome.runs, refusal or reason, output)
         known = {**outcome.devices, **unreported}
         if refusal is not None and all(result["status"] == _UNTOUCHED for result in known.values()):
             raise refusal

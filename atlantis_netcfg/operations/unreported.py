@@ -12,7 +12,7 @@ from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.operations.request import Request
@@ -26,13 +26,14 @@ _READING = (DeviceObserved, StateSaved, Planned)
 
 def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     names: Sequence[str],
+    asked: Collection[str],
     declaration: Declaration,
     request: Request,
     runs: Mapping[str, str],
     reason: NetcfgError | str,
     output: str,
 ) -> dict[str, dict[str, Any]]:
-    """Give each name a result that says what is known, never nothing.
+    """Give each name a result that says what is known, never nothing; `asked` for were these and the other ends.
 
     `left-as-found` (4), `unknown` (5), or how the journal says that it has ended: that is not green (6), for nobody has
     seen the run to its end.
@@ -45,9 +46,13 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     note, results = [] if isinstance(reason, NetcfgError) else _logged(output, request), {}
     others = other_ends(names, declaration, request)
     for name in names:
-        site = declaration.hosts[name].site
-        run = runs.get(site, "")
-        result = _result(name, site, run, str(reason) or "it has ended without a result", request)
+        run, written = _journal(name, declaration.hosts[name].site, runs, request)
+        # The far end of a bridge was reached from the site of the near one.
+        start = name if name in asked else others.get(name, name)
+        hint = f"provision resume site={declaration.hosts[start].site} run={run}"
+        if handled(declaration.hosts[name]):
+            hint = f"{_TAKES_BACK}; then:  {hint}"
+        result = _result(name, run, written, str(reason) or "it has ended without a result", hint, request)
         if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
             # A refusal has a code of its own (a declaration that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
@@ -67,30 +72,39 @@ def other_ends(names: Sequence[str], declaration: Declaration, request: Request)
     return {one.name: other.name for ends in bridged for one, other in (ends, ends[::-1])}
 
 
-def _result(name: str, site: str, run: str, reason: str, request: Request) -> DeviceResult:
+def _result(  # noqa: PLR0913, PLR0917 - as above
+    name: str, run: str, written: Run | None, reason: str, hint: str, request: Request
+) -> DeviceResult:
     if request.mode.reads_only:
         return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"not read: {reason}", _AGAIN)
-    written = _written(site, run, request)
     if written is not None and name in written.settled:
         return _recorded(written, name, reason)
     if (run and written is None) or (written is not None and _is_touched(written, name)):
-        hint = (
-            "what was not confirmed the device takes back by itself, within ten minutes if the link has died; then:"
-            f"  provision resume site={site} run={run}"
-        )
         return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, f"the outcome is not known: {reason}", hint)
     return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"nothing was changed: {reason}", _AGAIN)
 
 
 _AGAIN = "type the same command again"
+_TAKES_BACK = "what was not confirmed the device takes back by itself, within ten minutes if the link has died"
 
 
-def _written(site: str, run: str, request: Request) -> Run | None:
-    """The run as its journal tells it; None: there is none, or it is gone, which proves nothing."""
-    try:
-        return Store(request.state, rehearsed=request.rehearsed).run(site, run) if run else None
-    except NetcfgError:
-        return None
+def _journal(name: str, site: str, runs: Mapping[str, str], request: Request) -> tuple[str, Run | None]:
+    """Find the run that was begun for this host, and read it; without a name none was begun.
+
+    Routers, 4G units and computers of a site have runs of their own (`coastal`, `coastal 4G`).
+    A name without a journal: that is gone, which proves nothing.
+    """
+    store = Store(request.state, rehearsed=request.rehearsed)
+    for begun in dict.fromkeys(run for told, run in runs.items() if run and told.partition(" ")[0] == site):
+        try:
+            written = store.run(site, begun)
+        except NetcfgError:
+            return begun, None
+        if written.started is None:
+            return begun, None
+        if name in written.started.hosts:
+            return begun, written
+    return "", None
 
 
 def _is_touched(written: Run, name: str) -> bool:
