@@ -148,7 +148,7 @@ def _is_untouched(work: Work, history: Reply) -> bool:
 async def _look_again(work: Work) -> None:
     """Read everything once more: it has to be what the plan was made for."""
     now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
-    changed = differing(work.seen, now)
+    changed = differing(work.seen, now, work.job.desired.run_time)
     if changed:
         raise Interfered(
             f"somebody else has changed the device since it was read ({', '.join(changed[:_SHOWN])})",

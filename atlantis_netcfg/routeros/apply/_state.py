@@ -10,8 +10,9 @@ from atlantis_netcfg.routeros._items import Desired, Item
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from atlantis_netcfg.routeros._items import RunTime
     from atlantis_netcfg.routeros._types import Observed, Plan, Row
 
 __all__ = ["differing", "digest", "invalid", "plan_hash", "restoring"]
@@ -22,10 +23,17 @@ _BETWEEN, _END = "\x1f", "\x1e"
 """ASCII's separators of units and of records, for what is hashed."""
 
 
-def differing(before: Observed, now: Observed) -> tuple[str, ...]:
-    """Return the menus (as a person writes them) whose configuration differs."""
+def differing(before: Observed, now: Observed, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
+    """Return the menus (as a person writes them) whose configuration differs.
+
+    What a device does to rows of ours by itself (`run_time`) is no difference where it is named.
+    """
     paths = dict.fromkeys((*before.rows, *now.rows))
-    return tuple(MENUS[path].title for path in paths if _content(path, before) != _content(path, now))
+    return tuple(
+        MENUS[path].title
+        for path in paths
+        if _content(path, before, run_time=run_time) != _content(path, now, run_time=run_time)
+    )
 
 
 def digest(observed: Observed) -> str:
@@ -74,15 +82,25 @@ def _values(menu: Menu, row: Row) -> Mapping[str, str | None]:
     return {each.name: row[each.name] for each in menu.fields if each.name in row and not each.unread}
 
 
-def _content(path: str, observed: Observed, *, secrets: bool = True) -> list[_Content]:
+def _content(
+    path: str, observed: Observed, *, secrets: bool = True, run_time: Sequence[RunTime] = ()
+) -> list[_Content]:
     """Return the rows of a menu; of first-match rows the order counts, but only among those of one chain."""
     menu = MENUS[path]
+    moved = [each for each in run_time if each.menu == path]
     rows = [row for row in observed.rows.get(path, ()) if menu.is_touchable(row)]
     if menu.chain is not None:
         rows = sorted(rows, key=lambda row: row.get(menu.chain or "", ""))
     shown = [each for each in menu.fields if not each.unread and (secrets or not each.secret)]
-    content = [_row(menu, row, shown) for row in rows]
+    content = [_row(menu, _as_declared(menu, row, moved) if moved else row, shown) for row in rows]
     return content if menu.ordered else sorted(content)
+
+
+def _as_declared(menu: Menu, row: Row, moved: Iterable[RunTime]) -> Row:
+    """Return a row of ours with the declared values where the device has put others in their place."""
+    if not menu.is_ours(row):
+        return row
+    return {**row, **{each.name: each.declared for each in moved if each.covers(menu, each.name, each.declared, row)}}
 
 
 def _row(menu: Menu, row: Row, shown: Iterable[Field]) -> _Content:

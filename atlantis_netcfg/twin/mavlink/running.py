@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import select
 import socket
 import threading
@@ -107,7 +108,17 @@ class RunningAutopilot:
         self._rounds, self._rest = Rounds(self.spec), b""
 
 
+_PORTS = range(20_000, 30_000)
+"""Below those that Linux gives to whoever asks for none: nobody else comes upon one of them by accident."""
+_given: set[int] = set()
+
+
 def _free_port(host: str) -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
-        found.bind((host, 0))
-        return int(found.getsockname()[1])
+    """A port on which nobody listens, and that no other twin of this process has sent to."""
+    while True:
+        port = secrets.choice(_PORTS)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found, suppress(OSError):
+            found.bind((host, port))
+            if port not in _given:
+                _given.add(port)
+                return port

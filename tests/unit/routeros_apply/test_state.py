@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros._items import RunTime
 from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Verb
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash, restoring
 from atlantis_netcfg.routeros.planner import plan, simulate
@@ -17,11 +18,18 @@ if TYPE_CHECKING:
 FACTS = Facts(
     "router", Version(7, 18, 2), "RB5009", "arm64", {}, (), frozenset({"sensitive"}), True, None, "10.0.0.2", 0
 )
-POOL, FILTER, VPN = "/ip/pool", "/ip/firewall/filter", "/interface/ovpn-client"
+POOL, FILTER, VPN, ROUTE = "/ip/pool", "/ip/firewall/filter", "/interface/ovpn-client", "/ip/route"
 
 
 def observed(**menus: tuple[Row, ...]) -> Observed:
-    names = {"pool": POOL, "filter": FILTER, "vpn": VPN, "ethernet": "/interface/ethernet", "note": "/system/note"}
+    names = {
+        "pool": POOL,
+        "filter": FILTER,
+        "vpn": VPN,
+        "route": ROUTE,
+        "ethernet": "/interface/ethernet",
+        "note": "/system/note",
+    }
     return Observed(FACTS, {names[name]: rows for name, rows in menus.items()})
 
 
@@ -53,6 +61,19 @@ def test_order_matters_only_where_the_first_match_decides() -> None:
     first, second, other = rule("input"), rule("input", protocol="tcp"), rule("forward")
     assert differing(observed(filter=(first, second)), observed(filter=(second, first))) == ("/ip firewall filter",)
     assert differing(observed(filter=(first, other, second)), observed(filter=(other, first, second))) == ()
+
+
+def test_what_a_device_does_to_rows_of_ours_by_itself_is_no_difference_where_it_is_named() -> None:
+    """A link is given up between two readings: nobody else was there."""
+    moves = (RunTime(ROUTE, "distance", "10", "110"),)
+
+    def route(distance: str, comment: str = "atlantis: 4g") -> Observed:
+        return observed(route=({".id": "*1", "dst-address": "0.0.0.0/0", "distance": distance, "comment": comment},))
+
+    assert differing(route("10"), route("110"), moves) == differing(route("110"), route("10"), moves) == ()
+    assert differing(route("10"), route("110")) == ("/ip route",)
+    assert differing(route("10"), route("20"), moves) == ("/ip route",)
+    assert differing(route("10", "mine"), route("110", "mine"), moves) == ("/ip route",), "a row of somebody else"
 
 
 def test_secrets_are_compared_and_never_hashed() -> None:
