@@ -97,7 +97,12 @@ def _left_by_others(opened: Session, name: str | None, nothing: NothingMatched) 
     if busy:
         opened.narrow([*busy])
         return opened.perform(Mode.RESUME, run=name)
-    if report.exit in (ExitCode.DONE, ExitCode.CHANGES):
+    if report.exit is ExitCode.CHANGES:
+        raise NothingMatched(
+            f"{nothing}, and nothing is open on its devices, which are not as declared",
+            hint=f"to bring them there, type:  provision site={opened.site}",
+        )
+    if report.exit is ExitCode.DONE:
         raise nothing
     return report
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -97,6 +98,29 @@ def test_a_link_that_is_lost_before_the_first_change(at: Quay) -> None:
     follow(at, command)
     assert at.json(*RUN[:2], "--plan", code=0)["devices"][ROUTER]["planned"] == 0
     assert [each["unfinished"] for each in at.runs()] == [False]
+
+
+READ = """
+import sys
+from types import SimpleNamespace
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._session import Session
+from atlantis_netcfg.errors import ExitCode
+Session.perform = lambda *_words, **_more: SimpleNamespace(devices={}, exit=ExitCode.CHANGES)
+sys.exit(main())
+"""
+"""The command line, all of whose devices were read and differ from the declaration: nobody else is at work there."""
+
+
+def test_nothing_is_open_on_devices_that_are_not_as_declared(at: Quay) -> None:
+    """Somebody was at work there and has ended meanwhile: there is nothing to wait for and nothing to go on with."""
+    typed = [sys.executable, "-c", READ, "resume", "site=coastal", f"inventory={at.inventory}"]
+    done = subprocess.run(typed, env=at.environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 7, done.stderr
+    assert "nothing is open on its devices, which are not as declared" in done.stderr
+    (again,) = advised(done.stderr)
+    assert again == ["site=coastal", f"inventory={at.inventory}"]
+    assert "read back and kept" in follow(at, again)
 
 
 def test_somebody_else_holds_safe_mode(at: Quay) -> None:
