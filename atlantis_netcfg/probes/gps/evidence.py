@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.probes.gps._time import clock_words
 from atlantis_netcfg.probes.gps.earth import from_middle_m, meters, place
+from atlantis_netcfg.probes.gps.judge import clock_of, clock_words
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.probes.gps.record import Reception, Report
-    from atlantis_netcfg.probes.gps.wanted import Wanted
+    from atlantis_netcfg.probes.gps.record import Reception, Report, Wanted
 
 __all__ = ["evidence"]
 
@@ -42,7 +41,7 @@ def _heard(reception: Reception, wanted: Wanted) -> Iterator[Evidence]:
         yield Evidence(type=_MEASURED, what="age of the last position", value=f"{reception.ended_s - last.at_s:.1f} s")
     ahead_s = reception.clock_ahead_s
     if ahead_s is not None:
-        value = f"{clock_words(ahead_s)} the clock of {wanted.place}"
+        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, wanted)}"
         yield Evidence(type=_MEASURED, what="time of the receiver", value=value)
     yield Evidence(type=_MEASURED, what="reports", value=_count(reception))
     yield Evidence(type=_DECLARED, what="geofence", value=_fence(last, wanted))

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.probes.gps.lines import lines
-from atlantis_netcfg.probes.gps.record import Nature, Reception, Report
+from atlantis_netcfg.probes.gps.record import Nature, Reception, Report, lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,8 +42,9 @@ class _Reading:
     reports: dict[str, list[Report]] = field(default_factory=dict)
     opened: dict[str, bool] | None = None
     version: str = ""
-    satellites: int | None = None
-    hdop: float | None = None
+    satellites: dict[str, int] = field(default_factory=dict)
+    """Used, by receiver; only of those whose satellites gpsd sees at all."""
+    hdop: dict[str, float] = field(default_factory=dict)
     complaints: list[str] = field(default_factory=list)
     understood: bool = False
     good: int = 0
@@ -79,12 +79,16 @@ class _Reading:
         self.reports.setdefault(_words(said, "device"), []).append(_report(at_s, said))
 
     def _sky(self, _: float, said: Mapping[str, Any]) -> None:
-        used, hdop = _number(said.get("uSat")), _number(said.get("hdop"))
+        device = _words(said, "device")
+        used, hdop, in_view = _number(said.get("uSat")), _number(said.get("hdop")), _number(said.get("nSat"))
         seen = said.get("satellites")
         if used is None and isinstance(seen, list):
             used = sum(isinstance(one, dict) and one.get("used") is True for one in seen)
-        self.satellites = int(used) if used is not None and abs(used) < _MANY else self.satellites
-        self.hdop = hdop if hdop is not None else self.hdop
+        # Of a receiver that tells no satellites gpsd says that 0 of 0 are used: nothing follows from that.
+        if used is not None and abs(used) < _MANY and (used or in_view or seen):
+            self.satellites[device] = int(used)
+        if hdop is not None:
+            self.hdop[device] = hdop
 
     def _error(self, _: float, said: Mapping[str, Any]) -> None:
         self.complaints.append(_words(said, "message") or "an error without words")
@@ -102,6 +106,7 @@ def read(heard: Transcript) -> Reception:
         if line.strip():
             reading.take(at_s, line)
     device, reports = max(reading.reports.items(), key=lambda one: sum(r.fixed for r in one[1]), default=("", []))
+    others = {path: its for path, its in reading.reports.items() if path != device}
     opened = reading.opened
     return Reception(
         reports=_told(reports),
@@ -110,11 +115,12 @@ def read(heard: Transcript) -> Reception:
         good=reading.good,
         bad=reading.bad,
         devices=None if opened is None else tuple(path for path, is_open in opened.items() if is_open),
-        others=tuple(path or "one without a name" for path in reading.reports if path != device),
+        others=tuple(path or "one without a name" for path in others),
+        rivals=tuple(_told(its)[-1] for its in others.values() if _told(its)[-1].fixed),
         device=device,
         version=reading.version,
-        satellites=reading.satellites,
-        hdop=reading.hdop,
+        satellites=reading.satellites.get(device, reading.satellites.get("")),
+        hdop=reading.hdop.get(device, reading.hdop.get("")),
         complaints=tuple(reading.complaints),
         began=heard.began,
         ended_s=heard.ended_s,
@@ -145,6 +151,7 @@ def _report(at_s: float, said: Mapping[str, Any]) -> Report:
         time=_time(said.get("time")),
         nature=_STATUS.get(status, Nature.MEASURED) if isinstance(status, int) else Nature.MEASURED,
         eph_m=_number(said.get("eph")),
+        speed_m_s=_number(said.get("speed")),
     )
 
 

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.probes.answers import Answer
-    from atlantis_netcfg.probes.gps.record import Reception
-    from atlantis_netcfg.probes.gps.wanted import Wanted
+    from atlantis_netcfg.probes.gps.record import Reception, Wanted
 
 __all__ = ["Nowhere", "RouterosGps", "StreamGps"]
 
@@ -77,17 +76,19 @@ class RouterosGps:
     host: str
 
     def asks(self) -> tuple[Question, ...]:
-        """Ask for the latest position, and whether the receiver is switched on."""
-        return (Ask("monitor", self.host, routeros.MONITOR), Ask("settings", self.host, routeros.SETTINGS))
+        """Ask for the latest position, whether the receiver is switched on, and for the zone of its time."""
+        queries = {"monitor": routeros.MONITOR, "settings": routeros.SETTINGS, "clock": routeros.CLOCK}
+        return tuple(Ask(name, self.host, query) for name, query in queries.items())
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge the one position."""
-        monitored, settings = heard["monitor"], heard["settings"]
+        monitored, settings, clock = heard["monitor"], heard["settings"], heard["clock"]
         assert isinstance(monitored, Rows)  # noqa: S101 - what Ask gives
         assert isinstance(settings, Rows)  # noqa: S101 - what Ask gives
+        assert isinstance(clock, Rows)  # noqa: S101 - what Ask gives
         if monitored.trouble is not None:
             return Judged((troubled(monitored.trouble, monitored.words, self.wanted),))
-        reception = routeros.read(monitored)
+        reception = routeros.read(monitored, clock)
         unknown = settings.rows is None and settings.trouble is None
         if unknown or routeros.enabled(settings) is False:
             return Judged((self._off(settings),), evidence(reception, self.wanted))

@@ -1,14 +1,42 @@
-"""What every source of positions is reduced to, whatever it speaks."""
+"""What every source of positions is reduced to, whatever it speaks, and what is expected of it."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-__all__ = ["DAY_S", "Nature", "Reception", "Report", "at_day", "median"]
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.probes.answers import Transcript
+    from atlantis_netcfg.site.model import Geofence, GpsDriver
+
+__all__ = ["DAY_S", "Nature", "Reception", "Report", "Wanted", "at_day", "lines", "median"]
 
 DAY_S = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is expected of one endpoint, and how it is called in sentences."""
+
+    name: str
+    """Of the row: `Sparus`."""
+    driver: GpsDriver
+    source: str
+    """`gpsd at 10.64.1.22:2947`."""
+    end: str
+    """What is connected to: `10.64.1.22:2947`, `/dev/ttyUSB0 of coastal-gateway`."""
+    place: str
+    """Who listens: `coastal-gateway`, `this computer`."""
+    fence: Geofence | None
+    three: bool = False
+    """Two dimensions are not enough: it flies."""
+    clear_sky: bool = True
+    reports: int = 5
+    max_age_s: float = 3.0
 
 
 class Nature(StrEnum):
@@ -41,6 +69,8 @@ class Report:
     nature: Nature = Nature.MEASURED
     eph_m: float | None = None
     """Estimated horizontal error: gpsd works it out from the geometry, so it compares, and does not measure."""
+    speed_m_s: float | None = None
+    """Over ground."""
 
     @property
     def fixed(self) -> bool:
@@ -82,12 +112,17 @@ class Reception:
     """Receivers that gpsd has open; None: not told."""
     others: tuple[str, ...] = ()
     """Receivers whose reports were left aside."""
+    rivals: tuple[Report, ...] = ()
+    """The last fix of each of those that has one, and where one receiver tells two positions at a time, the other."""
     device: str = ""
     version: str = ""
     satellites: int | None = None
+    """Used for the last fix."""
     hdop: float | None = None
     single: bool = False
     """The source tells its latest position and no stream of them."""
+    zone_s: float = 0.0
+    """By so much may its time be ahead of UTC: the source runs in a time zone, and may tell its time in it."""
     complaints: tuple[str, ...] = ()
     """Errors in the source's own words."""
     began: float = 0.0
@@ -112,13 +147,19 @@ class Reception:
     @property
     def clock_ahead_s(self) -> float | None:
         """How far the receiver's time is ahead of the listening clock; None: nobody knows."""
+        return median(ahead) if (ahead := self._ahead_s()) else None
+
+    @property
+    def clock_uneven_s(self) -> float:
+        """By how much that changes while we listen."""
+        return max(ahead) - min(ahead) if (ahead := self._ahead_s()) else 0.0
+
+    def _ahead_s(self) -> list[float]:
         if not self.began:
-            return None
+            return []
         dated = [one.time - self.began - one.at_s for one in self.fixes if one.time is not None]
-        if dated:
-            return median(dated)
         undated = [at_day(one.of_day - self.began - one.at_s) for one in self.fixes if one.of_day is not None]
-        return median(undated) if undated else None
+        return dated or undated
 
 
 def at_day(seconds: float) -> float:
@@ -129,3 +170,14 @@ def at_day(seconds: float) -> float:
 def median(values: list[float]) -> float:
     """The middle one, of an even number the upper of the two."""
     return sorted(values)[len(values) // 2]
+
+
+def lines(heard: Transcript) -> Iterator[tuple[float, bytes]]:
+    r"""Give whole lines without their end (`\n`, `\r\n`), each with the time at which it came; a cut one is not."""
+    pieces: list[bytes] = []
+    for at_s, data in heard.chunks:
+        first, *others = data.split(b"\n")
+        pieces.append(first)
+        for other in others:
+            yield at_s, b"".join(pieces).rstrip(b"\r")
+            pieces = [other]

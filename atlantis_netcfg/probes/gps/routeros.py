@@ -2,7 +2,7 @@
 
 Names of fields: Manual, GPS (package `gps`). `data-age` exists from 7.1 on. Coordinates come in the form of
 `coordinate-format`: decimal degrees, or a letter with degrees, minutes and seconds; `none` is no position. The manual
-does not say in which time zone `date-and-time` is.
+does not say in which time zone `date-and-time` is: UTC and that of the device's clock are taken.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.probes.answers import Rows
 
-__all__ = ["MONITOR", "SETTINGS", "enabled", "read"]
+__all__ = ["CLOCK", "MONITOR", "SETTINGS", "enabled", "read"]
 
 MONITOR = Query("/system/gps", "monitor", (("once", ""),))
 SETTINGS = Query("/system/gps", "print")
+CLOCK = Query("/system/clock", "print")
 _YES = {"yes": True, "true": True, "no": False, "false": False}
 _QUALITY = {"6": Nature.DEAD_RECKONING, "7": Nature.MANUAL, "8": Nature.SIMULATED}
 _TIMES = ("%Y-%m-%d %H:%M:%S", "%b/%d/%Y %H:%M:%S")
@@ -36,8 +37,8 @@ def enabled(settings: Rows) -> bool | None:
     return _YES.get(settings.rows[0].get("enabled", "")) if settings.rows else None
 
 
-def read(monitored: Rows) -> Reception:
-    """Understand the one row. Raises nothing."""
+def read(monitored: Rows, clock: Rows | None = None) -> Reception:
+    """Understand the one row; `clock`: the device's own, for its time zone. Raises nothing."""
     row = monitored.rows[0] if monitored.rows else {}
     age_s = _age(row.get("data-age", ""))
     count = re.fullmatch(r"\d{1,3}", row.get("satellites", ""))
@@ -49,6 +50,7 @@ def read(monitored: Rows) -> Reception:
         satellites=int(count[0]) if count else None,
         hdop=float(hdop[0]) if hdop else None,
         single=True,
+        zone_s=_zone_s(clock),
         began=monitored.heard - age_s if monitored.heard else 0.0,
         ended_s=age_s,
     )
@@ -59,7 +61,7 @@ def _report(row: Mapping[str, str]) -> Report:
     altitude = re.match(r"-?\d", row.get("altitude", ""))
     return Report(
         at_s=0.0,
-        mode=None if valid is None else 1 if not valid else 3 if altitude else 2,
+        mode=None if valid is None else 1 if not valid or row.get("fix-quality") == "0" else 3 if altitude else 2,
         latitude=_degrees(row.get("latitude", "")),
         longitude=_degrees(row.get("longitude", "")),
         time=_time(row.get("date-and-time", "")),
@@ -95,3 +97,10 @@ def _age(text: str) -> float:
     if not re.fullmatch(f"(?:{_PART})+", text):
         return 0.0
     return sum(float(count) * _SECONDS[unit] for count, unit in re.findall(_PART, text))
+
+
+def _zone_s(clock: Rows | None) -> float:
+    """How far the device's clock is ahead of UTC: `gmt-offset` is `+01:00`."""
+    text = clock.rows[0].get("gmt-offset", "") if clock is not None and clock.rows else ""
+    found = re.fullmatch(r"([+-])(\d\d):(\d\d)", text)
+    return 0.0 if found is None else (-1 if found[1] == "-" else 1) * (int(found[2]) * 3600.0 + int(found[3]) * 60.0)

@@ -10,8 +10,7 @@ from atlantis_netcfg.site.model import GpsDriver
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes.gps.record import Reception
-    from atlantis_netcfg.probes.gps.wanted import Wanted
+    from atlantis_netcfg.probes.gps.record import Reception, Wanted
 
 __all__ = ["speechless", "troubled"]
 
@@ -128,7 +127,9 @@ def _no_data(reception: Reception, wanted: Wanted) -> Finding:
         hint = "compare `port` of `/system gps` with the port of the receiver"
         return Finding(_FAIL, "no-data", f"{wanted.source} tells nothing of its receiver", hint)
     if reception.understood:
-        message = f"{reception.good} NMEA sentences came from {wanted.end} {after}, no position among them (GGA, RMC)"
+        message = (
+            f"{reception.good} NMEA sentences came from {wanted.end} {after}, no position among them (GGA, RMC, GLL)"
+        )
         return Finding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
     if wanted.driver is GpsDriver.NMEA_SERIAL:
         message = f"{wanted.end} is there and says nothing {after}"

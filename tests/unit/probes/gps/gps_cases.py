@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import gps_said as say
-from gps_said import NO_FIX, SKY, epoch, fixes, gga, gpsd, gsa, heard, nmea, no_fix, rmc, tpv
+from gps_said import NO_FIX, SKY, epoch, fixes, gga, gll, gns, gpsd, gsa, heard, nmea, no_fix, rmc, tagged, tpv
 
 from atlantis_netcfg.probes import Trouble
 from atlantis_netcfg.site.model import GpsDriver
@@ -34,6 +34,231 @@ ROOF = {"clear_sky": False}
 EPOCHS = [epoch(second) for second in range(5)]
 SWAPPED = "0850.32959,S,04141.18520,E"
 FAR = "3842.00000,N,00909.00000,W"
+NEAR = "4141.20520,N,00850.32959,W"
+"""Forty metres north."""
+OTHER = "/dev/ttyS9"
+WELL = "PASS fix: Girona 500 has a 3D fix of 9 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"
+WELL_SPARUS = WELL.replace("Girona 500", "Sparus")
+
+
+def both(*pairs: tuple[dict[str, Any], dict[str, Any]]) -> Transcript:
+    """Two receivers behind one gpsd."""
+    return heard(gpsd(*[one for pair in pairs for one in pair], every_s=0.5))
+
+
+LIES = (
+    # Each lie beside a neighbour that is true.
+    Case(
+        "NMEA, a fix of no satellites",
+        TCP,
+        heard(nmea(*[gga(s, used="00") + rmc(s) + gsa() for s in range(5)])),
+        ("FAIL no-satellites: Girona 500's receiver claims a fix of 0 satellites: 3 are the fewest",),
+    ),
+    Case(
+        "NMEA, a fix of three satellites",
+        TCP,
+        heard(nmea(*[gga(s, used="03") + rmc(s) + gsa(2) for s in range(5)])),
+        (WELL.replace("3D fix of 9", "2D fix of 3"),),
+    ),
+    Case(
+        "gpsd, satellites in view and none used",
+        GPSD,
+        heard(gpsd(*fixes(5), sky={**SKY, "uSat": 0})),
+        ("FAIL no-satellites: Sparus's receiver claims a fix of 0 satellites: 3 are the fewest",),
+    ),
+    Case(
+        "gpsd, a receiver that tells no satellites",
+        GPSD,
+        heard(gpsd(*fixes(5), sky={**SKY, "uSat": 0, "nSat": 0})),
+        (WELL_SPARUS.replace(" of 9 satellites", ""),),
+    ),
+    Case(
+        "gpsd, the satellites of another receiver",
+        GPSD,
+        heard([*gpsd(*fixes(5)), (4.25, say.said({**SKY, "device": OTHER, "uSat": 0}))]),
+        (WELL_SPARUS,),
+    ),
+    Case(
+        "NMEA, one system of several has a fix",
+        TCP,
+        heard(nmea(*[gga(s) + rmc(s) + gsa(3) + gsa(1, talker="GL") for s in range(5)])),
+        (WELL,),
+    ),
+    Case(
+        "NMEA, no system of several has a fix",
+        TCP,
+        heard(nmea(*[gga(s) + rmc(s) + gsa(1) + gsa(1, talker="GL") for s in range(10)])),
+        ("FAIL no-fix: Girona 500's receiver works and has no fix",),
+    ),
+    Case("NMEA, TAG blocks", TCP, heard(nmea(*[tagged(one) for one in EPOCHS])), (WELL,)),
+    Case(
+        "NMEA, a TAG block for the first of a group",
+        TCP,
+        heard(nmea(*[tagged(gga(s), "g:1-2-7,s:A") + tagged(rmc(s), "g:2-2-7") for s in range(5)])),
+        (WELL,),
+    ),
+    Case(
+        "NMEA, TAG blocks with a wrong checksum",
+        TCP,
+        heard(nmea(*[tagged(one).replace(b"s:GP0001", b"s:GP0002") for one in EPOCHS]), 15.0),
+        ("FAIL not-nmea: 1391 bytes came from 10.64.1.21:10110, no whole NMEA sentence among them",),
+    ),
+    Case(
+        "NMEA, two receivers of a multiplexer agree",
+        TCP,
+        heard(nmea(*[tagged(epoch(s), "s:A") + tagged(epoch(s, NEAR), "s:B") for s in range(5)])),
+        (WELL,),
+    ),
+    Case(
+        "NMEA, two receivers of a multiplexer are in two places",
+        TCP,
+        heard(nmea(*[tagged(epoch(s), "s:A") + tagged(epoch(s, FAR), "s:B") for s in range(5)])),
+        (
+            (
+                "INCONCLUSIVE positions-differ: two positions come from 10.64.1.21:10110, "
+                "333 km apart: which is Girona 500's?"
+            ),
+        ),
+    ),
+    Case(
+        "gpsd, two receivers agree",
+        GPSD,
+        both(*[(tpv(s), tpv(s, device=OTHER, lat=say.LATITUDE + 0.0004)) for s in range(5)]),
+        (WELL_SPARUS,),
+    ),
+    Case(
+        "gpsd, two receivers are in two places",
+        GPSD,
+        both(*[(tpv(s), tpv(s, device=OTHER, lat=41.7)) for s in range(5)]),
+        ("INCONCLUSIVE positions-differ: two positions come from 10.64.1.22:2947, 1510 m apart: which is Sparus's?",),
+    ),
+    Case(
+        "NMEA, GGA and RMC are in two places",
+        TCP,
+        heard(nmea(*[rmc(s, SWAPPED) + gga(s) for s in range(5)])),
+        (
+            (
+                "INCONCLUSIVE positions-differ: two positions come from 10.64.1.21:10110, "
+                "7614 km apart: which is Girona 500's?"
+            ),
+        ),
+    ),
+    Case(
+        "NMEA, GLL only",
+        TCP,
+        heard(nmea(*[gll(s) for s in range(5)])),
+        ("WARN no-date: Girona 500's positions have a time and no date: GGA and GLL have none",),
+    ),
+    Case(
+        "NMEA, GLL and ZDA",
+        TCP,
+        heard(nmea(*[say.framed(f"GPZDA,{say.clock(s)}.00,20,11,2026,00,00") + gll(s) for s in range(5)])),
+        (WELL.replace("3D fix of 9 satellites", "2D fix"),),
+    ),
+    Case(
+        "NMEA, GLL is void",
+        TCP,
+        heard(nmea(*[gga(s) + gll(s, status="V", mode="N") for s in range(10)])),
+        ("FAIL no-fix: Girona 500's receiver works and has no fix",),
+    ),
+    Case(
+        "NMEA, RMC is active and its mode is not",
+        TCP,
+        heard(nmea(*[rmc(s, mode="N") for s in range(10)])),
+        ("FAIL no-fix: Girona 500's receiver works and has no fix",),
+    ),
+    Case(
+        "NMEA, GNS in place of GGA",
+        TCP,
+        heard(nmea(*[gns(s) + rmc(s) for s in range(5)])),
+        (WELL.replace("of 9", "of 14"),),
+    ),
+    Case(
+        "NMEA, GNS of systems that are not used",
+        TCP,
+        heard(nmea(*[gns(s, "NN", "00") + rmc(s) for s in range(10)])),
+        ("FAIL no-fix: Girona 500's receiver works and has no fix",),
+    ),
+    Case(
+        "NMEA, GNS is simulated",
+        TCP,
+        heard(nmea(*[gns(s, "SN") + rmc(s) for s in range(5)])),
+        ("FAIL position-simulated: Girona 500's position is simulated, not measured",),
+    ),
+    Case(
+        "gpsd, one report among measured ones is simulated",
+        GPSD,
+        heard(gpsd(*fixes(2), tpv(2, status=8), tpv(3), tpv(4))),
+        ("FAIL position-simulated: Sparus's position is simulated, not measured",),
+    ),
+    Case(
+        "NMEA, a log of an hour ago",
+        TCP,
+        heard(nmea(*[epoch(s - 3700) for s in range(5)])),
+        ("FAIL clock-differs: Girona 500's receiver is 62 min behind the clock of coastal-gateway",),
+    ),
+    Case(
+        "NMEA, a log of two days ago at this time of day",
+        TCP,
+        heard(nmea(*[epoch(s - 2 * 86400) for s in range(5)])),
+        ("FAIL clock-differs: Girona 500's receiver is 2 days behind the clock of coastal-gateway",),
+    ),
+    Case("NMEA, two seconds late", TCP, heard(nmea(*[epoch(s - 2) for s in range(5)])), (WELL,)),
+    Case(
+        "gpsd, a log ten times as fast",
+        GPSD,
+        heard(gpsd(*[tpv(10 * (s - 2)) for s in range(5)])),
+        ("FAIL time-uneven: Sparus's time does not go as the clock of coastal-gateway does: they move 36.0 s apart",),
+    ),
+    Case(
+        "gpsd, a log of three seconds in a loop",
+        GPSD,
+        heard(gpsd(*[tpv(s % 3) for s in range(9)])),
+        ("FAIL time-goes-back: Sparus's time goes back by 2.0 s from one position to the next",),
+    ),
+    Case(
+        "gpsd, ten reports a second",
+        GPSD,
+        heard(gpsd(*[tpv(s / 10) for s in range(10)], every_s=0.1)),
+        (WELL_SPARUS,),
+    ),
+    Case(
+        "NMEA, moving while the position stands still",
+        TCP,
+        heard(nmea(*[gga(s) + rmc(s, knots=6.0) for s in range(5)])),
+        ("FAIL position-frozen: Girona 500's position stands still while its speed is 3.1 m/s",),
+    ),
+    Case(
+        "NMEA, moving",
+        TCP,
+        heard(nmea(*[rmc(s, f"4141.{18520 + 170 * s},N,00850.32959,W", knots=6.0) for s in range(5)])),
+        (WELL.replace("3D fix of 9 satellites at 41.68642, -8.83883, 3 m", "2D fix at 41.68653, -8.83883, 15 m"),),
+    ),
+    Case(
+        "gpsd, an error wider than the site",
+        GPSD,
+        heard(gpsd(*fixes(5, eph=4200.0))),
+        ("INCONCLUSIVE position-uncertain: Sparus's position is uncertain: the receiver's estimate is 4200 m",),
+    ),
+    Case(
+        "NMEA, the HDOP of no fix",
+        TCP,
+        heard(nmea(*[gga(s, hdop=99.99) + rmc(s) for s in range(5)])),
+        ("INCONCLUSIVE position-uncertain: Girona 500's satellites stand badly: HDOP 100.0",),
+    ),
+    Case(
+        "NMEA, most lines are damaged",
+        TCP,
+        heard([*nmea(*EPOCHS), (4.25, b"$GPGGA,1*00\r\n" * 20)]),
+        ("FAIL damaged: 20 of 35 lines from 10.64.1.21:10110 are damaged",),
+    ),
+    Case(
+        "gpsd, nobody knows when it was heard",
+        GPSD,
+        replace(heard(gpsd(*fixes(5))), began=0.0),
+        ("INCONCLUSIVE clock-unknown: nobody has compared the time of Sparus's receiver with a clock",),
+    ),
+)
 
 CASES = (
     # Healthy.
@@ -249,7 +474,7 @@ CASES = (
         heard(gpsd(*fixes(5, lat=say.LONGITUDE, lon=say.LATITUDE))),
         (
             (
-                "WARN position-swapped: Sparus's latitude and longitude are swapped: -8.83883, "
+                "FAIL position-swapped: Sparus's latitude and longitude are swapped: -8.83883, "
                 "41.68642 lies in the geofence the other way round"
             ),
         ),
@@ -315,7 +540,7 @@ CASES = (
         heard(nmea(*[epoch(s, SWAPPED) for s in range(5)])),
         (
             (
-                "WARN position-swapped: Girona 500's latitude and longitude are swapped: "
+                "FAIL position-swapped: Girona 500's latitude and longitude are swapped: "
                 "-8.83883, 41.68642 lies in the geofence the other way round"
             ),
         ),
@@ -362,19 +587,19 @@ CASES = (
         "gpsd, GGA only: no time",
         GPSD,
         heard(gpsd(*fixes(5, time=None))),
-        ("WARN no-time: Sparus's positions have no time",),
+        ("INCONCLUSIVE no-time: Sparus's positions have no time: nobody can tell whether they are of now",),
     ),
     Case(
         "gpsd, time is nonsense",
         GPSD,
         heard(gpsd(*fixes(5, time="2026-13-45T99:00:00Z"))),
-        ("WARN no-time: Sparus's positions have no time",),
+        ("INCONCLUSIVE no-time: Sparus's positions have no time: nobody can tell whether they are of now",),
     ),
     Case(
         "NMEA, GGA only: no date",
         TCP,
         heard(nmea(*[gga(s) for s in range(5)])),
-        ("WARN no-date: Girona 500's positions have a time and no date: GGA alone has none",),
+        ("WARN no-date: Girona 500's positions have a time and no date: GGA and GLL have none",),
     ),
     Case(
         "NMEA, GGA and ZDA",
@@ -391,33 +616,33 @@ CASES = (
         "gpsd, clock behind",
         GPSD,
         heard(gpsd(*[tpv(second - 40) for second in range(5)])),
-        ("WARN clock-differs: Sparus's receiver is 40.2 s behind the clock of coastal-gateway",),
+        ("FAIL clock-differs: Sparus's receiver is 40.2 s behind the clock of coastal-gateway",),
     ),
     Case(
         "gpsd, clock ahead by a time zone",
         GPSD,
         heard(gpsd(*[tpv(second + 3600) for second in range(5)])),
-        ("WARN clock-differs: Sparus's receiver is 60 min ahead of the clock of coastal-gateway",),
+        ("INCONCLUSIVE clock-differs: Sparus's receiver is 60 min ahead of the clock of coastal-gateway",),
     ),
     Case(
         "gpsd, week rolled over",
         GPSD,
         heard(gpsd(*[tpv(second - 1024 * 7 * 86400) for second in range(5)])),
-        ("WARN clock-differs: Sparus's receiver is 7168 days behind the clock of coastal-gateway",),
+        ("INCONCLUSIVE clock-differs: Sparus's receiver is 7168 days behind the clock of coastal-gateway",),
     ),
     Case(
         "gpsd, a replayed log",
         GPSD,
         heard(gpsd(*[tpv(second - 30 * 86400) for second in range(5)])),
-        ("WARN clock-differs: Sparus's receiver is 30 days behind the clock of coastal-gateway",),
+        ("FAIL clock-differs: Sparus's receiver is 30 days behind the clock of coastal-gateway",),
     ),
     Case(
         "NMEA, GGA only, clock behind",
         TCP,
         heard(nmea(*[gga(second - 40) for second in range(5)])),
         (
-            "WARN no-date: Girona 500's positions have a time and no date: GGA alone has none",
-            "WARN clock-differs: Girona 500's receiver is 40.2 s behind the clock of coastal-gateway",
+            "WARN no-date: Girona 500's positions have a time and no date: GGA and GLL have none",
+            "FAIL clock-differs: Girona 500's receiver is 40.2 s behind the clock of coastal-gateway",
         ),
     ),
     Case(
@@ -430,13 +655,13 @@ CASES = (
         "gpsd, set by hand",
         GPSD,
         heard(gpsd(*fixes(5, status=7))),
-        ("WARN position-manual: Sparus's position is set by hand, not measured",),
+        ("INCONCLUSIVE position-manual: Sparus's position is set by hand, not measured",),
     ),
     Case(
         "gpsd, simulated",
         GPSD,
         heard(gpsd(*fixes(5, status=8))),
-        ("WARN position-simulated: Sparus's position is simulated, not measured",),
+        ("FAIL position-simulated: Sparus's position is simulated, not measured",),
     ),
     Case(
         "gpsd, uncertain",
@@ -460,13 +685,13 @@ CASES = (
         "NMEA, set by hand",
         TCP,
         heard(nmea(*[epoch(s, quality=7, mode="M") for s in range(5)])),
-        ("WARN position-manual: Girona 500's position is set by hand, not measured",),
+        ("INCONCLUSIVE position-manual: Girona 500's position is set by hand, not measured",),
     ),
     Case(
         "NMEA, simulated",
         TCP,
         heard(nmea(*[epoch(s, quality=8, mode="S") for s in range(5)])),
-        ("WARN position-simulated: Girona 500's position is simulated, not measured",),
+        ("FAIL position-simulated: Girona 500's position is simulated, not measured",),
     ),
     Case(
         "NMEA, satellites stand badly",
@@ -554,7 +779,7 @@ CASES = (
         "NMEA, other sentences only",
         TCP,
         heard([(0.1, b"x\r\n" + say.framed("HEHDT,231.2,T") * 9)], 15.0),
-        ("FAIL no-data: 9 NMEA sentences came from 10.64.1.21:10110 in 15 s, no position among them (GGA, RMC)",),
+        ("FAIL no-data: 9 NMEA sentences came from 10.64.1.21:10110 in 15 s, no position among them (GGA, RMC, GLL)",),
     ),
     Case(
         "serial, not plugged in",
@@ -640,13 +865,13 @@ CASES = (
         "gpsd, one report only, at the end",
         GPSD,
         heard([*gpsd()[:1], (14.0, say.said(tpv(13.8)))], 15.0),
-        ("WARN few-reports: 1 of 5 positions came in 15 s",),
+        ("INCONCLUSIVE few-reports: 1 of 5 positions came in 15 s",),
     ),
     Case(
         "gpsd, it hung up in between",
         GPSD,
         heard(gpsd(*fixes(2)), words="the other end hung up after 1.3 s"),
-        ("WARN few-reports: 2 of 5 positions came in 1 s",),
+        ("INCONCLUSIVE few-reports: 2 of 5 positions came in 1 s",),
     ),
     Case(
         "NMEA, a report every four seconds",
@@ -672,4 +897,5 @@ CASES = (
             ),
         ),
     ),
+    *LIES,
 )

@@ -101,14 +101,32 @@ PLACE = "4141.18520,N,00850.32959,W"
 NOWHERE = ",,,"
 
 
-def gga(second: float, place: str = PLACE, quality: int = 1, hdop: float = 0.9, talker: str = "GP") -> bytes:
-    used, height = ("09", "5.0,M,54.0,M,,") if quality else ("00", ",,,,,")
+def gga(  # noqa: PLR0913, PLR0917 - fields of a sentence
+    second: float, place: str = PLACE, quality: int = 1, hdop: float = 0.9, talker: str = "GP", used: str = "09"
+) -> bytes:
+    used, height = (used, "5.0,M,54.0,M,,") if quality else ("00", ",,,,,")
     return framed(f"{talker}GGA,{clock(second)}.00,{place},{quality},{used},{hdop},{height}")
 
 
-def rmc(second: float, place: str = PLACE, status: str = "A", mode: str = "A", talker: str = "GP") -> bytes:
+def rmc(  # noqa: PLR0913, PLR0917 - fields of a sentence
+    second: float, place: str = PLACE, status: str = "A", mode: str = "A", talker: str = "GP", knots: float = 0.05
+) -> bytes:
     date = clock(second, "%d%m%y")
-    return framed(f"{talker}RMC,{clock(second)}.00,{status},{place},0.05,10.0,{date},,,{mode}")
+    return framed(f"{talker}RMC,{clock(second)}.00,{status},{place},{knots},10.0,{date},,,{mode}")
+
+
+def gll(second: float, place: str = PLACE, status: str = "A", mode: str = "A") -> bytes:
+    return framed(f"GPGLL,{place},{clock(second)}.00,{status},{mode}")
+
+
+def gns(second: float, modes: str = "AA", used: str = "14") -> bytes:
+    return framed(f"GNGNS,{clock(second)}.00,{PLACE},{modes},{used},0.6,5.0,54.0,,,V")
+
+
+def tagged(lines: bytes, tag: str = "s:GP0001,c:1795169700") -> bytes:
+    """The lines as a ship's multiplexer passes them on."""
+    block = f"\\{tag}*{checksum(tag.encode()):02X}\\".encode()
+    return b"".join(block + line + b"\n" for line in lines.splitlines())
 
 
 def gsa(mode: int = 3, talker: str = "GP") -> bytes:

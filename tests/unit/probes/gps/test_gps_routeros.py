@@ -12,6 +12,7 @@ from gps_said import FENCE
 
 from atlantis_netcfg.probes import Ask, Rows, Trouble
 from atlantis_netcfg.probes.gps import RouterosGps, Wanted
+from atlantis_netcfg.probes.gps.routeros import CLOCK as CLOCK_QUERY
 from atlantis_netcfg.probes.gps.routeros import MONITOR, SETTINGS, read
 from atlantis_netcfg.site.model import Geofence, GpsDriver
 from atlantis_netcfg.verdicts import Verdict
@@ -40,9 +41,13 @@ SAMPLE = {**ROW, "date-and-time": "2021-09-07 08:26:26", "latitude": "56.969689"
 """Positions as in the manual's sample."""
 
 
-def judged(row: dict[str, str] | None, settings: Rows = ON, wanted: Wanted = WANTED) -> Judged:
+CLOCK = Rows(None, rows=({"gmt-offset": "+01:00", "time-zone-name": "Europe/Lisbon"},), heard=HEARD)
+"""In summer."""
+
+
+def judged(row: dict[str, str] | None, settings: Rows = ON, wanted: Wanted = WANTED, clock: Rows = CLOCK) -> Judged:
     monitored = Rows(None, rows=None if row is None else (row,) if row else (), heard=HEARD)
-    return replace(PROBE, wanted=wanted).judge({"monitor": monitored, "settings": settings})
+    return replace(PROBE, wanted=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
 
 
 def told(found: Judged) -> list[str]:
@@ -50,15 +55,16 @@ def told(found: Judged) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in found.findings]
 
 
-@pytest.mark.parametrize("query", [MONITOR, SETTINGS], ids=["monitor", "settings"])
+@pytest.mark.parametrize("query", [MONITOR, SETTINGS, CLOCK_QUERY], ids=["monitor", "settings", "clock"])
 @pytest.mark.parametrize("tree", trees.TREES, ids=trees.VERSIONS)
 def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> None:
     assert tree.has_command(query.menu, query.command)
     assert {name for name, _ in query.arguments} <= tree.arguments(query.menu, query.command)
 
 
-def test_both_are_asked_of_the_router() -> None:
-    assert PROBE.asks() == (Ask("monitor", "off-router", MONITOR), Ask("settings", "off-router", SETTINGS))
+def test_all_is_asked_of_the_router() -> None:
+    asked = {"monitor": MONITOR, "settings": SETTINGS, "clock": CLOCK_QUERY}
+    assert PROBE.asks() == tuple(Ask(name, "off-router", query) for name, query in asked.items())
 
 
 CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
@@ -70,7 +76,7 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
         {name: value for name, value in ROW.items() if name != "data-age"} | {"date-and-time": "nov/20/2026 10:15:00"},
         ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
     ),
-    "healthy, in some time zone": (
+    "healthy, in the time zone of the router": (
         {**ROW, "date-and-time": "2026-11-20 11:14:59"},
         ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
     ),
@@ -81,7 +87,7 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
                 "FAIL outside-geofence: Offshore is at 56.96969, 24.16247, "
                 "2889 km from the middle of the geofence of 1000 m"
             ),
-            "WARN clock-differs: Offshore's receiver is 1900 days behind the clock of off-router",
+            "FAIL clock-differs: Offshore's receiver is 1900 days behind the clock of this computer",
         ],
     ),
     "no fix": (
@@ -95,7 +101,7 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
     "stale": ({**ROW, "data-age": "1m4s"}, ["FAIL fix-stale: Offshore's last position is 64 s old: no more came"]),
     "clock": (
         {**ROW, "date-and-time": "2026-11-20 10:14:19"},
-        ["WARN clock-differs: Offshore's receiver is 40.5 s behind the clock of off-router"],
+        ["FAIL clock-differs: Offshore's receiver is 40.5 s behind the clock of this computer"],
     ),
     "valid without a position": (
         {**ROW, "latitude": "none", "longitude": "none"},
@@ -103,7 +109,40 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
     ),
     "simulated": (
         {**ROW, "fix-quality": "8"},
-        ["WARN position-simulated: Offshore's position is simulated, not measured"],
+        ["FAIL position-simulated: Offshore's position is simulated, not measured"],
+    ),
+    "set by hand": (
+        {**ROW, "fix-quality": "7"},
+        ["INCONCLUSIVE position-manual: Offshore's position is set by hand, not measured"],
+    ),
+    "no satellites": (
+        {**ROW, "satellites": "0"},
+        ["FAIL no-satellites: Offshore's receiver claims a fix of 0 satellites: 3 are the fewest"],
+    ),
+    "valid of no quality": (
+        {**ROW, "fix-quality": "0"},
+        ["FAIL no-fix: Offshore's receiver works and has no fix"],
+    ),
+    "swapped": (
+        {**ROW, "latitude": ROW["longitude"], "longitude": ROW["latitude"]},
+        [
+            (
+                "FAIL position-swapped: Offshore's latitude and longitude are swapped: -8.83883, 41.68642 lies in "
+                "the geofence the other way round"
+            )
+        ],
+    ),
+    "in another time zone than the router": (
+        {**ROW, "date-and-time": "2026-11-20 09:14:59"},
+        ["INCONCLUSIVE clock-differs: Offshore's receiver is 60 min behind the clock of this computer"],
+    ),
+    "of two hours ago": (
+        {**ROW, "date-and-time": "2026-11-20 08:04:59"},
+        ["FAIL clock-differs: Offshore's receiver is 2 h behind the clock of this computer"],
+    ),
+    "no estimate worth the name": (
+        {**ROW, "horizontal-dilution": "99.9"},
+        ["INCONCLUSIVE position-uncertain: Offshore's satellites stand badly: HDOP 99.9"],
     ),
     "dilution": (
         {**ROW, "horizontal-dilution": "9.9"},
@@ -121,7 +160,7 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
         },
         [
             "FAIL position-impossible: Offshore's receiver claims a fix at nowhere, which is no position",
-            "WARN no-time: Offshore's positions have no time",
+            "INCONCLUSIVE no-time: Offshore's positions have no time: nobody can tell whether they are of now",
         ],
     ),
 }
@@ -166,7 +205,7 @@ def test_positions_count_though_the_settings_were_not_told() -> None:
 )
 def test_a_router_that_was_not_reached(trouble: Trouble, expected: str) -> None:
     answer = Rows(trouble, "no route")
-    assert told(PROBE.judge({"monitor": answer, "settings": answer})) == [expected]
+    assert told(PROBE.judge({"monitor": answer, "settings": answer, "clock": answer})) == [expected]
 
 
 @pytest.mark.parametrize(
@@ -194,3 +233,19 @@ def test_one_position_is_all_that_it_tells() -> None:
         "reports"
     ] == "1: a RouterOS device tells its latest position only"
     assert {one.what: one.value for one in found.evidence}["age of the last position"] == "1.0 s"
+
+
+def test_a_time_zone_counts_only_where_the_router_tells_it() -> None:
+    row = {**ROW, "date-and-time": "2026-11-20 11:14:59"}
+    for clock in (Rows(None, rows=({"gmt-offset": "+00:00"},)), Rows(Trouble.SILENT), Rows(None, rows=())):
+        assert told(judged(row, clock=clock)) == [
+            "INCONCLUSIVE clock-differs: Offshore's receiver is 60 min ahead of the clock of this computer"
+        ]
+
+
+def test_a_position_whose_time_nobody_has_compared_does_not_pass() -> None:
+    unheard = replace(ON, heard=0.0, rows=(ROW,))
+    found = PROBE.judge({"monitor": unheard, "settings": ON, "clock": CLOCK})
+    assert told(found) == [
+        "INCONCLUSIVE clock-unknown: nobody has compared the time of Offshore's receiver with a clock"
+    ]
