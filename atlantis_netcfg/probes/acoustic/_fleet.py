@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.acoustic import evologics
-from atlantis_netcfg.probes.acoustic._status import Reading
 from atlantis_netcfg.probes.acoustic.bands import plain
 from atlantis_netcfg.probes.acoustic.beacon import Beacon
+from atlantis_netcfg.probes.acoustic.status import Reading
 from atlantis_netcfg.probes.answers import Transcript
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType

@@ -95,7 +95,10 @@ class EvologicsMessage:
         accepted = evologics.answer(pieces, "AT*SENDIM") == "OK"
         refused = evologics.trouble_words(pieces, "AT*SENDIM")
         if accepted:
-            return Judged((self._sent(evologics.notifications(pieces)),), evidence)
+            # The vehicle's own software may send as well: only what follows our own message is its report.
+            at = next(place for place, one in enumerate(pieces) if _is_send(one) and one.text == "OK")
+            reports = tuple(one.text for one in pieces[at:] if one.command == evologics.NOTIFICATION)
+            return Judged((self._sent(reports),), evidence)
         return Judged((self._kept(pieces, level, refused),), evidence)
 
     def _sent(self, told: tuple[str, ...]) -> Finding:
@@ -124,3 +127,7 @@ class EvologicsMessage:
         message = f"no message was sent: the modem of {self.name} did not tell a source level that allows it"
         hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
         return Finding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
+
+
+def _is_send(piece: evologics.Piece) -> bool:
+    return piece.command is not None and piece.command.partition(",")[0] == "AT*SENDIM"

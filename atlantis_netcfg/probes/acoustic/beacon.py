@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.acoustic import seatrac
 from atlantis_netcfg.probes.acoustic.bands import SOUND_SPEED_MPS, plain
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said, two_modems, whose_unknown
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
@@ -39,18 +39,22 @@ class Beacon:
     info: str | None
     state: int | None
     """Of its transceiver."""
+    numbers: frozenset[int]
+    """Every one that was told: more than one is two beacons at one end."""
 
     @classmethod
     def of(cls, transcript: Transcript) -> Beacon:
         """Read a transcript."""
         heard = seatrac.answers(transcript.data)
         state = seatrac.last(heard, seatrac.TRANSCEIVER)
+        told = (seatrac.settings(one.record) for one in heard if one.number == seatrac.SETTINGS)
         return cls(
             heard,
             seatrac.settings(seatrac.last(heard, seatrac.SETTINGS) or b""),
             seatrac.status(seatrac.last(heard, seatrac.STATUS) or b""),
             seatrac.info(seatrac.last(heard, seatrac.INFO) or b""),
             state[0] if state else None,
+            frozenset(one.beacon for one in told if one is not None),
         )
 
 
@@ -109,12 +113,16 @@ class SeatracStatus:
         return Finding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
 
     def _number(self, beacon: Beacon) -> Iterator[Finding]:
+        if self.declared is None:
+            yield whose_unknown(self.modem, self.name)
         if beacon.settings is None:
             hint = "check again; a longer record than ours is read, a shorter one is not"
             yield Finding(
                 Verdict.INCONCLUSIVE, "settings-unknown", f"the beacon of {self.name} does not tell its settings", hint
             )
             return
+        if len(beacon.numbers) > 1:
+            yield two_modems(self.modem, self.name, beacon.numbers)
         number = beacon.settings.beacon
         if self.declared is not None and number != self.declared:
             message = f"the beacon of {self.name} has the number {number}, and {self.declared} is declared"

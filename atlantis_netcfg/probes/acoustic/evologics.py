@@ -23,7 +23,6 @@ __all__ = [
     "answer",
     "answered",
     "fixes",
-    "notifications",
     "number",
     "pieces",
     "settings",
@@ -84,8 +83,10 @@ class Fix:
     """One USBLLONG, or one USBLANGLES (then without a position)."""
 
     remote: int
-    age_s: float
-    """Since the measurement, by the modem's own clock, when it was told."""
+    clock_s: float
+    """What the modem's clock shows when it tells the fix: seconds since it was switched on, or since 1970."""
+    measured_s: float
+    """The same, when it was measured."""
     position_m: tuple[float, float, float] | None
     propagation_us: float | None
     """One way."""
@@ -149,11 +150,6 @@ def number(text: str | None) -> float | None:
     return float(found[1]) if found else None
 
 
-def notifications(heard: Sequence[Piece]) -> tuple[str, ...]:
-    """What the modem said by itself, framed or bare."""
-    return tuple(p.text for p in heard if p.command in {NOTIFICATION, None})
-
-
 def state(heard: Sequence[Piece]) -> str | None:
     """The state's words; None: not told. Words that nobody knows are given back as they are."""
     text = answer(heard, "AT?S")
@@ -194,7 +190,8 @@ def _fix(piece: Piece) -> Fix | None:
     whole = keyword == "USBLLONG"
     return Fix(
         remote=int(values[2]),
-        age_s=max(0.0, values[0] - values[1]),
+        clock_s=values[0],
+        measured_s=values[1],
         position_m=(values[3], values[4], values[5]) if whole else None,
         propagation_us=values[12] if whole else None,
         rssi_db=values[-3],

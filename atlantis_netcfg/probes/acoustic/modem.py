@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.probes.questions import Say
 
-__all__ = ["WATER", "Modem", "modem_of", "modems", "question"]
+__all__ = ["WATER", "Modem", "declared_address", "modem_of", "modems", "question"]
 
 WATER = "water"
 """The turn of what transmits: one at a time, or they drown each other."""
@@ -94,6 +94,12 @@ def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, Modem]]:
             yield other, modem
 
 
+def declared_address(cell: Cell, modem: Modem) -> int | None:
+    """The acoustic address of a modem, as the acoustic column of any row declares it; None: nobody does."""
+    same = (other.endpoints.acoustic for other, its in modems(cell, Column.ACOUSTIC) if its == modem)
+    return next((one.acoustic_address for one in same if one is not None and one.acoustic_address is not None), None)
+
+
 def question(cell: Cell, modem: Modem) -> Listen:
     """What is asked of a modem, whoever wants to know: reading queries, then the longest listening that is wanted."""
     usbl = [one.endpoints.usbl for one, other in modems(cell, Column.USBL) if other == modem]
@@ -127,7 +133,7 @@ def _enough(driver: AcousticDriver, wanted: list[UsblEndpoint]) -> bytes:
 
 def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:
     if driver is AcousticDriver.SEATRAC:
-        return rb"\$42[0-9A-Fa-f]{2}%b[0-9A-Fa-f]+[\r\n]" % (
+        return rb"\$(?:42|52)[0-9A-Fa-f]{2}%b[0-9A-Fa-f]+[\r\n]" % (
             rb"[0-9A-Fa-f]{2}" if remote is None else rb"(?i:%02X)" % remote
         )
     return rb"USBL(?:LONG|ANGLES),[^,\r\n]*,[^,\r\n]*,%b,[^\r\n]*\r?\n" % (

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ALIVE",
     "INFO",
+    "NAV_QUERY_RESPONSE",
     "PING",
     "PING_ERROR",
     "PING_RESPONSE",
@@ -42,7 +43,7 @@ __all__ = [
 ]
 
 ALIVE, INFO, STATUS, SETTINGS, TRANSCEIVER = 0x01, 0x02, 0x10, 0x15, 0x3A
-PING, PING_RESPONSE, PING_ERROR = 0x40, 0x42, 0x43
+PING, PING_RESPONSE, PING_ERROR, NAV_QUERY_RESPONSE = 0x40, 0x42, 0x43, 0x52
 
 _COMMAND = re.compile(rb"#((?:[0-9A-F]{2}){3,})\n\r")
 _ANSWER = re.compile(rb"\$((?:[0-9A-Fa-f]{2}){3,})[\r\n]")
@@ -84,14 +85,17 @@ class Status:
 class Fix:
     """What a beacon has made of an answer that it heard."""
 
+    to: int
+    """Beacon for which the answer was meant; 0: all of them."""
     beacon: int
+    """Which has answered."""
     range_m: float | None
     azimuth_deg: float | None
     elevation_deg: float | None
     fit_error: float | None
     rssi_db: float
     position_m: tuple[float, float, float] | None
-    """East, north, and depth below the surface."""
+    """East, north and down from this beacon."""
     suspect: bool
     """The beacon's own filter takes the position for wrong."""
 
@@ -174,7 +178,7 @@ def info(record: bytes) -> str | None:
 
 
 def fix(record: bytes) -> Fix | None:
-    """Read the acoustic fix of a ping's response; None: it is cut or makes no sense."""
+    """Read the acoustic fix with which the response to a ping or a NAV_QUERY begins; None: it is cut."""
     try:
         return _fix(record)
     except struct.error:
@@ -182,7 +186,7 @@ def fix(record: bytes) -> Fix | None:
 
 
 def _fix(record: bytes) -> Fix:
-    _, beacon, flags, _, _, _, _, _, _, rssi = struct.unpack_from("<BBBBhhhHHh", record)
+    to, beacon, flags, _, _, _, _, own_depth, _, rssi = struct.unpack_from("<BBBBhhhHHh", record)
     at = 16
     range_m = azimuth = elevation = error = position = None
     if flags & _RANGE:
@@ -196,8 +200,9 @@ def _fix(record: bytes) -> Fix:
         at += 6
     if flags & _POSITION:
         east, north, depth = (value / 10 for value in _three(record, at))
-        position = (east, north, depth)
-    return Fix(beacon, range_m, azimuth, elevation, error, rssi / 10, position, bool(flags & _SUSPECT))
+        # The record has the other beacon's depth below the surface.
+        position = (east, north, depth - own_depth / 10)
+    return Fix(to, beacon, range_m, azimuth, elevation, error, rssi / 10, position, bool(flags & _SUSPECT))
 
 
 def _three(record: bytes, at: int) -> tuple[int, int, int]:

@@ -11,12 +11,12 @@ from atlantis_netcfg.site.model import AcousticDriver
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from atlantis_netcfg.probes.acoustic.modem import Modem
     from atlantis_netcfg.probes.answers import Answer
 
-__all__ = ["LANGUAGE", "not_understood", "said", "trouble"]
+__all__ = ["LANGUAGE", "not_understood", "said", "trouble", "two_modems", "whose_unknown"]
 
 LANGUAGE = {AcousticDriver.EVOLOGICS: "an EvoLogics modem", AcousticDriver.SEATRAC: "a SeaTrac beacon"}
 _IN_USE = (
@@ -105,3 +105,17 @@ def not_understood(modem: Modem, name: str) -> Finding:
         "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
     )
     return Finding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
+
+
+def whose_unknown(modem: Modem, name: str) -> Finding:
+    """Say that any modem would do: nothing declared tells this one from another's."""
+    message = f"nothing tells whether what answers at {modem.where} is the modem of {name}"
+    return Finding(Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`")
+
+
+def two_modems(modem: Modem, name: str, addresses: Collection[int]) -> Finding:
+    """Say that answers contradict each other."""
+    told = " and ".join(map(str, sorted(addresses)))
+    message = f"what answers for {name} at {modem.where} tells the acoustic addresses {told}: it is more than one modem"
+    hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"
+    return Finding(Verdict.FAIL, "two-modems", message, hint)

@@ -16,6 +16,7 @@ from atlantis_netcfg.probes.acoustic.beacon import damage
 from atlantis_netcfg.probes.acoustic.modem import WATER
 from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Consent, Judged
+from atlantis_netcfg.probes.usbl._fixes import impossible, told
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.probes.acoustic.modem import Modem
-    from atlantis_netcfg.probes.answers import Answer
+    from atlantis_netcfg.probes.answers import Answer, Transcript
     from atlantis_netcfg.probes.questions import Listen, Question
 
 __all__ = ["Ping", "ping_consent"]
@@ -57,6 +58,10 @@ class Ping:
     beacon: int
     consent: Consent | None
     """What the step asks a person; without it there is no ping to be sent."""
+    own: int | None = None
+    """Number of the beacon that pings, as declared."""
+    width_m: float | None = None
+    """Of the site's waters: the geofence from one side to the other."""
 
     def asks(self) -> tuple[Question, ...]:
         """Transceiver, depth, and behind them the ping. Raises NeverSaid where no person is asked."""
@@ -81,22 +86,31 @@ class Ping:
         answers = seatrac.answers(transcript.data)
         if not answers:
             return Judged((damage(self.name, transcript) or not_understood(self.modem, self.name),))
-        sent = seatrac.last(answers, seatrac.PING)
-        finding = self._kept(answers) if sent is None else self._sent(sent, answers)
+        # The vehicle's own software may ping as well: only what follows our own ping is its answer.
+        pings = [one for one in answers if one.number == seatrac.PING and one.record[1:2] == bytes([self.beacon])]
+        finding = self._sent(pings[-1], answers, transcript) if pings else self._kept(answers)
         return Judged((finding,), tuple(_evidence(answers)))
 
-    def _sent(self, sent: bytes, answers: tuple[seatrac.Answer, ...]) -> Finding:
+    def _sent(self, sent: seatrac.Answer, answers: tuple[seatrac.Answer, ...], transcript: Transcript) -> Finding:
         other = f"the beacon {self.beacon}"
-        fixes = [seatrac.fix(one.record) for one in answers if one.number == seatrac.PING_RESPONSE]
-        fix = next((one for one in fixes if one is not None and one.beacon == self.beacon), None)
-        if fix is not None:
-            far = "its range was not measured" if fix.range_m is None else f"{fix.range_m:.1f} m away"
+        response = f"{seatrac.PING_RESPONSE:02X}"
+        fixes = (one for one in told(self.modem.driver, transcript) if one.form == response and one.end > sent.end)
+        fix = next((one for one in fixes if one.remote == self.beacon), None)
+        later = tuple(one for one in answers if one.end > sent.end and one.record[1:2] == bytes([self.beacon]))
+        error = seatrac.last(later, seatrac.PING_ERROR)
+        if fix is not None and error is None and sent.record[:1] == b"\x00":
+            wrong = impossible(f"the beacon of {self.name}", fix, self.own, self.width_m, self.modem.driver)
+            if wrong is not None:
+                return wrong
+            if fix.range_m is None:
+                message = f"{other} has answered the ping of {self.name}, and its range was not measured"
+                return Finding(Verdict.WARN, "no-range", message, "ping again, and look whether both heads are free")
+            far = f"{fix.range_m:.1f} m away"
             return Finding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
-        error = seatrac.last(answers, seatrac.PING_ERROR)
         if error is not None and error[:1] == bytes([_TIMEOUT]):
             hint = "look whether both beacons are in the water and within reach, and which number the other one has"
             return Finding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
-        status = (error or sent)[:1]
+        status = (error or sent.record)[:1]
         if status not in {b"", b"\x00"}:
             why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
             message = f"the beacon of {self.name} has not carried out the ping: {why}"

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import re
 import time
-from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from atlantis_netcfg.twin.acoustic._line import Line, LineSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = ["EvologicsSpec", "RunningEvologics"]
 
@@ -66,7 +62,12 @@ class EvologicsSpec(LineSpec):
     fix_rssi_db: int = -54
     fix_integrity: int = 106
     fix_age_s: float = 0.305
-    """Between measurement and output, by the modem's clock."""
+    """Between measurement and output, by the modem's clock; below 0 it measures in the future."""
+    fix_accuracy: float = 0.1698
+    frozen: bool = False
+    """The first fix again and again."""
+    clock_ahead_s: float | None = None
+    """Its clock tells seconds since 1970, so far ahead of this computer's; None: those since it was switched on."""
     in_water: bool = False
     """Whether it may transmit: if not, every transmission is damage."""
     reaches: tuple[int, ...] = (2,)
@@ -123,11 +124,10 @@ class EvologicsSpec(LineSpec):
         }
         return known if self.battery_v is None else {**known, "AT?BV": str(self.battery_v)}
 
-    def fix(self, remote: int) -> bytes:
-        """One notification of a fix, framed or bare."""
-        now = time.monotonic()
-        head = f"{now:.6f},{now - self.fix_age_s:.6f},{remote}"
-        quality = f"{self.fix_rssi_db},{self.fix_integrity},0.1698"
+    def fix(self, remote: int, clock_s: float) -> bytes:
+        """One notification of a fix, framed or bare; `clock_s`: what the modem's clock shows."""
+        head = f"{clock_s:.6f},{clock_s - self.fix_age_s:.6f},{remote}"
+        quality = f"{self.fix_rssi_db},{self.fix_integrity},{self.fix_accuracy}"
         if self.directions_only:
             text = f"USBLANGLES,{head},0.2266,0.1234,0.2266,0.1234,0.0000,-0.0000,0.0000,{quality}"
         else:
@@ -149,6 +149,9 @@ class _Talk:
     def __init__(self, modem: RunningEvologics) -> None:
         self.modem, self.spec = modem, modem.spec
         self.rounds = 0
+        ahead_s = self.spec.clock_ahead_s
+        self.clock_s = time.monotonic() if ahead_s is None else time.time() + ahead_s
+        """What the modem's clock shows when the service begins."""
 
     def hear(self, waiting: bytes) -> tuple[list[bytes], bytes]:
         answers: list[bytes] = []
@@ -203,10 +206,9 @@ class _Talk:
         if now_s < (self.rounds + 1) * spec.fix_every_s:
             return b"", (self.rounds + 1) * spec.fix_every_s
         self.rounds += 1
-        return b"".join(self._fixes()), (self.rounds + 1) * spec.fix_every_s
-
-    def _fixes(self) -> Iterator[bytes]:
-        return map(self.spec.fix, self.spec.hears)
+        clock_s = self.clock_s + (spec.fix_every_s if spec.frozen else now_s)
+        told = b"".join(spec.fix(remote, clock_s) for remote in spec.hears)
+        return told, (self.rounds + 1) * spec.fix_every_s
 
 
 class RunningEvologics(Line):

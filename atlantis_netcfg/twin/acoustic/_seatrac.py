@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["RunningSeatrac", "SeatracSpec"]
 
 _READS = (0x01, 0x02, 0x10, 0x11, 0x15, 0x21, 0x3A)
-_PING, _PINGED, _FAILED = 0x40, 0x42, 0x43
+_PING, _PINGED, _FAILED, _NAVIGATED = 0x40, 0x42, 0x43, 0x52
 _OK, _BUSY, _TIMEOUT, _IDLE = 0x00, 0x30, 0x34, 0x3B
 _NUMBERS = range(1, 16)
 
@@ -75,6 +75,14 @@ class SeatracSpec(LineSpec):
     fit_error: float = 0.4
     suspect: bool = False
     """The beacon's filter does not trust its own position."""
+    frozen: bool = False
+    """The first fix again and again."""
+    navigates: bool = False
+    """The vehicle asks by NAV_QUERY in place of pings: its answers hold the same fix."""
+    answers_to: int | None = None
+    """Beacon for which the answers are meant that it hears; None: for itself."""
+    ranges_only: bool = False
+    """An X110 measures no direction."""
     in_water: bool = False
     """Whether it may transmit: if not, every ping is damage."""
     reaches: tuple[int, ...] = (2,)
@@ -118,15 +126,20 @@ class SeatracSpec(LineSpec):
         record[96] = self.beacon
         return bytes(record)
 
-    def fix(self, remote: int) -> bytes:
-        """The record of a ping's response, with range, direction and position."""
-        flags = 0b111 | (0b10000 if self.suspect else 0)
+    def fix(self, remote: int, turn: int = 0) -> bytes:
+        """The record of a ping's response, with range, direction and position; the vehicle yaws from turn to turn."""
+        flags = (0b001 if self.ranges_only else 0b111) | (0b10000 if self.suspect else 0)
+        to = self.beacon if self.answers_to is None else self.answers_to
+        yaw = 0 if self.frozen else turn % 3600
         depth, sound = max(0, round(self.depth * 10)), round(self.sound_speed_mps * 10)
-        head = struct.pack("<BBBBhhhHHh", self.beacon, remote, flags, 0x05, 0, 0, 0, depth, sound, 900)
+        head = struct.pack("<BBBBhhhHHh", to, remote, flags, 0x05, yaw, 0, 0, depth, sound, 900)
         time_s = self.range_m / self.sound_speed_mps
         distance = struct.pack("<IiH", round(time_s * 2 * 16000), round(time_s * 1e7), round(self.range_m * 10))
+        if self.ranges_only:
+            return head + distance
         angles = struct.pack("<B4hhhh", 4, 900, 900, 900, 900, 130, -70, round(self.fit_error * 100))
-        return head + distance + angles + struct.pack("<hhh", 31, 137, 12)
+        east, north = (min(32_767, round(part * self.range_m / 14.1)) for part in (31, 137))
+        return head + distance + angles + struct.pack("<hhh", east, north, depth)
 
 
 class _Talk:
@@ -163,8 +176,13 @@ class _Talk:
             self.beacon.transmitted_in_air.append(remote)
         taken = self._frame(_PING, bytes([_OK, remote]))
         if remote in self.spec.reaches:
-            return [taken, self._frame(_PINGED, self.spec.fix(remote))]
+            return [taken, self._frame(_PINGED, self.spec.fix(remote, len(self.beacon.transmitted)))]
         return [taken, self._frame(_FAILED, bytes([_TIMEOUT, remote]))]
+
+    def _told(self, remote: int) -> bytes:
+        record = self.spec.fix(remote, self.rounds)
+        # Behind the fix of a NAV_QUERY: no further fields are asked for, and the answer is for this beacon.
+        return self._frame(_NAVIGATED, record + b"\x00\x01") if self.spec.navigates else self._frame(_PINGED, record)
 
     def _frame(self, number: int, record: bytes) -> bytes:
         payload = bytes([number]) + record
@@ -179,7 +197,7 @@ class _Talk:
         if spec.hears and spec.fixes != self.rounds:
             if now_s >= (self.rounds + 1) * spec.fix_every_s:
                 self.rounds += 1
-                told += b"".join(self._frame(_PINGED, spec.fix(remote)) for remote in spec.hears)
+                told += b"".join(self._told(remote) for remote in spec.hears)
             due.append((self.rounds + 1) * spec.fix_every_s)
         if spec.status_every_s is not None:
             if now_s >= (self.statuses + 1) * spec.status_every_s:

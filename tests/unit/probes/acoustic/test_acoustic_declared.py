@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from acoustic_talk import hear, told, twin_of
+from acoustic_talk import hear, talk, told, twin_of
 
 from atlantis_netcfg.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
+from atlantis_netcfg.probes.acoustic import seatrac
 from atlantis_netcfg.probes.acoustic.modem import WATER
 from atlantis_netcfg.report.checklist import Kind
 from atlantis_netcfg.site.loading import load
-from atlantis_netcfg.site.model import AcousticEndpoint, SeenFrom, UsblEndpoint
-from atlantis_netcfg.twin.acoustic import EvologicsSpec
+from atlantis_netcfg.site.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
+from atlantis_netcfg.twin.acoustic import EvologicsSpec, SeatracSpec
 
 if TYPE_CHECKING:
     from atlantis_netcfg.probes import Probe, Step
@@ -170,8 +172,8 @@ def test_one_modem_of_the_site_hears_all(shipped: Declaration) -> None:
     questions = {asked(step) for step in steps}
     assert [(one.listen_s, one.address) for one in questions] == [(40.0, "10.64.1.50")]
     for spec, codes in (
-        (EvologicsSpec(hears=(1, 2), fix_every_s=0.5), ["heard", "heard"]),
-        (EvologicsSpec(hears=(2,), fix_every_s=2.0), ["no-fixes", "heard"]),
+        (EvologicsSpec(local_address=9, hears=(1, 2), fix_every_s=0.5), ["heard", "heard"]),
+        (EvologicsSpec(local_address=9, hears=(2,), fix_every_s=2.0), ["no-fixes", "heard"]),
     ):
         twin = twin_of(spec)
         found = []
@@ -217,10 +219,15 @@ def test_anybody_s_fixes_are_enough_where_none_is_named(shipped: Declaration) ->
     changed = having(shipped, "sparus", usbl=UsblEndpoint(driver="evologics"))
     step = at(changed, "sparus", "usbl")[0]
     assert step.probe is not None
-    heard = hear(step.probe, {"10.64.1.22": twin_of(EvologicsSpec(hears=(9, 5), fix_every_s=0.5))})
-    assert [one[1:] for one in told(step.probe.judge(heard))] == [
-        ["heard", "the USBL of Sparus told 2 fixes of the address 5, 14.1 m away"],
-        ["heard", "the USBL of Sparus told 2 fixes of the address 9, 14.1 m away"],
+    heard = hear(step.probe, {"10.64.1.22": twin_of(EvologicsSpec(local_address=2, hears=(9, 5), fix_every_s=0.5))})
+    assert told(step.probe.judge(heard)) == [
+        ["PASS", "heard", "the USBL of Sparus told 2 fixes of the address 5, 14.1 m away"],
+        ["PASS", "heard", "the USBL of Sparus told 2 fixes of the address 9, 14.1 m away"],
+        [
+            "WARN",
+            "whose-unknown",
+            "nobody has declared whom the USBL of Sparus should hear: anybody's fixes count",
+        ],
     ]
 
 
@@ -230,3 +237,111 @@ def test_a_laptop_may_be_where_it_is_asked_from(shipped: Declaration) -> None:
         asked(at(having(shipped, "sparus", acoustic=endpoint, usbl=None), "sparus", "acoustic")[0]).place
         is Place.LAPTOP
     )
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "address", "spec"),
+    [
+        (AcousticEndpoint(driver="evologics"), "10.64.1.22:9200", EvologicsSpec(local_address=9, hears=())),
+        (AcousticEndpoint(driver="seatrac"), "10.64.1.22:9200", SeatracSpec(beacon=9, hears=())),
+    ],
+)
+def test_any_modem_would_do_where_no_address_is_declared(
+    shipped: Declaration, endpoint: AcousticEndpoint, address: str, spec: EvologicsSpec | SeatracSpec
+) -> None:
+    step = at(having(shipped, "sparus", acoustic=endpoint, usbl=None), "sparus", "acoustic")[0]
+    assert step.probe is not None
+    heard = hear(step.probe, {"10.64.1.22": twin_of(spec)})
+    assert [one[:2] for one in told(step.probe.judge(heard))] == [["PASS", "listens"], ["WARN", "whose-unknown"]]
+    message = f"nothing tells whether what answers at {address} is the modem of Sparus"
+    assert told(step.probe.judge(heard))[1][2] == message
+    declared = endpoint.model_copy(update={"acoustic_address": 9})
+    step = at(having(shipped, "sparus", acoustic=declared, usbl=None), "sparus", "acoustic")[0]
+    assert step.probe is not None
+    assert [one[:2] for one in told(step.probe.judge(heard))] == [["PASS", "listens"]]
+
+
+def judged_fixes(shipped: Declaration, spec: EvologicsSpec, **changes: Any) -> list[str]:  # noqa: ANN401 - of a transcript
+    """Codes of what Sparus tells, after a change of when it was heard."""
+    probe = at(shipped, "sparus", "usbl")[0].probe
+    assert probe is not None
+    (question,) = probe.asks()
+    assert isinstance(question, Listen)
+    heard = talk(twin_of(spec), question)
+    return [one.code for one in probe.judge({question.name: replace(heard, **changes)}).findings]
+
+
+TIMED = EvologicsSpec(local_address=2, hears=(1,), fix_every_s=0.5, clock_ahead_s=0.0)
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "codes"),
+    [(0.0, ["heard"]), (-4.0, ["heard"]), (-3600.0, ["clock-differs"]), (86_400.0, ["clock-differs"])],
+)
+def test_a_clock_that_was_set_is_compared_with_ours(shipped: Declaration, ahead_s: float, codes: list[str]) -> None:
+    spec = TIMED.model_copy(update={"clock_ahead_s": ahead_s})
+    assert judged_fixes(shipped, spec, began=time.time()) == codes
+
+
+def test_fixes_that_were_kept_back_are_not_of_now(shipped: Declaration) -> None:
+    """The same lines, all of them at once: the modem's clock goes on by seconds while ours stands still."""
+    probe = at(shipped, "sparus", "usbl")[0].probe
+    assert probe is not None
+    (question,) = probe.asks()
+    assert isinstance(question, Listen)
+    heard = talk(twin_of(TIMED.model_copy(update={"clock_ahead_s": None, "fix_every_s": 2.0})), question)
+    at_once = replace(heard, chunks=((0.1, heard.data),))
+    assert [one.code for one in probe.judge({question.name: heard}).findings] == ["heard"]
+    assert [one.code for one in probe.judge({question.name: at_once}).findings] == ["heard", "out-of-step"]
+
+
+def test_a_log_in_a_loop_tells_what_it_has_told_before(shipped: Declaration) -> None:
+    probe = at(shipped, "zarco", "usbl")[0].probe
+    assert probe is not None
+    (question,) = probe.asks()
+    assert isinstance(question, Listen)
+    heard = talk(twin_of(SeatracSpec(in_water=True, fix_every_s=0.5, fixes=2)), replace(question, listen_s=2.0))
+    (one, then) = (chunk for chunk in heard.chunks if chunk[1].startswith(b"$42"))
+    looped = replace(heard, chunks=(*heard.chunks, (1.5, one[1]), (2.0, then[1])))
+    assert [found.code for found in probe.judge({question.name: heard}).findings] == ["heard"]
+    assert [found.code for found in probe.judge({question.name: looped}).findings] == ["repeated"]
+
+
+def test_nothing_that_is_valid_is_no_fix(shipped: Declaration) -> None:
+    """A response whose flags name neither range nor direction says only that somebody has answered."""
+    probe = at(shipped, "zarco", "usbl")[0].probe
+    assert probe is not None
+    (question,) = probe.asks()
+    assert isinstance(question, Listen)
+    spec = SeatracSpec(in_water=True, hears=())
+    heard = talk(twin_of(spec), question)
+    empty = bytes([0x42]) + bytes([1, 2, 0]) + SeatracSpec().fix(2)[3:16]
+    frame = b"$" + (empty + seatrac.crc16(empty).to_bytes(2, "little")).hex().upper().encode() + b"\r\n"
+    several = replace(heard, chunks=(*heard.chunks, *((heard.ended_s, frame) for _ in range(3))))
+    assert [found.code for found in probe.judge({question.name: several}).findings] == ["no-fixes"]
+
+
+def test_far_away_is_believed_where_the_site_is_declared_that_wide(shipped: Declaration) -> None:
+    far = EvologicsSpec(local_address=2, hears=(1,), fix_every_s=0.5, range_m=5200.0)
+    found = {}
+    for radius_m in (None, 1000.0, 4000.0):
+        site = shipped.sites[SITE]
+        fence = None if radius_m is None else Geofence(latitude=41.6864, longitude=-8.8388, radius_m=radius_m)
+        checklist = site.checklist.model_copy(update={"geofence": fence})
+        sites = {**shipped.sites, SITE: site.model_copy(update={"checklist": checklist})}
+        found[radius_m] = judged_fixes(replace(shipped, sites=sites), far)
+    assert found == {None: ["far-away"], 1000.0: ["too-far"], 4000.0: ["heard"]}
+
+
+def test_an_answer_to_another_ping_is_none_to_ours(shipped: Declaration) -> None:
+    """The vehicle's own software pings as well: its answer came before ours was sent."""
+    (ping,) = [step for step in at(shipped, "zarco", "usbl") if step.name == "ping"]
+    assert ping.probe is not None
+    (question,) = ping.probe.asks()
+    assert isinstance(question, Listen)
+    heard = talk(twin_of(SeatracSpec(in_water=True, hears=())), question)
+    *before, taken, answer = heard.data.splitlines(keepends=True)
+    assert (taken[:3], answer[:3]) == (b"$40", b"$42")
+    earlier = replace(heard, chunks=((0.1, b"".join((*before, answer, taken))),))
+    assert [one.code for one in ping.probe.judge({question.name: heard}).findings] == ["answered"]
+    assert [one.code for one in ping.probe.judge({question.name: earlier}).findings] == ["no-report"]

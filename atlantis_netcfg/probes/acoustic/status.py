@@ -16,7 +16,7 @@ from atlantis_netcfg.probes.acoustic.bands import (
     level_words,
     plain,
 )
-from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
+from atlantis_netcfg.probes.acoustic.trouble import not_understood, said, two_modems, whose_unknown
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.verdicts import Verdict
@@ -64,6 +64,16 @@ class Reading:
     def address(self) -> int | None:
         """Local Address."""
         return self.setting("Local Address", "AT?AL")
+
+    @property
+    def addresses(self) -> frozenset[int]:
+        """Every one that was told and is in force: more than one is two modems at one end."""
+        if self.settings is not None and "Local Address" in self.settings.pending:
+            return frozenset()
+        listed = [evologics.settings((piece,)) for piece in self.heard if piece.command == "AT&V"]
+        queried = [evologics.number(piece.text) for piece in self.heard if piece.command == "AT?AL"]
+        own = [one.values.get("Local Address") for one in listed if one is not None]
+        return frozenset(int(one) for one in (*own, *queried, self.address) if one is not None)
 
     @property
     def level(self) -> int | None:
@@ -130,12 +140,16 @@ class EvologicsStatus:
 
     def _address(self, reading: Reading) -> Iterator[Finding]:
         address, highest = reading.address, reading.setting("Highest Address")
+        if self.declared is None:
+            yield whose_unknown(self.modem, self.name)
         if address is None:
             if self.declared is not None:
                 message = f"the modem of {self.name} does not tell its address; {self.declared} is declared"
                 hint = "check again: what does not answer in time is left out"
                 yield Finding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
             return
+        if len(reading.addresses) > 1:
+            yield two_modems(self.modem, self.name, reading.addresses)
         if self.declared is not None and address != self.declared:
             message = f"the modem of {self.name} has the acoustic address {address}, and {self.declared} is declared"
             hint = "have its crew set the address, or correct `acoustic_address` in the declaration"
