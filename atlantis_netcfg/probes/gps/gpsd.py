@@ -43,7 +43,7 @@ class _Reading:
     opened: dict[str, bool] | None = None
     version: str = ""
     satellites: dict[str, int] = field(default_factory=dict)
-    """Used, by receiver; only of those whose satellites gpsd sees at all."""
+    """Used at most, by receiver; only of those whose satellites gpsd sees at all."""
     hdop: dict[str, float] = field(default_factory=dict)
     complaints: list[str] = field(default_factory=list)
     understood: bool = False
@@ -86,7 +86,7 @@ class _Reading:
             used = sum(isinstance(one, dict) and one.get("used") is True for one in seen)
         # Of a receiver that tells no satellites gpsd says that 0 of 0 are used: nothing follows from that.
         if used is not None and abs(used) < _MANY and (used or in_view or seen):
-            self.satellites[device] = int(used)
+            self.satellites[device] = max(int(used), self.satellites.get(device, 0))
         if hdop is not None:
             self.hdop[device] = hdop
 

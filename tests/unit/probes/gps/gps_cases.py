@@ -64,7 +64,7 @@ LIES = (
         "gpsd, satellites in view and none used",
         GPSD,
         heard(gpsd(*fixes(5), sky={**SKY, "uSat": 0})),
-        ("FAIL no-satellites: Sparus's receiver claims a fix of 0 satellites: 3 are the fewest",),
+        ("WARN no-satellites: Sparus's receiver claims a fix of 0 satellites: 3 are the fewest",),
     ),
     Case(
         "gpsd, a receiver that tells no satellites",
