@@ -751,9 +751,9 @@ FIXES: Mapping[str, tuple[frozenset[str], Callable[[Random, Modem], Modem]]] = {
 
 
 def _stretched(fixes: Sequence[Sound]) -> list[Sound]:
-    """The clock goes on by at least three seconds from one to the next."""
+    """The clock goes on by six seconds from one to the next."""
     first = fixes[0].clock_s
-    return [replace(fix, clock_s=first + 3 * n, measured_s=first + 3 * n - 0.3) for n, fix in enumerate(fixes)]
+    return [replace(fix, clock_s=first + 6 * n, measured_s=first + 6 * n - 0.3) for n, fix in enumerate(fixes)]
 
 
 def _cut(one: Modem) -> bytes:

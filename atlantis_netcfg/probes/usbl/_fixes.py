@@ -44,8 +44,6 @@ _ACCURACY_POOR, _ACCURACY_NONE = 0.5, math.pi / 2
 """In radians; from a right angle on the fix does not even tell the side."""
 _SIGNAL_NONE_DB = -200.0
 _FUTURE_S = 0.5
-_STEP_S = 2.0
-"""The modem's clock and ours may drift apart by so much while fixes come: networks hold lines back."""
 _SINCE_1970_S = 1e9
 """A clock that shows more was set to the time of day; others count from when the modem was switched on."""
 _NOBODY = "let the other modem ping or send, with both in the water, and listen again; silence proves nothing"
@@ -378,9 +376,9 @@ class Fixes:
         yield from _quality(self._who, remote, last)
 
     def _out_of_step(self, fixes: tuple[Told, ...]) -> Iterator[Finding]:
-        """Whether the modem's clock and ours go alike: what was kept back or recorded comes at another pace."""
+        """Whether the modem's clock and ours go alike: what was kept back for too long, or recorded, does not."""
         apart = [fix.clock_s - fix.came for fix in fixes if fix.clock_s is not None]
-        if apart and max(apart) - min(apart) > _STEP_S:
+        if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
             message = f"the clock of {self._who} and ours move apart by {far_s:.0f} s while fixes come"
             hint = f"listen again: fixes that were kept back come at once; if it stays so: {_REPLAY}"

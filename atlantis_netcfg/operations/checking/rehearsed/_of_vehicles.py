@@ -72,7 +72,7 @@ _ACOUSTIC = {
     ),
     "modem-twice": Fault(
         "the modem of Sparus has the acoustic address of Girona 500",
-        ("sparus/acoustic", "girona500/acoustic/fleet"),
+        ("sparus/acoustic", "girona500/acoustic/fleet", "sparus/usbl"),
         _modem("sparus", local_address=1),
     ),
     "modem-packet-time": Fault(

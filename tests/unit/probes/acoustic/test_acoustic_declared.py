@@ -289,8 +289,8 @@ def test_fixes_that_were_kept_back_are_not_of_now(shipped: Declaration) -> None:
     assert probe is not None
     (question,) = probe.asks()
     assert isinstance(question, Listen)
-    heard = talk(twin_of(TIMED.model_copy(update={"clock_ahead_s": None, "fix_every_s": 2.0})), question)
-    at_once = replace(heard, chunks=((0.1, heard.data),))
+    heard = talk(twin_of(TIMED.model_copy(update={"clock_ahead_s": None, "fix_every_s": 6.0})), question)
+    at_once = replace(heard, chunks=((heard.ended_s, heard.data),))
     assert [one.code for one in probe.judge({question.name: heard}).findings] == ["heard"]
     assert [one.code for one in probe.judge({question.name: at_once}).findings] == ["heard", "out-of-step"]
 
