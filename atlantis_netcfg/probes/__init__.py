@@ -9,9 +9,20 @@ thing is.
 
 from __future__ import annotations
 
-from atlantis_netcfg.probes.answers import Answer, Looked, Offer, Offered, Proved, Ran, Rows, Transcript, Trouble
+from atlantis_netcfg.probes.answers import (
+    Answer,
+    Discovered,
+    Looked,
+    Offer,
+    Offered,
+    Proved,
+    Ran,
+    Rows,
+    Transcript,
+    Trouble,
+)
 from atlantis_netcfg.probes.cell import SITE, Cell
-from atlantis_netcfg.probes.questions import Ask, Listen, Look, Place, Probing, Prove, Question, Run, Say
+from atlantis_netcfg.probes.questions import Ask, Discover, Listen, Look, Place, Probing, Prove, Question, Run, Say
 from atlantis_netcfg.probes.step import Consent, Judged, Probe, Step
 
 __all__ = [
@@ -20,6 +31,8 @@ __all__ = [
     "Ask",
     "Cell",
     "Consent",
+    "Discover",
+    "Discovered",
     "Judged",
     "Listen",
     "Look",

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
 
-__all__ = ["Answer", "Looked", "Offer", "Offered", "Proved", "Ran", "Rows", "Transcript", "Trouble"]
+__all__ = ["Answer", "Discovered", "Looked", "Offer", "Offered", "Proved", "Ran", "Rows", "Transcript", "Trouble"]
 
 
 class Trouble(StrEnum):
@@ -48,6 +48,8 @@ class Transcript:
     """Seconds since 1970 by the clock of the computer that listened."""
     ended_s: float = 0.0
     """When the listening ended, seconds since `began`."""
+    senders: tuple[str, ...] = ()
+    """Of UDP: the address that each of `chunks` came from; empty: nobody has looked, or it is no UDP."""
 
     @property
     def data(self) -> bytes:
@@ -131,4 +133,16 @@ class Offered:
     offers: tuple[Offer, ...] = ()
 
 
-Answer = Transcript | Ran | Rows | Looked | Proved | Offered
+@dataclass(frozen=True, slots=True)
+class Discovered:
+    """What DDS participants have sent to one that announced itself; nothing without trouble: nobody answered."""
+
+    trouble: Trouble | None
+    words: str = ""
+    prefix: bytes = b""
+    """Identity of the one that announced itself, made up anew each time (GUID prefix, DDSI-RTPS 9.3.1)."""
+    datagrams: tuple[tuple[str, bytes], ...] = ()
+    """Address of the sender, and the message."""
+
+
+Answer = Transcript | Ran | Rows | Looked | Proved | Offered | Discovered

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.query import Query
 
-__all__ = ["Ask", "Listen", "Look", "Place", "Probing", "Prove", "Question", "Run", "Say"]
+__all__ = ["Ask", "Discover", "Listen", "Look", "Place", "Probing", "Prove", "Question", "Run", "Say"]
 
 
 class Place(StrEnum):
@@ -73,17 +73,35 @@ class Run:
     place: Place
     argv: tuple[str, ...]
     within_s: float = 20.0
+    turn: str = ""
+    """Questions with the same word are asked one after another, in the order of the items."""
 
 
 @dataclass(frozen=True, slots=True)
 class Probing:
-    """Ask a segment for the DHCP servers on it: one DISCOVER is broadcast, every OFFER is kept, none is taken."""
+    """Ask a segment for the DHCP servers on it: DISCOVER is broadcast, every OFFER is kept, and none is taken."""
 
     name: str
     place: Place
     interface: str
     """Its name, or an address: then the interface that has that address, since few sites declare a name."""
     within_s: float = 8.0
+    cards: tuple[str, ...] = ()
+    """In whose name it is asked besides: a server may answer only those that it knows. Of the interface, always."""
+
+
+@dataclass(frozen=True, slots=True)
+class Discover:
+    """Ask for the DDS participants at an address of the computer that asks: one without topics comes, and leaves."""
+
+    name: str
+    place: Place
+    address: str
+    """Where others of the pilot look for them."""
+    domain: int
+    ports: tuple[int, ...]
+    """Where they hear announcements."""
+    within_s: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,4 +132,4 @@ class Prove:
     place: Literal[Place.ROUTER] = Place.ROUTER
 
 
-Question = Listen | Run | Probing | Ask | Look | Prove
+Question = Listen | Run | Probing | Discover | Ask | Look | Prove

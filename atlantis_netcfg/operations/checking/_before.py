@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.probes import Ask, Listen, Probing, Run
+from atlantis_netcfg.probes import Ask, Discover, Listen, Probing, Run
 from atlantis_netcfg.probes.programs import allowed
 from atlantis_netcfg.probes.sayings import refused
 from atlantis_netcfg.report.checklist import Kind
@@ -41,9 +41,9 @@ def _unfit(entry: Entry, question: Question) -> str | None:
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
         return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is Kind.ACTIVE)
-    if isinstance(question, Probing) and question.within_s > _LONGEST_S:
+    if isinstance(question, Probing | Discover) and question.within_s > _LONGEST_S:
         return "it would take too long"
-    return None
+    return _foreign(entry.cell, question) if isinstance(question, Discover) else None
 
 
 def _reads(query: Query) -> bool:
@@ -62,6 +62,15 @@ def _elsewhere(cell: Cell, listen: Listen) -> str | None:
     if listen.transport == "udp" and listen.port not in set(_of_endpoints(cell, "port")):
         return f"the UDP port {listen.port} is not declared"
     return None
+
+
+def _foreign(cell: Cell, question: Discover) -> str | None:
+    """Participants are looked for at an address of the asking computer itself, in the declared domain."""
+    own = cell.gateway.device if cell.gateway is not None else None
+    if question.address not in {str(getattr(own, name, None)) for name in ("address", "vpn_address")}:
+        return f"the address {question.address} is not that of the gateway computer of {cell.site}"
+    dds = cell.declaration.pilot.dds
+    return None if dds is not None and dds.domain == question.domain else "it is not the declared domain of DDS"
 
 
 def _addresses(cell: Cell) -> Iterator[object]:

@@ -12,7 +12,7 @@ from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
 from atlantis_netcfg.operations.proving import previews as proof_previews
 from atlantis_netcfg.operations.proving import satellite_of
 from atlantis_netcfg.operations.request import Mode
-from atlantis_netcfg.probes import Ask, Listen, Look, Place, Prove, Run
+from atlantis_netcfg.probes import Ask, Discover, Listen, Look, Place, Prove, Run
 from atlantis_netcfg.probes.ear import batch, program
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ _LEAST: Final = 4_096
 """For what a device answers when it is asked."""
 _RAN: Final = 1_500
 """What a reading program prints."""
+_PARTICIPANTS: Final = 3_000
+"""What three DDS participants answer."""
 _ROUND_TRIPS: Final = 8
 _PACKED: Final = 1.4
 """JSON around what was heard; SSH packs it again, which is not counted on."""
@@ -118,4 +120,4 @@ def _most(listen: Listen) -> int:
 def _answer(question: object) -> int:
     if isinstance(question, Listen):
         return _most(question)
-    return _RAN if isinstance(question, Run) else 500
+    return _RAN if isinstance(question, Run) else _PARTICIPANTS if isinstance(question, Discover) else 500

@@ -36,7 +36,7 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     heard: Heard,
     ssh_config: str | None = None,
 ) -> Mapping[str, Answer]:
-    """Ask Listen, Run and Probing on a gateway; what cannot be asked answers NO_PLACE. Raises CostRefused."""
+    """Ask a gateway by the program that listens; what cannot be asked answers NO_PLACE. Raises CostRefused."""
     try:
         way = way_in(declaration, host, request, ssh_config)
     except NotReached as why:

@@ -21,7 +21,7 @@ _GRACE_S = 15.0
 
 
 async def ask_here(questions: Asked, heard: Heard, before: Sequence[str] = ()) -> Mapping[str, Answer]:
-    """Ask Listen, Run and Probing on this computer; `before`: words of a program that starts the one that listens.
+    """Ask this computer by the program that listens; `before`: words of a program that starts it.
 
     What cannot be asked answers NO_PLACE.
     """

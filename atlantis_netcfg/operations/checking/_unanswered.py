@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.probes import (
     Ask,
+    Discover,
+    Discovered,
     Listen,
     Look,
     Looked,
@@ -32,6 +34,7 @@ _ANSWERS: Mapping[type, type[Answer]] = {
     Listen: Transcript,
     Run: Ran,
     Probing: Offered,
+    Discover: Discovered,
     Ask: Rows,
     Look: Looked,
     Prove: Proved,

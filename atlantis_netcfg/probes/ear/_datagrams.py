@@ -33,6 +33,7 @@ def udp(question: dict[str, Any], sound: Sound) -> None:
                 return
             port.settimeout(left)
             try:
-                sound.add(port.recv(_LONGEST))
+                data, source = port.recvfrom(_LONGEST)
+                sound.add(data, source[0])
             except socket.timeout:
                 return

@@ -1,9 +1,10 @@
-"""Which DHCP servers answer on a segment: one DISCOVER is broadcast, every OFFER is kept, nothing is requested.
+"""Which DHCP servers answer on a segment: DISCOVER is broadcast, every OFFER is kept, and nothing is requested.
 
 Without a REQUEST no server leases anything (RFC 2131, 3.1), though it may keep the address that it offers free for some
-seconds or minutes. The question bears the interface's own MAC address, so that a server that knows this computer offers
-what it has anyway, and none takes a second address out of its pool; transaction numbers are random. It is sent as a
-frame, from 0.0.0.0: the interface keeps its address, and a DHCP client of the system is not disturbed.
+seconds or minutes. A server may answer only cards that it knows, or only those that it does not: it is asked in the
+name of the interface, of one card that nobody has, the same each time, and of those that are named; the numbers of
+questions are random, so that nobody takes an answer for its own. Frames come from this very card, which is all that
+switches learn, and from 0.0.0.0: the interface keeps its address, and a DHCP client of the system is not disturbed.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ _COOKIE = b"\x63\x82\x53\x63"
 _DISCOVER, _OFFER = 1, 2
 _ROUTER, _TYPE, _SERVER, _WANTED = 3, 53, 54, 55
 _BROADCAST = b"\xff" * 6
+_ROUNDS = 2
 
 
 def probing(question: dict[str, Any]) -> dict[str, Any]:
@@ -38,8 +40,13 @@ def probing(question: dict[str, Any]) -> dict[str, Any]:
             mac, number = wire.getsockname()[4], os.urandom(4)
             if len(mac) != len(_BROADCAST):
                 raise NoAnswer("missing", f"{name} is no Ethernet")
-            wire.send(_frame(mac, number))
-            offers = _offers(wire, mac, number, time.monotonic() + question["within_s"])
+            named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
+            cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
+            offers: list[dict[str, str | None]] = []
+            for _ in range(_ROUNDS):  # a frame may be lost
+                for card in cards:
+                    wire.send(_frame(mac, card, number))
+                _listen(wire, cards, number, time.monotonic() + question["within_s"] / _ROUNDS, offers)
     except PermissionError:
         raise NoAnswer("denied", "only root may ask a segment for its DHCP servers") from None
     except OSError as error:
@@ -58,10 +65,15 @@ def _interface(word: str) -> str:
     raise NoAnswer("missing", f"this computer has no interface {word}")
 
 
-def _frame(mac: bytes, number: bytes) -> bytes:
+def _nobody(mac: bytes) -> bytes:
+    """A card of local administration (IEEE 802) that is no other computer's."""
+    return bytes([mac[0] & 0xFC | 2, *mac[1:5], mac[5] ^ 0x55])
+
+
+def _frame(mac: bytes, card: bytes, number: bytes) -> bytes:
     """Ethernet, IP, UDP without a checksum, BOOTP with its options (RFC 2131, 2; RFC 2132, 9.6 and 9.8)."""
     # The broadcast flag: the answer comes to everybody, since nobody has the offered address.
-    bootp = struct.pack("!4B4sHH16x6s10x192x", 1, 1, 6, 0, number, 0, 0x8000, mac)
+    bootp = struct.pack("!4B4sHH16x6s10x192x", 1, 1, 6, 0, number, 0, 0x8000, card)
     options = bytes([_TYPE, 1, _DISCOVER, _WANTED, 3, 1, _ROUTER, 51, 255])
     body = (bootp + _COOKIE + options).ljust(300, b"\0")
     udp = struct.pack("!4H", 68, 67, 8 + len(body), 0) + body
@@ -77,28 +89,29 @@ def _checksum(header: bytes) -> int:
     return ~total & 0xFFFF
 
 
-def _offers(wire: socket.socket, mac: bytes, number: bytes, ends: float) -> list[dict[str, str | None]]:
-    found: list[dict[str, str | None]] = []
+def _listen(
+    wire: socket.socket, cards: list[bytes], number: bytes, ends: float, found: list[dict[str, str | None]]
+) -> None:
     while True:
         left = ends - time.monotonic()
         if left <= 0:
-            return found
+            return
         wire.settimeout(left)
         try:
             frame, where = wire.recvfrom(65535)
         except socket.timeout:
-            return found
-        offer = None if where[2] == _OUTGOING else _offer(frame, mac, number)
+            return
+        offer = None if where[2] == _OUTGOING else _offer(frame, cards, number)
         if offer is not None and offer not in found:
             found.append(offer)
 
 
-def _offer(frame: bytes, mac: bytes, number: bytes) -> dict[str, str | None] | None:
+def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | None] | None:
     """Read a frame; None if it is no offer to our question."""
     head = 14 + (frame[14] & 15) * 4 if len(frame) > 14 else 0  # noqa: PLR2004 - Ethernet's header
     bootp = frame[head + 8 :]
     to_client = frame[23:24] == bytes([_UDP]) and frame[head + 2 : head + 4] == b"\0\x44"
-    if not to_client or bootp[:1] != b"\2" or bootp[4:8] != number or bootp[28:34] != mac:
+    if not to_client or bootp[:1] != b"\2" or bootp[4:8] != number or bootp[28:34] not in cards:
         return None
     options = _options(bootp[240:]) if bootp[236:240] == _COOKIE else {}
     if options.get(_TYPE) != bytes([_OFFER]):

@@ -17,6 +17,7 @@ from typing import Any, Callable
 from atlantis_netcfg.probes.ear._datagrams import udp
 from atlantis_netcfg.probes.ear._dhcp import probing
 from atlantis_netcfg.probes.ear._programs import end_all, run
+from atlantis_netcfg.probes.ear._rtps import discover
 from atlantis_netcfg.probes.ear._serial import serial
 from atlantis_netcfg.probes.ear._shared import NoAnswer, Sound
 from atlantis_netcfg.probes.ear._streams import tcp
@@ -27,7 +28,7 @@ _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""
 _GONE = ("silent", "unreachable")
 _STREAMS: dict[str, Callable[[dict[str, Any], Sound], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
-_OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing}
+_OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing, "dds": discover}
 
 
 class _Asked(threading.Thread):

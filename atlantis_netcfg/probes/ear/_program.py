@@ -13,7 +13,7 @@ __all__ = ["BOOT", "MODULES", "program"]
 
 BOOT = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
 """What `python3 -I -c` gets; the rest comes by its standard input."""
-MODULES = ("_shared", "_streams", "_datagrams", "_serial", "_programs", "_dhcp", "_ear")
+MODULES = ("_shared", "_streams", "_datagrams", "_serial", "_programs", "_dhcp", "_rtps", "_ear")
 """In the order in which they import each other."""
 _PACKAGE = "atlantis_netcfg.probes.ear"
 _LOADER = """

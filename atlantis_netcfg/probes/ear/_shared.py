@@ -59,6 +59,7 @@ class Sound:
     def __init__(self, max_bytes: int) -> None:
         self.began = time.time()
         self.chunks: list[tuple[float, bytes]] = []
+        self.senders: list[str] = []
         self.data = bytearray()
         self.closed = False
         self.words = ""
@@ -76,12 +77,13 @@ class Sound:
         """Whether no more is kept."""
         return self._left <= 0
 
-    def add(self, data: bytes) -> None:
-        """Keep what came now, as far as there is room."""
+    def add(self, data: bytes, sender: str = "") -> None:
+        """Keep what came now, as far as there is room; `sender`: address that a datagram came from."""
         kept = data[: self._left]
         self._left -= len(kept)
         if kept:
             self.chunks.append((round(self.seconds, 3), kept))
+            self.senders += [sender] if sender else []
             self.data += kept
         if self.full:
             self.words = f"cut after {len(self.data)} bytes"
@@ -92,6 +94,7 @@ class Sound:
             "trouble": self.trouble,
             "words": self.words,
             "chunks": [[at, packed(data)] for at, data in self.chunks],
+            **({"senders": self.senders} if self.senders else {}),
             "began": self.began,
             "ended_s": round(self.seconds, 3),
         }

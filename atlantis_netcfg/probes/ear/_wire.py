@@ -6,8 +6,8 @@ from base64 import b64decode
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
 
-from atlantis_netcfg.probes.answers import Offer, Offered, Ran, Transcript, Trouble
-from atlantis_netcfg.probes.questions import Listen, Probing, Run
+from atlantis_netcfg.probes.answers import Discovered, Offer, Offered, Ran, Transcript, Trouble
+from atlantis_netcfg.probes.questions import Discover, Listen, Probing, Run
 
 if TYPE_CHECKING:
     from atlantis_netcfg.probes.answers import Answer
@@ -60,10 +60,14 @@ def heard(told: Mapping[str, Any], question: Question, asked: float, now: float)
     words = str(told["words"])
     if isinstance(question, Listen):
         chunks = tuple((at, _bytes(data)) for at, data in told.get("chunks", ()))
-        return Transcript(trouble, words, chunks, told.get("began", 0.0), told.get("ended_s", 0.0))
+        times = (told.get("began", 0.0), told.get("ended_s", 0.0))
+        return Transcript(trouble, words, chunks, *times, tuple(told.get("senders", ())))
     if isinstance(question, Run):
         said = {name: told[name] for name in ("rc", "out", "err", "began") if name in told}
         return Ran(trouble, words, **said, asked=asked, heard=now)
+    if isinstance(question, Discover):
+        datagrams = tuple((source, _bytes(data)) for source, data in told.get("datagrams", ()))
+        return Discovered(trouble, words, bytes.fromhex(told.get("prefix", "")), datagrams)
     return Offered(trouble, words, tuple(_offers(told.get("offers", ()))))
 
 
@@ -77,9 +81,10 @@ def _bytes(packed: str | list[str]) -> bytes:
 
 def _wants(question: Question) -> set[object]:
     """What only one question at a time can have; a port that serves one client would turn the second away."""
+    word = question.turn if isinstance(question, Listen | Run) else ""
+    turn: set[object] = {("turn", word)} if word else set()
     if not isinstance(question, Listen):
-        return set()
-    turn: set[object] = {("turn", question.turn)} if question.turn else set()
+        return turn
     if question.transport == "serial":
         return {question.device, *turn}
     return {(question.transport, question.address if question.transport == "tcp" else "", question.port), *turn}
@@ -89,7 +94,7 @@ def _patience_s(question: Question) -> float:
     """How long it takes at most."""
     if isinstance(question, Listen):
         return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
-    if isinstance(question, Run):
+    if isinstance(question, Run | Discover):
         return question.within_s
     if isinstance(question, Probing):
         return question.within_s + _DHCP_EXTRA_S
@@ -112,5 +117,9 @@ def _row(question: Question) -> dict[str, Any]:
         }
     if isinstance(question, Run):
         return {"kind": "run", "argv": list(question.argv), "within_s": question.within_s}
+    if isinstance(question, Discover):
+        there = {"address": question.address, "domain": question.domain, "ports": list(question.ports)}
+        return {"kind": "dds", **there, "within_s": question.within_s}
     assert isinstance(question, Probing)  # noqa: S101 - `_patience_s` has refused all others
-    return {"kind": "dhcp", "interface": question.interface, "within_s": question.within_s}
+    segment = {"interface": question.interface, "cards": list(question.cards)}
+    return {"kind": "dhcp", **segment, "within_s": question.within_s}

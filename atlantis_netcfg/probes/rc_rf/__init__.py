@@ -32,7 +32,8 @@ def steps(cell: Cell) -> tuple[Step, ...]:
 def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
     place = cell.place(endpoint.seen_from)
     gateway = cell.gateway.name if place is Place.GATEWAY and cell.gateway is not None else ""
-    wanted = Wanted(cell.name, gateway or "this computer", endpoint.port, endpoint.system_id, endpoint.rssi_low)
+    place_name, address = gateway or "this computer", cell.address(endpoint.address)
+    wanted = Wanted(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
     concerns = (gateway,) if gateway else ()
     return (
         Step(

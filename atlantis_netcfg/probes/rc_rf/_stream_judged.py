@@ -1,26 +1,32 @@
-"""What holds for every listening: a stream comes, from the right vehicle, and that vehicle is not armed."""
+"""What holds for every listening: a stream comes, now, from the right vehicle's autopilot, which is not armed."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.probes.answers import Trouble
+from atlantis_netcfg.probes.rc_rf.stream import System
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.probes.answers import Transcript
     from atlantis_netcfg.probes.rc_rf.stream import Heard
     from atlantis_netcfg.probes.rc_rf.wanted import Wanted
 
-__all__ = ["armed", "unusable"]
+__all__ = ["armed", "doubts", "unusable"]
 
 _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
+APART_S = 60.0
+"""Clocks of an autopilot and of who listens: a live stream is not so far off."""
 
 
 def armed(heard: Heard, wanted: Wanted) -> Finding | None:
     """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
-    hot = [number for number in heard.autopilots if any(beat.armed for beat in heard.systems[number].beats)]
+    hot = [number for number, system in heard.systems.items() if system.armed]
     if not hot:
         return None
     who = wanted.name if wanted.system_id in hot else f"system {hot[0]}"
@@ -37,9 +43,53 @@ def unusable(answer: Transcript, heard: Heard, wanted: Wanted) -> Finding | None
     if not heard.good:
         message = f"what arrives at {wanted.end} is not MAVLink: {heard.heard_bytes} bytes, no whole frame among them"
         return Finding(_FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded")
-    if wanted.system_id not in heard.autopilots:
-        return _absent(heard, wanted)
-    return None
+    system = heard.systems.get(wanted.system_id, System())
+    return None if system.beats else _absent(heard, system, wanted)
+
+
+def doubts(heard: Heard, wanted: Wanted) -> Iterator[Finding]:
+    """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
+    system = heard.systems[wanted.system_id]
+    if wanted.address is None:
+        came = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
+        message = f"nobody has declared from which address the stream of {wanted.name} comes; {came}"
+        hint = "write `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
+        yield Finding(_INCONCLUSIVE, "sender-unknown", message, hint)
+    if system.overrides:
+        message = f"a ground station sends channels to {wanted.name} in place of its remote control"
+        hint = "switch the joystick of the ground station off, then repeat this item"
+        yield Finding(_INCONCLUSIVE, "overridden", message, hint)
+    apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
+    if apart:
+        word = "ahead" if apart[0] > 0 else "old"
+        message = f"by its own clock the stream of {wanted.name} is {abs(apart[0]) / 60:.0f} min {word}"
+        hint = f"is a recorded flight played at {wanted.end}? If it is live, look at the clocks of both"
+        yield Finding(_INCONCLUSIVE, "of-another-time", message, hint)
+    yield from _flow(system, heard, wanted)
+
+
+def _flow(system: System, heard: Heard, wanted: Wanted) -> Iterator[Finding]:
+    """The autopilot counts the time, and that count goes on as fast as time does."""
+    told = system.channels
+    if not told:
+        return
+    if len(told) == 1:
+        message = (
+            f"{wanted.name}'s channels came once within {heard.ended_s:.0f} s: whether they are alive is not known"
+        )
+        yield Finding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
+        return
+    counts = [one.boot_ms / 1000 for one in told]
+    passed, went = told[-1].at_s - told[0].at_s, counts[-1] - counts[0]
+    back = any(after < before - 1 for before, after in pairwise(counts))
+    if len(set(counts)) == 1:
+        message = f"the same channels of {wanted.name} came {len(told)} times: its autopilot's count stands still"
+        hint = "something repeats one message: look at what forwards the stream, and at the autopilot"
+        yield Finding(_FAIL, "frozen", message, hint)
+    elif back or not passed / 2 - 1 <= went <= passed * 2 + 2:
+        message = f"{wanted.name}'s autopilot has counted {went:.0f} s in {passed:.0f} s: what comes is not of now"
+        hint = f"is a recorded flight played at {wanted.end}? Else the autopilot was restarted: repeat this item"
+        yield Finding(_INCONCLUSIVE, "not-live", message, hint)
 
 
 def _silent(heard: Heard, wanted: Wanted) -> Finding:
@@ -68,7 +118,19 @@ def _unheard(answer: Transcript, wanted: Wanted) -> Finding:
     return Finding(_INCONCLUSIVE, "not-heard", message, f"look at {wanted.place}, then repeat this item")
 
 
-def _absent(heard: Heard, wanted: Wanted) -> Finding:
+def _absent(heard: Heard, system: System, wanted: Wanted) -> Finding:
+    if system.senders:
+        came = ", ".join(system.senders)
+        message = f"system {wanted.system_id} is heard from {came}, and {wanted.name} has {wanted.address}"
+        hint = (
+            "another vehicle may have this system id; if another computer forwards it, write `endpoints.rc_rf.address`"
+        )
+        return Finding(_INCONCLUSIVE, "other-sender", message, hint)
+    if system.components:
+        found = ", ".join(map(str, system.components))
+        message = f"of system {wanted.system_id} component {found} is heard, and not its autopilot, which is 1"
+        hint = "let its people forward what the autopilot itself sends; a camera or a computer beside it proves nothing"
+        return Finding(_INCONCLUSIVE, "other-component", message, hint)
     if heard.autopilots:
         found = ", ".join(map(str, heard.autopilots))
         message = f"{wanted.name} should be system {wanted.system_id}, and what is heard is system {found}"

@@ -31,6 +31,8 @@ def _seen(heard: Heard, wanted: Wanted) -> Iterator[Evidence]:
     listed = ", ".join(map(str, heard.autopilots)) or "none"
     yield Evidence(type=_READ, what="system ids with an autopilot", value=listed)
     system = heard.systems.get(wanted.system_id, System())
+    if any(system.senders):
+        yield Evidence(type=_MEASURED, what="its stream comes from", value=", ".join(system.senders))
     if system.beats:
         state = "armed" if any(beat.armed for beat in system.beats) else "disarmed"
         yield Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")

@@ -56,7 +56,7 @@ def _alive(heard: Heard, system: System, wanted: Wanted) -> Iterator[Finding]:
             message,
             "look at the remote control's receiver and its cable to the autopilot",
         )
-    if not last.count:
+    if not last.count or all(value is None for value in last.values):
         message = f"{wanted.name}'s autopilot sees no channel of the remote control"
         yield Finding(
             Verdict.FAIL,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import correlation
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
@@ -20,6 +21,8 @@ MOVED_US = 100
 """More than noise and trims: a tenth of a stick's way."""
 AXES = 4
 """Of two sticks."""
+AS_ONE = 0.98
+"""From this correlation on two channels are one movement; a hand does not hold two axes so well together."""
 NEEDED = 3
 """Fewer sets of channels say nothing of a movement."""
 
@@ -51,7 +54,25 @@ def judge_moved(heard: Heard, wanted: Wanted) -> Finding:
         hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
         return Finding(Verdict.FAIL, "no-movement", message, hint)
     listed = ", ".join(map(str, moved))
-    if len(moved) < AXES:
+    axes = [number for number in moved if number <= AXES]
+    if len(axes) < AXES:
         message = f"channels that moved: {listed}; two sticks have {AXES} axes"
         return Finding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
+    if _as_one(channels, axes):
+        message = (
+            f"channels {', '.join(map(str, axes))} of {wanted.name} move as one, which two sticks in circles do not"
+        )
+        hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
+        return Finding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
     return Finding(Verdict.PASS, "moved", f"{wanted.name}'s channels follow the sticks: {listed}")
+
+
+def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
+    """Whether every axis follows the first, the same way or the other."""
+    rows = [[one.values[axis - 1] for axis in axes] for one in channels if one.count >= max(axes)]
+    whole = [values for row in rows if len(values := tuple(one for one in row if one is not None)) == len(axes)]
+    ways = [*zip(*whole, strict=True)] if len(whole) >= NEEDED else []
+    if not ways or any(len({*way}) == 1 for way in ways):
+        return True  # they were never seen to move beside each other
+    first, *others = ways
+    return all(abs(correlation(first, other)) >= AS_ONE for other in others)

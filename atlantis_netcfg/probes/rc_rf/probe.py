@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.probes.answers import Transcript
 from atlantis_netcfg.probes.questions import Listen, Place, Question
-from atlantis_netcfg.probes.rc_rf._stream_judged import armed, unusable
+from atlantis_netcfg.probes.rc_rf._stream_judged import armed, doubts, unusable
 from atlantis_netcfg.probes.rc_rf.evidence import evidence, movement
 from atlantis_netcfg.probes.rc_rf.judge import judge
 from atlantis_netcfg.probes.rc_rf.moved import judge_moved
@@ -74,10 +74,12 @@ def _judged(
     moved: bool = False,
 ) -> Judged:
     assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
-    stream = read(answer)
+    stream = read(answer, wanted.address)
     hot, silent = armed(stream, wanted), unusable(answer, stream, wanted)
+    first = () if hot is None else (hot,)
+    if silent is None:
+        first = (*first, *doubts(stream, wanted))
     found = (silent,) if silent is not None else judge_stream(stream, wanted)
-    if hot is not None:
-        found = (hot, *(one for one in found if one.verdict is not Verdict.PASS))
+    found = (*first, *(one for one in found if not first or one.verdict is not Verdict.PASS))
     seen = (*evidence(stream, wanted), *(movement(stream, wanted) if moved else ()))
     return Judged(found, seen)

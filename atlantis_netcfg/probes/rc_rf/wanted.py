@@ -18,6 +18,8 @@ class Wanted:
     port: int
     system_id: int = 1
     rssi_low: int | None = None
+    address: str | None = None
+    """Where its stream comes from; None: nobody has declared it."""
 
     @property
     def end(self) -> str:

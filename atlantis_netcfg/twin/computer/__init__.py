@@ -1,8 +1,8 @@
 """An emulated Linux computer, as far as reading programs tell of it: what `ip`, `iw`, `ping` and others would print.
 
-It stands for the output of the programs that the probes may run, in their exact form, and for the DHCP servers that
-answer on its segments. It has no network: a ping answers as its specification says, and at once. Its specification is
-frozen and healthy by default; a rehearsal breaks things by giving it another one.
+It stands for the output of the programs that the probes may run, in their exact form, for the DHCP servers that answer
+on its segments, and for the DDS participants that run on it. It has no network: a ping answers as its specification
+says, and at once. Its specification is frozen and healthy by default; a rehearsal breaks things by another one.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from atlantis_netcfg.twin.computer._spec import (
     AssociationSpec,
     CertificateSpec,
     ComputerSpec,
+    DdsSpec,
     EchoSpec,
     InterfaceSpec,
     NeighbourSpec,
@@ -31,6 +32,7 @@ __all__ = [
     "CertificateSpec",
     "Computer",
     "ComputerSpec",
+    "DdsSpec",
     "EchoSpec",
     "InterfaceSpec",
     "NeighbourSpec",

@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.computer._clock import chronyc, timedatectl
+from atlantis_netcfg.twin.computer._dds import answers
 from atlantis_netcfg.twin.computer._files import cat, openssl
 from atlantis_netcfg.twin.computer._ip import ip
 from atlantis_netcfg.twin.computer._iw import iw
@@ -46,12 +47,31 @@ class Computer:
             return NOT_FOUND, "", f"sh: 1: {program}: not found\n"
         return _PROGRAMS[program](self, argv)
 
-    def offers(self, interface: str) -> tuple[OfferSpec, ...] | None:
-        """Who answers a DISCOVER on an interface, named by its name or an address of it; None: no such interface."""
+    def offers(self, interface: str, cards: Sequence[str] = ()) -> tuple[OfferSpec, ...] | None:
+        """Who answers a DISCOVER on an interface, named by its name or an address of it; None: no such interface.
+
+        It is asked in the name of the interface, of `cards`, and of one that nobody knows.
+        """
         one = self.spec.interface(interface)
         if one is None and interface[:1].isdigit():
             one = self.spec.holding(interface)
-        return None if one is None else self.spec.dhcp.get(one.name, ()) if one.up else ()
+        if one is None:
+            return None
+        asked = {card.lower() for card in (one.mac or "", *cards)}
+        there = self.spec.dhcp.get(one.name, ()) if one.up else ()
+        return tuple(server for server in there if not server.knows or asked & {card.lower() for card in server.knows})
+
+    def participants(self, domain: int, address: str, asked_by: bytes) -> tuple[tuple[str, bytes], ...] | None:
+        """Address and messages of the DDS participants that answer one who announces itself to an own address.
+
+        None: no interface has this address.
+        """
+        if self.spec.holding(address) is None:
+            return None
+        there = [one for one in self.spec.dds if one.domain == domain]
+        return tuple(
+            (address, message) for number, one in enumerate(there) for message in answers(number, one, asked_by)
+        )
 
 
 _PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], Printed]] = {

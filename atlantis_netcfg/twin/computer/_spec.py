@@ -13,6 +13,7 @@ __all__ = [
     "AssociationSpec",
     "CertificateSpec",
     "ComputerSpec",
+    "DdsSpec",
     "EchoSpec",
     "InterfaceSpec",
     "NeighbourSpec",
@@ -129,6 +130,14 @@ class UdpSpec(_Spec):
     uid: int = 1000
 
 
+class DdsSpec(_Spec):
+    """A DDS participant that answers whoever announces itself to it at an address of the computer."""
+
+    domain: int = Field(default=0, ge=0, le=101)
+    addresses: tuple[str, ...]
+    """At which it says that it is reached: that of the loopback alone is of no use to anybody else."""
+
+
 class OfferSpec(_Spec):
     """What a DHCP server of a segment offers."""
 
@@ -136,6 +145,8 @@ class OfferSpec(_Spec):
     mac: str
     address: str
     router: str | None = None
+    knows: tuple[str, ...] = ()
+    """It answers these cards and nobody else; none: everybody."""
 
 
 class CertificateSpec(_Spec):
@@ -166,6 +177,8 @@ class ComputerSpec(_Spec):
     certificates: dict[str, tuple[CertificateSpec, ...]] = Field(default_factory=dict)
     """Path to the certificates in that file, beside which it has a key of OpenVPN's own."""
     udp: tuple[UdpSpec, ...] = ()
+    dds: tuple[DdsSpec, ...] = ()
+    """Participants that answer; that their ports are bound, `udp` says."""
     dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
     """Interface to the servers that answer on its segment."""
     lacks: tuple[str, ...] = ()

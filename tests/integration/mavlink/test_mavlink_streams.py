@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.probes import Judged
 
 Probe = RcHeard | SticksMoved
-WANTED = Wanted("Stork", "this computer", 0)
+WANTED = Wanted("Stork", "this computer", 0, address="127.0.0.1")
 
 
 def listening(probe: Probe, listen_s: float | None) -> Listen:
@@ -65,14 +65,14 @@ def environment(monkeypatch: pytest.MonkeyPatch) -> None:
 def sender(environment: None) -> Iterator[int]:  # noqa: ARG001
     """An autopilot on pymavlink's own UDP link, which moves its sticks; gives the port to which it sends."""
     port, over = free_port(), threading.Event()
-    link = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", source_system=1, dialect="common")
+    link = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", source_system=1, source_component=1, dialect="common")
 
     def send() -> None:
         for turn in range(1, 600):
             link.mav.heartbeat_send(2, 3, 0x51, 0, 3)
             link.mav.sys_status_send(0x10000, 0x10000, 0x10000, 250, 16200, -1, -1, 0, 0, 0, 0, 0, 0)
-            axes = [1500 + 100 * (turn % 4)] * 4
-            link.mav.rc_channels_send(turn, 8, *axes, *[1500] * 4, *[65535] * 10, 180)
+            axes = [1500 + 100 * ((turn + axis) % 4) for axis in range(4)]
+            link.mav.rc_channels_send(50 * turn, 8, *axes, *[1500] * 4, *[65535] * 10, 180)
             if over.wait(0.05):
                 return
 

@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from atlantis_netcfg.probes.ear._dhcp import _frame, _offer
+from atlantis_netcfg.probes.ear._dhcp import _frame, _nobody, _offer
 
 MAC, NUMBER = b"\x02\x00\x5e\x00\x01\x10", b"\x01\x02\x03\x04"
 SERVER_MAC = b"\x02\x00\x5e\x00\x01\x01"
@@ -29,11 +29,11 @@ TYPE, SERVER, ROUTER = b"\x35\x01\x02", b"\x36\x04\x0a\x40\x01\x01", b"\x03\x08\
 
 
 def test_an_offer() -> None:
-    assert _offer(offer(TYPE, b"\0\0", SERVER, ROUTER), MAC, NUMBER) == OFFER
+    assert _offer(offer(TYPE, b"\0\0", SERVER, ROUTER), [MAC], NUMBER) == OFFER
 
 
 def test_a_server_that_does_not_name_itself_is_known_by_where_it_came_from() -> None:
-    assert _offer(offer(TYPE), MAC, NUMBER) == {**OFFER, "server": "10.64.1.2", "router": None}
+    assert _offer(offer(TYPE), [MAC], NUMBER) == {**OFFER, "server": "10.64.1.2", "router": None}
 
 
 @pytest.mark.parametrize(
@@ -52,18 +52,18 @@ def test_a_server_that_does_not_name_itself_is_known_by_where_it_came_from() -> 
     ids=["ack", "no-type", "of-another", "to-another", "to-a-server", "bootp", "empty", "ones", "zeros"],
 )
 def test_what_is_no_offer_to_us(frame: bytes) -> None:
-    assert _offer(frame, MAC, NUMBER) is None
+    assert _offer(frame, [MAC], NUMBER) is None
 
 
 def test_frames_that_end_early() -> None:
     whole = offer(TYPE, SERVER, ROUTER)
     for length in range(len(whole)):
-        found = _offer(whole[:length], MAC, NUMBER)
+        found = _offer(whole[:length], [MAC], NUMBER)
         assert found is None or found["address"] == "10.64.1.100"
 
 
 def test_the_question() -> None:
-    frame = _frame(MAC, NUMBER)
+    frame = _frame(MAC, MAC, NUMBER)
     assert frame[:14] == b"\xff" * 6 + MAC + b"\x08\x00"
     header = struct.unpack("!10H", frame[14:34])
     total = sum(header)
@@ -75,3 +75,15 @@ def test_the_question() -> None:
     assert bootp[12:28] == b"\0" * 16, "no address is asked for, none is used"
     assert bootp[236:249] == b"c\x82Sc" + b"\x35\x01\x01" + b"\x37\x03\x01\x03\x33" + b"\xff"
     assert len(bootp) == 300
+
+
+def test_a_question_in_the_name_of_another_card_comes_from_this_one() -> None:
+    frame = _frame(MAC, SERVER_MAC, NUMBER)
+    assert (frame[6:12], frame[42 + 28 : 42 + 34]) == (MAC, SERVER_MAC)
+    assert _offer(offer(TYPE, SERVER, ROUTER, mac=SERVER_MAC), [MAC, SERVER_MAC], NUMBER) == OFFER
+
+
+def test_the_card_that_nobody_has_is_one_of_local_administration_and_always_the_same() -> None:
+    nobody = _nobody(MAC)
+    assert nobody == _nobody(MAC) != MAC
+    assert nobody[0] & 3 == 2, "it is a single card's, and no maker's"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.probes import Question
 
-MOST = 8_000
+MOST = 8_500
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
 
 

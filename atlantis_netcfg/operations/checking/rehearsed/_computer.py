@@ -6,12 +6,13 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.gateway.network import gateway_network
-from atlantis_netcfg.site.model import Gateway, VpnServer, WifiRole
+from atlantis_netcfg.site.model import DdsPath, Gateway, VpnServer, WifiRole
 from atlantis_netcfg.twin.computer import (
     AddressSpec,
     AssociationSpec,
     CertificateSpec,
     ComputerSpec,
+    DdsSpec,
     EchoSpec,
     InterfaceSpec,
     UdpSpec,
@@ -55,6 +56,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
             "interfaces": (*computer.interfaces, *radios),
             "files": {**computer.files, **_network(declaration, host)},
             "udp": tuple(_participants(declaration)),
+            "dds": tuple(_answering(declaration, device)),
             "certificates": _identity(host),
             "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), EchoSpec(rtt_ms=2.4))},
         }
@@ -77,6 +79,14 @@ def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
     if declaration.pilot.dds is not None:
         first = 7400 + 250 * declaration.pilot.dds.domain
         yield from (UdpSpec(port=first + offset) for offset in (10, 11))
+
+
+def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
+    """The same process, which says that it is reached where the others of the pilot look for it."""
+    dds = declaration.pilot.dds
+    address = device.address if dds is None or dds.over is DdsPath.LAN else device.vpn_address
+    if dds is not None and address is not None:
+        yield DdsSpec(domain=dds.domain, addresses=(str(address),))
 
 
 def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:

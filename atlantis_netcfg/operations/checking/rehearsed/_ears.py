@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import time
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.operations.checking._laptop import ask_here
 from atlantis_netcfg.operations.checking._unanswered import unanswered
-from atlantis_netcfg.probes import Listen, Offered, Place, Probing, Ran, Run, Trouble
+from atlantis_netcfg.probes import Discover, Discovered, Listen, Offered, Place, Probing, Ran, Run, Transcript, Trouble
 from atlantis_netcfg.probes.answers import Offer
 from atlantis_netcfg.twin.computer import NOT_FOUND
 
@@ -48,8 +49,21 @@ class RehearsedEars:
                 answers[key] = self._answer(question)
                 heard(key, answers[key])
         if streams:
-            answers.update(await ask_here(streams, heard))
+            asked = dict(questions)
+
+            def told(key: str, answer: Answer) -> None:
+                heard(key, self._sent(asked[key], answer))
+
+            ended = await ask_here(streams, told)
+            answers.update({key: self._sent(asked[key], answer) for key, answer in ended.items()})
         return answers
+
+    def _sent(self, question: Question, answer: Answer) -> Answer:
+        """A datagram comes from where the thing would be that its twin stands for."""
+        if not isinstance(answer, Transcript) or not isinstance(question, Listen) or not answer.senders:
+            return answer
+        stand = next(one for one in self.stands if one.means(question))
+        return replace(answer, senders=(stand.address,) * len(answer.senders))
 
     def _moved(self, question: Question) -> Listen | None:
         """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
@@ -65,6 +79,8 @@ class RehearsedEars:
             return self._ran(question, self.computer)
         if isinstance(question, Probing):
             return self._offered(question, self.computer)
+        if isinstance(question, Discover):
+            return self._discovered(question, self.computer)
         return unanswered(question, _NOBODY)
 
     @staticmethod
@@ -77,8 +93,16 @@ class RehearsedEars:
         return Ran(trouble, words, rc, out, err, computer.now, asked, time.time())
 
     @staticmethod
+    def _discovered(question: Discover, computer: Computer) -> Discovered:
+        prefix = os.urandom(12)
+        found = computer.participants(question.domain, question.address, prefix)
+        if found is None:
+            return Discovered(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
+        return Discovered(None, "", prefix, found)
+
+    @staticmethod
     def _offered(question: Probing, computer: Computer) -> Offered:
-        found = computer.offers(question.interface)
+        found = computer.offers(question.interface, question.cards)
         if found is None:
             return Offered(Trouble.MISSING, f"this computer has no interface {question.interface}")
         offers = (Offer(one.server, one.mac.lower(), one.address, one.router) for one in found)

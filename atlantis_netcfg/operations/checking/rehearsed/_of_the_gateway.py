@@ -8,6 +8,7 @@ from atlantis_netcfg.operations.checking.rehearsed._fault import Fault
 from atlantis_netcfg.twin.computer import (
     AddressSpec,
     CertificateSpec,
+    DdsSpec,
     EchoSpec,
     NeighbourSpec,
     OfferSpec,
@@ -163,5 +164,12 @@ FAULTS: Mapping[str, Fault] = {
     "certificate-expired": Fault(
         "the gateway's certificate of the VPN has expired", ("SITE/site/certificates",), _gateway(_expired)
     ),
-    "dds-silent": Fault("nothing speaks DDS on the gateway", ("SITE/site/dds",), _gateway(lambda _: {"udp": ()})),
+    "dds-silent": Fault(
+        "nothing speaks DDS on the gateway", ("SITE/site/dds",), _gateway(lambda _: {"udp": (), "dds": ()})
+    ),
+    "dds-loopback": Fault(
+        "what speaks DDS on the gateway is bound to its loopback (ROS_LOCALHOST_ONLY=1)",
+        ("SITE/site/dds",),
+        _gateway(lambda _: {"dds": (DdsSpec(addresses=("127.0.0.1",)),)}),
+    ),
 }

@@ -25,7 +25,7 @@ class Stand:
 
     transport: str
     address: str = ""
-    """Of a TCP service."""
+    """Of a TCP service, or that datagrams come from."""
     port: int = 0
     device: str = ""
     """Of a serial port."""
@@ -77,4 +77,4 @@ def _modem(stack: ExitStack, one: Modem) -> Stand:
 def _autopilot(stack: ExitStack, one: Autopilot) -> Stand:
     """The stream goes to a port that was free a moment ago: the declared one may be in use on this computer."""
     twin = stack.enter_context(RunningAutopilot(one.spec))
-    return Stand("udp", port=one.port, here_port=twin.port)
+    return Stand("udp", one.address, one.port, here_port=twin.port)

@@ -49,10 +49,11 @@ class Modem:
 
 @dataclass(frozen=True, slots=True)
 class Autopilot:
-    """An autopilot whose stream arrives at a UDP port of the gateway."""
+    """An autopilot whose stream arrives at a UDP port of the gateway, from the address that is declared."""
 
     spec: AutopilotSpec
     port: int
+    address: str
 
 
 @dataclass(slots=True)
@@ -149,4 +150,5 @@ def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:
 def _autopilot(cell: Cell) -> Iterator[tuple[str, Autopilot]]:
     remote = cell.endpoints.rc_rf
     if remote is not None:
-        yield cell.row, Autopilot(AutopilotSpec(system_id=remote.system_id), remote.port)
+        address = cell.address(remote.address) or ""
+        yield cell.row, Autopilot(AutopilotSpec(system_id=remote.system_id), remote.port, address)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import cos, sin
 from typing import TYPE_CHECKING, Any
 
-from rc_said import ARMED, RC, UNUSED, Says, heard, moving
+from rc_said import ARMED, BEGAN, RC, STRANGER, UNUSED, Says, heard, moving, together
 
 from atlantis_netcfg.probes import Trouble
 
@@ -269,6 +270,146 @@ CASES = (
         heard([*moving(Says())[:2], *[[Says().heartbeat()]] * 10]),
         ("INCONCLUSIVE few-channels: Stork's channels came 2 times only while the sticks were moved",),
     ),
+    # From somebody else, or of another time.
+    Case(
+        "another computer sends as this system",
+        "heard",
+        heard([Says().second()] * 6, sender=STRANGER),
+        ("INCONCLUSIVE other-sender: system 1 is heard from 10.64.1.77, and Stork has 10.64.1.24",),
+    ),
+    Case(
+        "another computer sends as this system, armed",
+        "heard",
+        heard([[*Says().second(), (STRANGER, Says().heartbeat(ARMED))]] * 6),
+        ("FAIL armed: STOP AT ONCE: Stork is armed, its propellers may start",),
+    ),
+    Case(
+        "healthy, and another computer sends as this system",
+        "heard",
+        heard([[*Says().second(), *((STRANGER, one) for one in Says().second(1100))]] * 6),
+        ("PASS rc-heard: Stork is disarmed and hears its remote control: 8 channels, rssi 200",),
+    ),
+    Case(
+        "nobody has declared where it comes from",
+        "heard",
+        heard([Says().second()] * 6),
+        (
+            (
+                "INCONCLUSIVE sender-unknown: nobody has declared from which address the stream of Stork comes; "
+                "it came from 10.64.1.24"
+            ),
+        ),
+        {"address": None},
+    ),
+    Case(
+        "a camera that calls itself an autopilot",
+        "heard",
+        heard([Says(component=100).second()] * 6),
+        ("INCONCLUSIVE other-component: of system 1 component 100 is heard, and not its autopilot, which is 1",),
+    ),
+    Case(
+        "channels of a component beside the autopilot",
+        "heard",
+        heard([[Says().heartbeat(), Says().status(), Says(component=100).channels()]] * 6),
+        ("INCONCLUSIVE no-channels: Stork sends no RC_CHANNELS within 6 s",),
+    ),
+    Case(
+        "one message again and again",
+        "heard",
+        heard([Says().second()] * 6, count=lambda _: 61.0),
+        ("FAIL frozen: the same channels of Stork came 6 times: its autopilot's count stands still",),
+    ),
+    Case(
+        "a flight that is played too fast",
+        "heard",
+        heard([Says().second()] * 6, count=lambda at: 10 * at),
+        ("INCONCLUSIVE not-live: Stork's autopilot has counted 50 s in 5 s: what comes is not of now",),
+    ),
+    Case(
+        "a flight that is played in a loop",
+        "heard",
+        heard([Says().second()] * 6, count=lambda at: at % 4),
+        ("INCONCLUSIVE not-live: Stork's autopilot has counted 1 s in 5 s: what comes is not of now",),
+    ),
+    Case(
+        "a flight of an hour ago",
+        "heard",
+        heard([[*Says().second(), Says().time(BEGAN - 3600)]] * 6),
+        ("INCONCLUSIVE of-another-time: by its own clock the stream of Stork is 60 min old",),
+    ),
+    Case(
+        "healthy, with the time",
+        "heard",
+        heard([[*Says().second(), Says().time(BEGAN + 3)]] * 6),
+        ("PASS rc-heard: Stork is disarmed and hears its remote control: 8 channels, rssi 200",),
+    ),
+    Case(
+        "healthy, and nobody has set its clock",
+        "heard",
+        heard([[*Says().second(), Says().time(40)]] * 6),
+        ("PASS rc-heard: Stork is disarmed and hears its remote control: 8 channels, rssi 200",),
+    ),
+    Case(
+        "channels came once",
+        "heard",
+        heard([[Says().heartbeat(), Says().status()]] * 5 + [Says().second()]),
+        ("INCONCLUSIVE once: Stork's channels came once within 6 s: whether they are alive is not known",),
+    ),
+    Case(
+        "no channel is used",
+        "heard",
+        heard([Says().second(*[UNUSED] * 8)] * 6),
+        ("FAIL no-receiver: Stork's autopilot sees no channel of the remote control",),
+    ),
+    Case(
+        "a ground station sends channels",
+        "heard",
+        heard([[*Says().second(), Says(255, component=190).override()]] * 6),
+        ("INCONCLUSIVE overridden: a ground station sends channels to Stork in place of its remote control",),
+    ),
+    Case(
+        "a ground station moves the sticks",
+        "sticks",
+        heard([[*second, Says(255, component=190).override()] for second in moving(Says())]),
+        ("INCONCLUSIVE overridden: a ground station sends channels to Stork in place of its remote control",),
+    ),
+    Case(
+        "four sticks in lockstep",
+        "sticks",
+        heard(together(Says(), 1, 1, 1, 1, 0, 0)),
+        ("INCONCLUSIVE lockstep: channels 1, 2, 3, 4 of Stork move as one, which two sticks in circles do not",),
+    ),
+    Case(
+        "four sticks in lockstep, two the other way",
+        "sticks",
+        heard(together(Says(), 1, -1, 1, -1)),
+        ("INCONCLUSIVE lockstep: channels 1, 2, 3, 4 of Stork move as one, which two sticks in circles do not",),
+    ),
+    Case(
+        "switches and knobs moved in place of sticks",
+        "sticks",
+        heard(
+            [
+                Says().second(*[1500] * 4, *[(1500, 1900, 1500, 1100)[(second + axis) % 4] for axis in range(4)])
+                for second in range(12)
+            ]
+        ),
+        ("WARN few-moved: channels that moved: 5, 6, 7, 8; two sticks have 4 axes",),
+    ),
+    Case(
+        "sticks of another computer that sends as this system",
+        "sticks",
+        heard([[*Says().second(), *((STRANGER, one) for one in second)] for second in moving(Says())]),
+        ("FAIL no-movement: none of Stork's 8 channels moved while the pilot moved the sticks",),
+    ),
+    Case(
+        "sticks moved, each the mirror of the other",
+        "sticks",
+        heard(
+            [Says().second(*[1500 + round(400 * turn) for turn in (sin(s), cos(s), cos(s), sin(s))]) for s in range(12)]
+        ),
+        ("PASS moved: Stork's channels follow the sticks: 1, 2, 3, 4",),
+    ),
     # Absent.
     Case(
         "nothing arrives",
@@ -359,7 +500,7 @@ CASES = (
     Case(
         "frames cut over datagrams",
         "heard",
-        heard([[piece for frame in Says().second() for piece in (frame[:7], frame[7:])]] * 6),
+        heard([Says().second()] * 6, cut=7),
         ("PASS rc-heard: Stork is disarmed and hears its remote control: 8 channels, rssi 200",),
     ),
     # Slow.
