@@ -30,6 +30,8 @@ __all__ = ["BearerProbe", "bearers", "boxes", "link_steps", "well"]
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
 """End of a reading's name to its unit; longest first where one ends like another."""
+_ALL = 100
+"""Percent."""
 _HINT = "look at the box of this link, then ask again"
 """Where whoever found it gives none."""
 
@@ -47,10 +49,16 @@ def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
 
 
 def well(told: Mapping[str, Any]) -> Finding | None:
-    """Say that a link carries traffic, if it was seen to."""
+    """Say that a link carries traffic, if it was seen to: that its own box calls itself connected is not enough."""
     if told.get("state") != LinkState.UP:
         return None
     quality = told.get("quality") or {}
+    loss = quality.get("loss_percent")
+    if not isinstance(loss, int | float) or loss >= _ALL:
+        hint = "declare `canaries` of the link, and look whether its router may send pings; then ask again"
+        return Finding(
+            Verdict.INCONCLUSIVE, "not-tried", "its box says that it is up, and nothing was seen to pass", hint
+        )
     after = "" if quality.get("rtt_ms") is None else f", a round trip over it takes {quality['rtt_ms']:g} ms"
     level = "" if quality.get("signal_dbm") is None else f", heard with {quality['signal_dbm']:g} dBm"
     return Finding(Verdict.PASS, "up", f"the link is up{after}{level}")

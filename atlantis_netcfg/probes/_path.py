@@ -9,14 +9,31 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes._unasked import PLACES
 from atlantis_netcfg.probes.answers import Ran
 from atlantis_netcfg.probes.questions import Run
+from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.probes.answers import Answer
     from atlantis_netcfg.probes.questions import Place
 
-__all__ = ["Card", "Way", "ask_card", "ask_neighbour", "ask_way", "read_card", "read_neighbour", "read_way"]
+__all__ = [
+    "Card",
+    "Way",
+    "ask_card",
+    "ask_neighbour",
+    "ask_way",
+    "own_address",
+    "read_card",
+    "read_neighbour",
+    "read_way",
+]
+
+_LOOPBACK = "lo"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +68,14 @@ def ask_card(place: Place, interface: str) -> Run:
 
 
 def ask_neighbour(place: Place, address: str) -> Run:
-    """Give the question; its answer's name is `neigh`."""
-    return Run("neigh", place, ("ip", "-j", "neigh", "show", "to", address))
+    """Give the question; its answer's name is `neigh`, and it is asked after a ping that stands before it."""
+    return Run("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
 
 
-def read_way(answer: Answer | None) -> Way | None:
+def read_way(answer: Answer | None, address: str) -> Way | None:
     """Read a route; None: there is none, or it is not understood."""
     for row in _rows(answer):
-        if isinstance(row.get("dev"), str):
+        if isinstance(row.get("dev"), str) and row.get("dst") == address:
             by = row.get("gateway")
             return Way(row["dev"], by if isinstance(by, str) else None)
     return None
@@ -74,12 +91,21 @@ def read_card(answer: Answer | None) -> Card | None:
     return None
 
 
-def read_neighbour(answer: Answer | None) -> str | None:
+def read_neighbour(answer: Answer | None, address: str) -> str | None:
     """Read which card has answered for an address, in upper case; None: none of late, which proves nothing."""
     for row in _rows(answer):
-        if isinstance(row.get("lladdr"), str) and "FAILED" not in (row.get("state") or ()):
+        known = isinstance(row.get("lladdr"), str) and row.get("dst") == address
+        if known and "FAILED" not in (row.get("state") or ()):
             return str(row["lladdr"]).upper()
     return None
+
+
+def own_address(place: Place, name: str, address: str, way: Way | None) -> Iterator[Finding]:
+    """Say that an address is that of the computer that asks, whose own answers tell nothing of anybody else."""
+    if way is not None and way.interface == _LOOPBACK:
+        message = f"{PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
+        hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
+        yield Finding(Verdict.FAIL, "own-address", message, hint)
 
 
 def _rows(answer: Answer | None) -> list[dict[str, Any]]:

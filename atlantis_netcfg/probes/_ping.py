@@ -19,17 +19,26 @@ from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.probes.answers import Answer
     from atlantis_netcfg.probes.questions import Place
 
-__all__ = ["COUNT", "SLOW_MS", "Echoes", "Pinged", "ask", "judge", "read"]
+__all__ = ["COUNT", "MANY_TWICE", "SLOW_MS", "Echoes", "Pinged", "ask", "judge", "odd", "read"]
 
 COUNT = 20
 SLOW_MS = 100.0
 """One hop in a local network takes some milliseconds; from here on something holds packets back. Our own judgement."""
-_SUMS = re.compile(r"(\d+) packets transmitted, (\d+) (?:packets )?received.*?([\d.]+)% packet loss")
+_SUMS = re.compile(
+    r"(\d+) packets transmitted, (\d+) (?:packets )?received(?:, \+?(\d+) duplicates)?.*?([\d.]+)% packet loss"
+)
 _TIMES = re.compile(r"(?:rtt|round-trip) min/avg/max(?:/mdev)? = ([\d.]+)/([\d.]+)/([\d.]+)")
 _REFUSAL = re.compile(r"^From (\S+) icmp_seq=\d+ (.+)$", re.MULTILINE)
+_HEAD = re.compile(r"^PING (\S+) ")
+_ANSWER = re.compile(r"^\d+ bytes from ([\d.]+).*?\b(?:icmp_)?seq=(\d+)", re.MULTILINE)
+_DAMAGED = ("wrong data byte", "BAD CHECKSUM", "(truncated)")
+MANY_TWICE = 0.1
+"""Share of answers that come twice: a radio repeats one now and then, two devices or a loop most. Our judgement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +47,12 @@ class Echoes:
 
     sent: int
     received: int
+    """By the address itself, each question once."""
+    twice: int = 0
+    """Answers to a question that had its answer."""
+    others: tuple[str, ...] = ()
+    """Addresses that answered in place of the one that was asked."""
+    damaged: bool = False
     mean_ms: float | None = None
     worst_ms: float | None = None
     refusal: str | None = None
@@ -64,17 +79,24 @@ class Pinged:
 
 def ask(place: Place, address: str) -> Run:
     """Give the question; its answer's name is `ping`."""
-    return Run("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address))
+    return Run("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address)
 
 
-def read(out: str) -> Echoes | None:
-    """Read what `ping` printed; None: it has sent nothing, or speaks otherwise."""
+def read(out: str, address: str) -> Echoes | None:
+    """Read what `ping` printed; None: it has sent nothing, was asked of another address, or speaks otherwise."""
     sums, times, refusal = _SUMS.search(out), _TIMES.search(out), _REFUSAL.search(out)
-    if sums is None or not int(sums[1]):
+    head = _HEAD.match(out)
+    if sums is None or not int(sums[1]) or head is None or head[1] != address:
         return None
+    answers = _ANSWER.findall(out)
+    own = {number for who, number in answers if who == address}
+    repeated = sum(who == address for who, _ in answers) - len(own)
     return Echoes(
         sent=int(sums[1]),
-        received=min(int(sums[2]), int(sums[1])),
+        received=min(int(sums[2]), int(sums[1]), len(own)),
+        twice=max(int(sums[3] or 0), repeated),
+        others=tuple(dict.fromkeys(who for who, _ in answers if who != address)),
+        damaged=any(word in out for word in _DAMAGED),
         mean_ms=float(times[2]) if times else None,
         worst_ms=float(times[3]) if times else None,
         refusal=f"{refusal[1]} says: {refusal[2]}" if refusal else None,
@@ -86,7 +108,7 @@ def judge(wanted: Pinged, answer: Answer | None) -> Judged:
     if troubles := tuple(not_run(wanted.place, "ping", answer)):
         return Judged(troubles)
     assert isinstance(answer, Ran)  # noqa: S101 - `not_run` speaks of anything else
-    echoes = read(answer.out)
+    echoes = read(answer.out, wanted.address)
     if echoes is None:
         said = (answer.err or answer.out).strip().splitlines()
         why = f": {said[0][:120]}" if said else ""
@@ -98,7 +120,33 @@ def judge(wanted: Pinged, answer: Answer | None) -> Judged:
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
         evidence.append(measured(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
         evidence.append(measured(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
-    return Judged((_loss(wanted, echoes), *_times(wanted, echoes)), tuple(evidence))
+    who = f"{wanted.name} ({wanted.address})"
+    strange = tuple(odd(who, echoes))
+    if echoes.sent < COUNT:
+        message = f"only {echoes.sent} of {COUNT} pings were sent to {who}, and {echoes.received} were answered"
+        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[wanted.place]}"
+        cut = Finding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
+        return Judged((cut, *strange), tuple(evidence))
+    found = (_loss(wanted, echoes), *_times(wanted, echoes))
+    kept = tuple(one for one in found if not strange or one.verdict is not Verdict.PASS)
+    return Judged((*strange, *kept), tuple(evidence))
+
+
+def odd(who: str, echoes: Echoes) -> Iterator[Finding]:
+    """Say what is strange about answers, however many they are."""
+    if echoes.others:
+        message = f"{echoes.others[0]} answers in place of {who}"
+        hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
+        yield Finding(Verdict.FAIL, "another-answers", message, hint)
+    if echoes.damaged:
+        message = f"answers of {who} came back damaged"
+        hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
+        yield Finding(Verdict.FAIL, "answers-damaged", message, hint)
+    if echoes.twice:
+        many = echoes.twice > MANY_TWICE * max(echoes.received, 1)
+        message = f"{who} answers {echoes.received} of {echoes.sent} pings, and {echoes.twice} answers came twice"
+        hint = "two devices have this address, or the network has a loop: unplug it and ping again"
+        yield Finding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
 
 
 def _loss(wanted: Pinged, echoes: Echoes) -> Finding:

@@ -14,6 +14,7 @@ from atlantis_netcfg.probes._looked import link_steps, well
 from atlantis_netcfg.probes.step import Step
 from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.site.model import BearerKind
+from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,7 +39,7 @@ def _registered(told: Mapping[str, Any]) -> Finding | None:
     """Say in which network a unit is that carries traffic."""
     up = well(told)
     quality = told.get("quality") or {}
-    if up is None or not quality.get("registration"):
+    if up is None or up.verdict is not Verdict.PASS or not quality.get("registration"):
         return up
     words = f"{quality['registration']}".replace("_", " ")
     network = f" in {quality['operator']}" if quality.get("operator") else ""

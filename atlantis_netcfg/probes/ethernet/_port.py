@@ -52,7 +52,8 @@ def judge(router: str, port: str, heard: Mapping[str, Answer]) -> Judged:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
         return Judged((Finding(Verdict.FAIL, "no-port", message, hint),))
-    told = {**(counted or {}), **(monitor[0] if monitor else {})}
+    own = [row for row in monitor or () if row.get("name", port) == port]
+    told = {**(counted or {}), **(own[0] if own else {})}
     return Judged(tuple(_findings(router, port, told)), _evidence(router, port, told))
 
 

@@ -165,7 +165,7 @@ class AssociatedProbe:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
             return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
-        way = _path.read_way(heard.get("route"))
+        way = _path.read_way(heard.get("route"), self.address)
         card = _path.read_card(heard.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
         if way is not None and way.interface not in mine:

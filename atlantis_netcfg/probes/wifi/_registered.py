@@ -9,7 +9,7 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.wifi import Family
 from atlantis_netcfg.bearers.wifi import queries as wifi_queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
-from atlantis_netcfg.probes import _ping
+from atlantis_netcfg.probes import _path, _ping
 from atlantis_netcfg.probes._seen import declared, read
 from atlantis_netcfg.probes._unasked import rows_of, unasked
 from atlantis_netcfg.probes.answers import Rows
@@ -36,7 +36,7 @@ class RegisteredProbe:
     """The vehicle is registered at the site's access point, is heard well, and answers.
 
     Asked of the RouterOS device `seen_by`: the registration tables of both generations; on the gateway (or the laptop):
-    `ping -n -c 20 -i 0.2 -W 2 ADDRESS`. Without `seen_by` only the ping.
+    `ip -j route get ADDRESS` and `ping -n -c 20 -i 0.2 -W 2 ADDRESS`. Without `seen_by` only these.
     """
 
     name: str
@@ -50,7 +50,9 @@ class RegisteredProbe:
         """Give the tables and the ping."""
         host = self.endpoint.seen_by
         tables = () if host is None else tuple(Ask(f, host, wifi_queries(f, "")[0]) for f in Family)
-        return tables if self.address is None else (*tables, _ping.ask(self.place, self.address))
+        if self.address is None:
+            return tables
+        return (*tables, _path.ask_way(self.place, self.address), _ping.ask(self.place, self.address))
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
@@ -121,5 +123,8 @@ class RegisteredProbe:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
             return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
+        way = _path.read_way(heard.get("route"), self.address)
+        if own := tuple(_path.own_address(self.place, self.name, self.address, way)):
+            return Judged(own)
         wanted = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         return _ping.judge(wanted, heard.get("ping"))

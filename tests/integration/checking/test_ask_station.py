@@ -33,7 +33,9 @@ SHIPPED = load(Path(__file__).parents[3] / "inventory")
 POINT, STATION, VEHICLE = "scc-cpe", "coastal-cpe", "zarco"
 PINGED = Ran(
     None,
-    out="20 packets transmitted, 20 received, 0% packet loss, time 3823ms\nrtt min/avg/max/mdev = 1/2/3/0 ms\n",
+    out="PING 10.64.1.23 (10.64.1.23) 56(84) bytes of data.\n"
+    + "".join(f"64 bytes from 10.64.1.23: icmp_seq={number} ttl=64 time=2.00 ms\n" for number in range(1, 21))
+    + "20 packets transmitted, 20 received, 0% packet loss, time 3823ms\nrtt min/avg/max/mdev = 1/2/3/0 ms\n",
 )
 ANSWERS = "PASS answers: Zarco (10.64.1.23) answers 20 of 20 pings, in 2 ms"
 STRANGER = "02:00:5E:00:01:23"

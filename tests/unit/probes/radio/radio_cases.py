@@ -113,15 +113,19 @@ def way(dev: str = "wlan1", address: str = "10.70.2.1") -> Ran:
     return printed(f'[{{"dst":"{address}","dev":"{dev}","prefsrc":"10.70.2.2","flags":[],"uid":0,"cache":[]}}]\n')
 
 
-def pings(received: int = 20, mean: float = 3.2, address: str = "10.70.2.1", more: str = "") -> Ran:
+def pings(received: int = 20, mean: float = 3.2, address: str = "10.70.2.1", more: str = "", twice: int = 0) -> Ran:
     """`ping -n -c 20 -i 0.2 -W 2`."""
     lines = "".join(
         f"64 bytes from {address}: icmp_seq={number} ttl=64 time={mean} ms\n" for number in range(1, received + 1)
     )
+    lines += "".join(
+        f"64 bytes from {address}: icmp_seq={number} ttl=64 time={mean} ms (DUP!)\n" for number in range(1, twice + 1)
+    )
+    again = f", +{twice} duplicates" if twice else ""
     lost = f"{100 * (20 - received) / 20:g}% packet loss"
     times = f"rtt min/avg/max/mdev = {mean / 2:.3f}/{mean:.3f}/{mean * 2:.3f}/0.512 ms\n" if received else "\n"
     return printed(
         f"PING {address} ({address}) 56(84) bytes of data.\n{lines}{more}\n--- {address} ping statistics ---\n"
-        f"20 packets transmitted, {received} received, {lost}, time 3823ms\n{times}",
+        f"20 packets transmitted, {received} received{again}, {lost}, time 3823ms\n{times}",
         rc=0 if received else 1,
     )

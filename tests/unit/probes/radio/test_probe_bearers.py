@@ -30,7 +30,14 @@ UNSEEN = Finding(
 
 def looked(kind: str, state: str = "up", findings: tuple[Finding, ...] = (), **quality: str | float | None) -> Looked:
     """One bearer of `provision links --json`."""
-    told = {"kind": kind, "state": state, "quality": quality, "findings": [one.as_dict() for one in findings]}
+    answered: dict[str, str | float | None] = {"loss_percent": 0} if state == "up" else {}
+    quality |= {name: value for name, value in answered.items() if name not in quality}
+    told = {
+        "kind": kind,
+        "state": state,
+        "quality": quality,
+        "findings": [one.as_dict() for one in findings],
+    }
     return Looked(None, bearer={**told, "box": "coastal-box"})
 
 
@@ -43,7 +50,15 @@ def proved(
 AWAY = {"look": Looked(Trouble.NO_PLACE, "coastal-router: connection refused")}
 BRIDGE = {"look": looked("wifi_ptp", port="ether1", rtt_ms=1.0, loss_percent=0, signal_dbm=-49.0, tx_rate_mbps=130.0)}
 UNIT = {
-    "look": looked("lte", rtt_ms=61.5, registration="registered_home", operator="EXAMPLE", rsrp_dbm=-97.0, sinr_db=6.0)
+    "look": looked(
+        "lte",
+        rtt_ms=61.5,
+        loss_percent=0,
+        registration="registered_home",
+        operator="EXAMPLE",
+        rsrp_dbm=-97.0,
+        sinr_db=6.0,
+    )
 }
 TERMINAL = {
     "look": looked("satellite", "unknown", (UNSEEN,), port="ether3", port_link="up", next_hop_seen="yes", firmware=None)
@@ -84,6 +99,11 @@ BRIDGES = (
         },
     ),
     Case(
+        "its box says that it is up, and nobody was asked over it",
+        ("INCONCLUSIVE not-tried: its box says that it is up, and nothing was seen to pass",),
+        {"look": looked("wifi_ptp", loss_percent=None)},
+    ),
+    Case(
         "a finding without a hint gets one",
         ("FAIL device-unreachable: coastal-cpe cannot be read",),
         {
@@ -121,11 +141,17 @@ UNITS = (
         evidence=(
             "read state of coastal-box: up",
             "read rtt of coastal-box: 61.5 ms",
+            "read loss of coastal-box: 0 %",
             "read registration of coastal-box: registered_home",
             "read operator of coastal-box: EXAMPLE",
             "read rsrp of coastal-box: -97 dBm",
             "read sinr of coastal-box: 6 dB",
         ),
+    ),
+    Case(
+        "registered, and nobody was asked over it",
+        ("INCONCLUSIVE not-tried: its box says that it is up, and nothing was seen to pass",),
+        {"look": looked("lte", loss_percent=None, registration="registered_home", operator="EXAMPLE")},
     ),
     Case("a plain cable modem", ("PASS up: the link is up",), {"look": looked("lte")}),
     Case(
@@ -282,6 +308,7 @@ def test_every_code_of_ours_has_its_case() -> None:
     assert codes(BRIDGES, UNITS, TERMINALS, PROOFS) >= {
         "not-asked",
         "nothing-proved",
+        "not-tried",
         "nothing-tried",
         "proved",
         "proved-in-part",

@@ -67,7 +67,6 @@ CASES = (
         ),
     ),
     Case("healthy, no port declared", (ANSWERS,), probe={"router": None}),
-    Case("healthy, nobody remembers the card", (LINK, ANSWERS), {"neigh": printed("[]\n")}),
     Case(
         "healthy, a router without `monitor`",
         (LINK.removesuffix(" of 1Gbps"), ANSWERS),
@@ -117,6 +116,113 @@ CASES = (
         "port switched off",
         ("FAIL port-disabled: port ether5 of coastal-router is switched off", NONE),
         SILENT | {"interfaces": port(disabled="true", running="false"), "monitor": monitor(status="no-link")},
+    ),
+    Case(
+        "nobody tells the card that has answered",
+        (
+            LINK,
+            ANSWERS,
+            "INCONCLUSIVE card-unseen: the gateway does not tell which network card answers for 10.64.1.26",
+        ),
+        {"neigh": printed("[]\n")},
+    ),
+    Case(
+        "the card of another address",
+        (
+            LINK,
+            ANSWERS,
+            "INCONCLUSIVE card-unseen: the gateway does not tell which network card answers for 10.64.1.26",
+        ),
+        {"neigh": printed(neighbour().out.replace("10.64.1.26", "10.64.1.27"))},
+    ),
+    Case(
+        "nobody has declared its card",
+        (LINK, ANSWERS, "WARN whose-unknown: nothing tells whether it is ECA ROV that answers at 10.64.1.26"),
+        probe={"mac": None},
+    ),
+    Case(
+        "the gateway has its address",
+        (
+            LINK,
+            "FAIL own-address: the gateway itself has the address of ECA ROV, 10.64.1.26: its pings never leave it",
+        ),
+        {"route": way("lo", "10.64.1.26")},
+    ),
+    Case(
+        "behind the router, and not on the cable",
+        (
+            LINK,
+            ANSWERS,
+            (
+                "FAIL not-on-the-cable: packets to ECA ROV (10.64.1.26) leave by way of 10.64.1.1: it is not on the"
+                " site's cable"
+            ),
+        ),
+        {"route": printed('[{"dst":"10.64.1.26","gateway":"10.64.1.1","dev":"eth0","flags":[]}]\n')},
+    ),
+    Case(
+        "every answer comes twice",
+        (
+            LINK,
+            "FAIL answered-twice: ECA ROV (10.64.1.26) answers 20 of 20 pings, and 20 answers came twice",
+        ),
+        {"ping": pings(address="10.64.1.26", twice=20)},
+    ),
+    Case(
+        "one answer comes twice",
+        (LINK, "WARN answered-twice: ECA ROV (10.64.1.26) answers 20 of 20 pings, and 1 answers came twice"),
+        {"ping": pings(address="10.64.1.26", twice=1)},
+    ),
+    Case(
+        "duplicates are no answers",
+        (
+            LINK,
+            "FAIL answered-twice: ECA ROV (10.64.1.26) answers 10 of 20 pings, and 10 answers came twice",
+            "FAIL loss: ECA ROV (10.64.1.26) answers 10 of 20 pings: 50 % are lost, above 0 %",
+        ),
+        {
+            "ping": printed(
+                pings(10, address="10.64.1.26", twice=10).out.replace("10 received, +10", "20 received, +10")
+            )
+        },
+    ),
+    Case(
+        "somebody else answers",
+        (
+            LINK,
+            "FAIL another-answers: 10.64.1.99 answers in place of ECA ROV (10.64.1.26)",
+            "FAIL silent: ECA ROV (10.64.1.26) answers none of 20 pings",
+        ),
+        {"ping": printed(pings(address="10.64.1.26").out.replace("from 10.64.1.26", "from 10.64.1.99"))},
+    ),
+    Case(
+        "somebody else was asked",
+        (
+            LINK,
+            (
+                "INCONCLUSIVE ping-not-understood: no ping was sent to ECA ROV (10.64.1.26) from the gateway: PING"
+                " 10.64.1.99 (10.64.1.99) 56(84) bytes of data."
+            ),
+        ),
+        {"ping": pings(address="10.64.1.99")},
+    ),
+    Case(
+        "answers are damaged",
+        (LINK, "FAIL answers-damaged: answers of ECA ROV (10.64.1.26) came back damaged"),
+        {"ping": pings(address="10.64.1.26", more="wrong data byte #16 should be 0x10 but was 0x11\n")},
+    ),
+    Case(
+        "the ping was cut short",
+        (
+            LINK,
+            "INCONCLUSIVE ping-cut-short: only 2 of 20 pings were sent to ECA ROV (10.64.1.26), and 2 were answered",
+        ),
+        {"ping": printed(pings(2, address="10.64.1.26").out.replace("20 packets", "2 packets").replace("90%", "0%"))},
+    ),
+    Case(
+        "another port answers",
+        ("PASS link: port ether5 of coastal-router has a link", ANSWERS),
+        {"monitor": monitor(name="ether4", status="no-link")},
     ),
     # absent
     Case(
@@ -198,7 +304,11 @@ def test_judged(case: Case) -> None:
 
 def test_every_code_has_its_case() -> None:
     assert codes(CASES) == {
+        "another-answers",
+        "answered-twice",
         "answers",
+        "answers-damaged",
+        "card-unseen",
         "half-duplex",
         "link",
         "loss",
@@ -206,7 +316,10 @@ def test_every_code_has_its_case() -> None:
         "no-port",
         "no-route",
         "not-asked",
+        "not-on-the-cable",
         "other-card",
+        "own-address",
+        "ping-cut-short",
         "ping-not-understood",
         "port-disabled",
         "port-down",
@@ -216,6 +329,7 @@ def test_every_code_has_its_case() -> None:
         "silent",
         "slow",
         "tx-errors",
+        "whose-unknown",
     }
 
 
@@ -233,7 +347,8 @@ def test_every_program_is_on_the_list() -> None:
     asked = [one for one in probe(CASES[0]).asks() if isinstance(one, Run)]
     assert [" ".join(one.argv) for one in asked] == [
         "ip -j route get 10.64.1.26",
-        "ip -j neigh show to 10.64.1.26",
         "ping -n -c 20 -i 0.2 -W 2 10.64.1.26",
+        "ip -j neigh show to 10.64.1.26",
     ]
     assert all(allowed(one.argv) for one in asked)
+    assert [one.turn for one in asked] == ["", "10.64.1.26", "10.64.1.26"], "who has answered is known after the ping"

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 import trees
-from radio_cases import NOBODY, Case, check, codes, pings
+from radio_cases import NOBODY, Case, check, codes, pings, way
 
 from atlantis_netcfg.probes import Answer, Ask, Place, Ran, Rows, Run, Trouble
 from atlantis_netcfg.probes.programs import allowed
@@ -112,6 +112,11 @@ CASES = (
         {"ping": pings(0, address="10.64.1.23")},
     ),
     Case(
+        "the gateway has its address",
+        (UP, "FAIL own-address: the gateway itself has the address of Zarco, 10.64.1.23: its pings never leave it"),
+        {"route": way("lo", "10.64.1.23")},
+    ),
+    Case(
         "no access point of ours",
         (ANSWERS, "WARN association-unseen: no device of ours sees the association of Zarco, nor its signal"),
         endpoint={"seen_by": None},
@@ -207,6 +212,7 @@ def test_every_code_has_its_case() -> None:
         "not-asked",
         "not-authorised",
         "not-registered",
+        "own-address",
         "ping-not-understood",
         "rate-low",
         "registered",
@@ -227,6 +233,6 @@ def test_the_device_has_the_words(version: str) -> None:
 
 
 def test_without_an_access_point_of_ours_only_a_ping_is_sent() -> None:
-    (asked,) = probe(Case("", (), endpoint={"seen_by": None})).asks()
-    assert isinstance(asked, Run)
-    assert allowed(asked.argv)
+    asked = probe(Case("", (), endpoint={"seen_by": None})).asks()
+    assert [one.name for one in asked] == ["route", "ping"]
+    assert all(isinstance(one, Run) and allowed(one.argv) for one in asked)

@@ -25,21 +25,23 @@ def short(address: str) -> Run:
 
 
 def test_ip_is_read_as_it_prints() -> None:
-    assert _path.read_way(run(_path.ask_way(Place.LAPTOP, "127.0.0.1"))) == _path.Way("lo")
+    assert _path.read_way(run(_path.ask_way(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == _path.Way("lo")
     assert _path.read_card(run(_path.ask_card(Place.LAPTOP, "lo"))) == _path.Card(up=True, carrier=True)
     missing = run(_path.ask_card(Place.LAPTOP, "nosuchif0"))
     assert "does not exist" in missing.err
     assert _path.read_card(missing) is None
-    assert _path.read_neighbour(run(_path.ask_neighbour(Place.LAPTOP, "127.0.0.1"))) is None
+    assert _path.read_neighbour(run(_path.ask_neighbour(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") is None
 
 
-def test_ping_is_read_as_it_prints() -> None:
+def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = _ping.Pinged("loopback", "127.0.0.1", Place.LAPTOP, 0.0, 10.0)
     ran = run(short("127.0.0.1"))
-    echoes = _ping.read(ran.out)
+    echoes = _ping.read(ran.out, "127.0.0.1")
     assert echoes is not None
     assert (echoes.sent, echoes.received, echoes.loss_percent) == (2, 2, 0)
     assert echoes.mean_ms is not None
+    assert [one.code for one in _ping.judge(wanted, ran).findings] == ["ping-cut-short"]
+    monkeypatch.setattr(_ping, "COUNT", 2)
     assert [one.code for one in _ping.judge(wanted, ran).findings] == ["answers"]
 
 
