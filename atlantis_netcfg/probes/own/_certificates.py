@@ -13,7 +13,7 @@ from atlantis_netcfg.probes.answers import Ran, Rows
 from atlantis_netcfg.probes.own._clock import router_time
 from atlantis_netcfg.probes.own._reading import rows, yes
 from atlantis_netcfg.probes.own._site import OwnSite, ask, run, step
-from atlantis_netcfg.probes.own._words import fail, good, read, silent, unknown, unreadable, warn
+from atlantis_netcfg.probes.own._words import fail, good, listed, read, silent, unknown, unreadable, warn
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.render import prerequisites
 
@@ -29,7 +29,7 @@ __all__ = ["IDENTITY", "SOON", "of"]
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
 """Certificates and keys of a gateway computer in the VPN; a test holds it to `vpn.client`, which is beside us."""
 SOON = timedelta(days=30)
-_MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "private-key", "authority")
+_MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "revoked", "private-key", "authority")
 _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
 _DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
 _API = "make another one on the router under the same name (docs/adopt.md), and confirm it at the next contact"
@@ -55,6 +55,8 @@ class _Certificate:
     """The declaration says what for; an authority is always used."""
     expired: bool = False
     """The device itself says so."""
+    unfit: str = ""
+    """Why it serves nobody, however long it is valid."""
     renew: str = ""
     """How another one gets there."""
 
@@ -133,8 +135,22 @@ class _Certificates:
             name = row.get("name", "?")
             used = name in self._wanted or yes(row, "authority")
             if until is not None or name in self._wanted:
-                renew, expired = self._renewal(name), yes(row, "expired")
-                yield _Certificate(self.site.router.name, name, since, until, used=used, expired=expired, renew=renew)
+                renew, expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
+                host = self.site.router.name
+                yield _Certificate(host, name, since, until, used=used, expired=expired, unfit=unfit, renew=renew)
+
+    def _unfit(self, name: str, row: Mapping[str, str]) -> str:
+        """Why a certificate is no use to the router, though it may be valid; empty: it is, as far as can be told."""
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        tunnel = self.site.view.tunnel if self.site.view is not None else None
+        host, subject = self.site.router.name, row.get("common-name")
+        if yes(row, "revoked"):
+            return "is revoked"
+        if name in self._wanted and row.get("private-key") in {"false", "no"}:
+            return "has no private key there, so that nobody can use it"
+        if tunnel is not None and name == tunnel.certificate and subject not in {None, host}:
+            return f"is that of {subject}, not of {host}"
+        return ""
 
 
 def _now(heard: Mapping[str, Answer]) -> datetime:
@@ -159,6 +175,9 @@ def _of_identity(name: str, site: str, answer: Answer) -> list[_Certificate] | F
         hint = f"`provision site={site} only={name}` brings it there; only root may read it"
         return unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
     renew = _COMPUTER.format(name=name, site=site)
+    if name not in [subject.strip() for subject in names]:
+        there = listed(subject.strip() for subject in names)
+        return fail("other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew)
     return [
         _Certificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
         for subject, (since, until) in zip(names, dates, strict=True)
@@ -181,6 +200,8 @@ def _judged(one: _Certificate, now: datetime) -> Iterator[Finding]:
         if one.until < now or one.expired:
             message = f"the {one.called} expired on {one.until:%Y-%m-%d}, and nothing that is declared uses it"
             yield warn("old-certificate", message, f"remove it from {one.holder}")
+    elif one.unfit:
+        yield fail("unfit", f"the {one.called} {one.unfit}", one.renew)
     elif one.until < now:
         yield fail("expired", f"the {one.called} expired on {one.until:%Y-%m-%d}", one.renew)
     elif one.expired:

@@ -22,10 +22,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.probes.step import Step
     from atlantis_netcfg.report.checklist import Evidence
 
-__all__ = ["APART_S", "Offset", "of", "router_time"]
+__all__ = ["APART_S", "COARSE_S", "Offset", "of", "router_time"]
 
 APART_S = 2.0
 """Farther apart than this is wrong: time servers hold a few milliseconds."""
+COARSE_S = 30.0
+"""An answer that took longer proves too little: a clock may be wrong by so much and not show it."""
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _DATE = re.compile(r"(?:(\d{4})-(\d\d)-(\d\d)|([a-z]{3})/(\d\d)/(\d{4}))")
 _TIME = re.compile(r"(\d\d):(\d\d):(\d\d)")
@@ -43,6 +45,11 @@ class Offset:
     def wrong(self) -> bool:
         """Whether it is surely too far apart."""
         return self.least_s > APART_S or self.most_s < -APART_S
+
+    @property
+    def coarse(self) -> bool:
+        """Whether it may be too far apart as well as not."""
+        return not self.wrong and max(self.most_s, -self.least_s) > COARSE_S
 
     @property
     def words(self) -> str:
@@ -99,19 +106,39 @@ class _Clock:
         """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
-        clock, ntp = _row(heard["clock"]), _row(heard["ntp"])
+        clock, ntp = _row(heard["clock"]), rows(heard["ntp"], name, "what sets its clock", "enabled")
         if name in known:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
-            yield from _synchronised(name, self.site.name, ntp.get("status", ""))
+            yield from (ntp,) if isinstance(ntp, Finding) else self._of_client(name, ntp[0] if ntp else {})
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known:
             said, told = printed(heard["timedatectl"], gateway.name), _pairs(heard["timedatectl"])
             if isinstance(said, Finding):
                 yield said
-            elif "NTPSynchronized" not in told:
+            elif not {told.get("NTP"), told.get("NTPSynchronized")} <= _YES_NO:
                 yield unreadable(gateway.name, "the service that sets its clock")
+            elif told["NTP"] == "no":
+                yield _unset(gateway.name, self.site.name)
+            elif told["NTPSynchronized"] == "no":
+                yield _waiting(gateway.name, self.site.name)
             yield from _zone(gateway.name, told.get("Timezone", ""), zone)
-            yield from _synchronised(gateway.name, self.site.name, _WORDS.get(told.get("NTPSynchronized", ""), ""))
+
+    def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[Finding]:
+        """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; nothing follows from another one."""
+        status, server = ntp.get("status", ""), ntp.get("synced-server", "")
+        declared = {str(one.address) for one in self.site.declaration.pilot.time_servers}
+        if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
+            yield _unset(name, self.site.name)
+        elif status in {"waiting", "started"}:
+            yield _waiting(name, self.site.name)
+        elif status != "synchronized":
+            said = f"`{status}`" if status else "nothing"
+            message = f"the NTP client of {name} says {said}: whether a time server has set its clock is not known"
+            yield unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
+        elif server and server not in declared:
+            message = f"the clock of {name} was set by {server}, which is none of the declared time servers"
+            hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
+            yield unknown("other-time-server", message, hint)
 
     def _told(self, heard: Mapping[str, Answer]) -> Iterator[Evidence]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -123,8 +150,7 @@ class _Clock:
             yield read(f"NTPSynchronized of {self.site.gateway.name}", told["NTPSynchronized"])
 
 
-_WORDS = {"yes": "synchronized", "no": "waiting"}
-"""systemd's words in RouterOS' own."""
+_YES_NO = frozenset({"yes", "no"})
 
 
 def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
@@ -140,6 +166,10 @@ def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
     for name, one in wrong.items():
         hint = f"can {name} reach the declared time servers? certificates are refused while a clock is wrong"
         yield fail("clock-wrong", f"the clock of {name} is {one.words} this computer's", hint)
+    for name, one in known.items():
+        if one.coarse:
+            message = f"{name} took so long to answer that its clock may be {max(one.most_s, -one.least_s):.0f} s off"
+            yield unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
 
 
 def _together(offsets: list[Offset]) -> bool:
@@ -152,15 +182,14 @@ def _zone(name: str, told: str, zone: str) -> Iterator[Finding]:
         yield warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
-def _synchronised(name: str, site: str, status: str) -> Iterator[Finding]:
-    """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; another one is unknown, not wrong."""
+def _waiting(name: str, site: str) -> Finding:
     hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
-    if status in {"waiting", "started"}:
-        yield warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
-    elif status in {"stopped", "disabled"}:
-        yield warn(
-            "no-time-server", f"nothing sets the clock of {name}", "run the site, which switches the NTP client on"
-        )
+    return warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
+
+
+def _unset(name: str, site: str) -> Finding:
+    hint = f"`provision site={site}`, which switches its NTP client on"
+    return fail("no-time-server", f"nothing sets the clock of {name}", hint)
 
 
 def _of_router(name: str, answer: Answer) -> Offset | Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding, LinkState
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 __all__ = ["of"]
 
 _DEFAULT = "0.0.0.0/0"
+_DEAD = frozenset({"dead", "linkdown"})
+_BROAD = 8
+"""Shorter prefixes are no network of anybody's."""
 
 
 def of(site: OwnSite) -> Step:
@@ -40,7 +44,7 @@ class _DefaultRoute:
         return (
             *ask("routes", self.site, "/ip/route", *ROUTE_PROPERTIES),
             *look(self.site),
-            *run("gateway", self.site, "ip -j route show default"),
+            *run("gateway", self.site, "ip -j route show"),
         )
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
@@ -51,7 +55,7 @@ class _DefaultRoute:
         if isinstance(told, Finding):
             return Judged((told, *own))
         routes = [row for row in told if row.get("dst-address") == _DEFAULT]
-        found = tuple(self._of_router(routes, heard))
+        found = tuple(_broad(self.site.name, told)) or tuple(self._of_router(routes, heard))
         evidence = tuple(read(f"default route of {name}", _worded(row)) for row in routes if _in_force(row))
         return Judged((*found, *own), evidence)
 
@@ -110,8 +114,7 @@ class _DefaultRoute:
         told = parsed(heard["gateway"], gateway.name, "its default route")
         if isinstance(told, Finding):
             return (told,)
-        ways = sorted((one for one in told if one.get("dst") == "default"), key=_metric)
-        return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), ways))
+        return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), told))
 
 
 def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> Finding:
@@ -124,6 +127,21 @@ def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> Finding:
         )
     hint = f"look at `provision links site={site}`: is any bearer up? then run the site, which puts its routes back"
     return fail("no-default-route", "the router has no default route in force: nothing leaves the site", hint)
+
+
+def _is_broad(text: str) -> bool:
+    """Whether it is half of a default route, as VPN clients set two to go before it (openvpn(8), redirect-gateway)."""
+    try:
+        return 0 < IPv4Network(text).prefixlen < _BROAD
+    except ValueError:
+        return False
+
+
+def _broad(site: str, rows: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
+    if there is not None:
+        message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
+        yield fail("broader-route", message, f"remove that route on the router, then run `provision site={site}`")
 
 
 def _in_force(row: Mapping[str, str]) -> bool:
@@ -146,8 +164,22 @@ def _metric(one: Mapping[str, Any]) -> int:
     return value if isinstance(value, int) else 0
 
 
-def _of_computer(name: str, router: str, ways: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
+def _is_dead(one: Mapping[str, Any]) -> bool:
+    """Words of the kernel for a route whose interface has no link."""
+    flags = one.get("flags")
+    return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
+
+
+def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
     hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
+    ways = sorted((one for one in routes if one.get("dst") == "default" and not _is_dead(one)), key=_metric)
+    broad = next((one for one in routes if _is_broad(str(one.get("dst", "")))), None)
+    if broad is not None:
+        message = (
+            f"{name} sends {broad['dst']} to {broad.get('gateway', broad.get('dev', '?'))}, before its default route"
+        )
+        yield fail("gateway-broader-route", message, hint)
+        return
     if not ways:
         yield fail("gateway-no-route", f"{name} has no default route", hint)
         return

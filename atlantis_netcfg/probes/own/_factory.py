@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.probes.answers import Rows
 from atlantis_netcfg.probes.own._reading import neighbours, rows
 from atlantis_netcfg.probes.own._site import OwnSite, ask, run, step
-from atlantis_netcfg.probes.own._words import fail, good, listed, measured, read, warn
+from atlantis_netcfg.probes.own._words import fail, good, listed, measured, read, unreadable, warn
 from atlantis_netcfg.probes.questions import Ask
 from atlantis_netcfg.probes.step import Judged
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.probes.answers import Answer
     from atlantis_netcfg.probes.questions import Question
@@ -77,12 +76,16 @@ class _Factory:
             told.append(neighbours(heard["neighbours"], self.site.gateway.name))
         names = rows(heard["names"], router, "its neighbours", "mac-address")
         seen = {(one.address, one.mac): one.interface for part in told if not isinstance(part, Finding) for one in part}
-        answered = [one for one in self._addresses if _received(heard[f"ping {one}"])]
+        pings = {
+            one: rows(heard[f"ping {one}"], router, "who answers its ARP questions", "sent") for one in self._addresses
+        }
+        answered = [one for one, told_of in pings.items() if not isinstance(told_of, Finding) and _received(told_of)]
         wrong = [
             *self._at_addresses(seen, answered),
             *_called(self.site.name, () if isinstance(names, Finding) else names),
         ]
-        silence = [part for part in (*told, names) if isinstance(part, Finding)]
+        unasked = [] if all(map(_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
+        silence = [part for part in (*told, names, *pings.values(), *unasked) if isinstance(part, Finding)]
         evidence = (
             *(measured(f"{one}, asked by ARP", "answers") for one in answered),
             *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
@@ -102,10 +105,13 @@ class _Factory:
             yield fail("factory-address", message, "give that device its declared address, or unplug it")
 
 
-def _received(answer: Answer) -> bool:
-    """A ping that was not carried out says nothing: the tables of neighbours speak for themselves."""
-    told = answer.rows if isinstance(answer, Rows) and answer.trouble is None else None
-    return any(row.get("received", "0") not in {"", "0"} for row in told or ())
+def _received(told: Sequence[Mapping[str, str]]) -> bool:
+    return any(row.get("received", "0") not in {"", "0"} for row in told)
+
+
+def _sent(told: Sequence[Mapping[str, str]] | Finding) -> bool:
+    """A ping that was not carried out says nothing; of who was not asked at all it is said elsewhere."""
+    return isinstance(told, Finding) or any(row.get("sent", "0") not in {"", "0"} for row in told)
 
 
 def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Finding]:

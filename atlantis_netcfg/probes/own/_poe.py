@@ -83,7 +83,10 @@ class _Poe:
         if len(silence) == len(told):
             return Judged((_board(name, told) or silence[0],))
         ports = {port: row for port, found in told.items() if (row := _row_of(port, found)) is not None}
-        wrong = [finding for port in told for finding in _judged(name, port, fed.get(port), ports.get(port))]
+        modes = {one.name: one.poe.out for one in self.site.device.ports if one.poe is not None}
+        wrong = [
+            finding for port in told for finding in _judged(name, port, fed.get(port), ports.get(port), modes[port])
+        ]
         evidence = tuple(read(f"PoE on {port} of {name}", _worded(row)) for port, row in ports.items())
         return Judged(tuple(wrong) or (self._fine(ports, fed),), evidence)
 
@@ -107,7 +110,7 @@ def _row_of(port: str, told: tuple[Mapping[str, str], ...] | Finding) -> Mapping
     return None if isinstance(told, Finding) else next((row for row in told if row.get("name") == port), None)
 
 
-def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None) -> Iterator[Finding]:
+def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode) -> Iterator[Finding]:
     where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
     if row is None or "poe-out-status" not in row:
         hint = "compare `poe` of the router's ports with the box: not every port and not every router can feed"
@@ -129,6 +132,9 @@ def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None
         yield unknown("status-unknown", f"{where}, reports `{status}`", "look up that word in the manual of the router")
     elif _value(row, "poe-out-current") == 0 or _value(row, "poe-out-power") == 0:
         yield warn("draws-nothing", f"{where}, is powered and draws nothing", f"is {box} fed from elsewhere as well?")
+    elif mode is PoeMode.FORCED_ON and _value(row, "poe-out-current") is None and _value(row, "poe-out-power") is None:
+        message = f"{where}, is powered whether or not anybody is there, and the router does not tell what it draws"
+        yield unknown("draw-untold", message, f"look at the lamps of {box}, or set the port to `auto-on`")
 
 
 def _value(row: Mapping[str, str], name: str) -> float | None:

@@ -108,30 +108,39 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Findin
 
 
 def addresses(answer: Answer, who: str) -> tuple[Held, ...] | Finding:
-    """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`)."""
+    """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`); whoever answers has one at least."""
+    told: Iterable[Mapping[str, Any]] | Finding
     if isinstance(answer, Rows):
-        found = rows(answer, who, "its addresses", "address")
-        return found if isinstance(found, Finding) else tuple(_of_router(found))
-    told = parsed(answer, who, "its addresses")
-    return told if isinstance(told, Finding) else tuple(_of_computer(told))
+        told = rows(answer, who, "its addresses", "address")
+        held = () if isinstance(told, Finding) else tuple(_of_router(told))
+    else:
+        told = parsed(answer, who, "its addresses")
+        held = () if isinstance(told, Finding) else tuple(_of_computer(told))
+    if isinstance(told, Finding):
+        return told
+    known = tuple(one for one in held if one is not None)
+    return known if known and len(known) == len(held) else unreadable(who, "its addresses")
 
 
-def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[Held]:
+def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[Held | None]:
+    """None: a row that is not understood."""
     for row in found:
         address = _interface(row.get("address"))
-        if address is not None:
+        if address is None:
+            yield None
+        else:
             flags = tuple(flag for flag in ("disabled", "invalid", "dynamic") if yes(row, flag))
             dead = "disabled" in flags or "invalid" in flags
             yield Held(row.get("interface", "?"), address, "dynamic" in flags, dead=dead, flags=flags)
 
 
-def _of_computer(told: list[dict[str, Any]]) -> Iterable[Held]:
+def _of_computer(told: list[dict[str, Any]]) -> Iterable[Held | None]:
     for one in told:
         for entry in one.get("addr_info") or ():
             if isinstance(entry, dict) and entry.get("family") == "inet":
                 address = _interface(f"{entry.get('local')}/{entry.get('prefixlen')}")
-                if address is not None:
-                    yield Held(str(one.get("ifname", "?")), address, entry.get("dynamic") is True)
+                known = Held(str(one.get("ifname", "?")), address, entry.get("dynamic") is True) if address else None
+                yield known
 
 
 def _interface(text: str | None) -> IPv4Interface | None:

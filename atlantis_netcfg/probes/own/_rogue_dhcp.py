@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.probes.own._reading import offers, rows, yes
-from atlantis_netcfg.probes.own._site import OwnSite, ask, by_hand, step
+from atlantis_netcfg.probes.own._reading import neighbours, offers, rows, yes
+from atlantis_netcfg.probes.own._site import OwnSite, ask, by_hand, run, step
 from atlantis_netcfg.probes.own._words import fail, good, measured, unknown
 from atlantis_netcfg.probes.questions import Place, Probing
 from atlantis_netcfg.probes.step import Judged
@@ -48,8 +48,10 @@ class _RogueDhcp:
 
     def asks(self) -> tuple[Question, ...]:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        cards = tuple(one.mac for one in self.site.declared.lan.reservations)
         return (
-            Probing("offers", Place.GATEWAY, self.site.gateway.interface),
+            Probing("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
+            *run("router", self.site, f"ip -j neigh show to {self.site.declared.lan.gateway}"),
             *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
         )
 
@@ -59,8 +61,11 @@ class _RogueDhcp:
         alerts = tuple(self._alerts(heard))
         if isinstance(found, Finding):
             return Judged((*alerts, found))
-        evidence = tuple(measured(f"DHCP offer of {one.server}", _told(one)) for one in found)
-        judged = tuple(one for one in self._judged(found) if not alerts or one.verdict is not Verdict.PASS)
+        each = {(one.server, one.mac): one for one in found}.values()
+        evidence = tuple(measured(f"DHCP offer of {one.server}", _told(one)) for one in each)
+        judged = tuple(
+            one for one in self._judged(found, self._card(heard)) if not alerts or one.verdict is not Verdict.PASS
+        )
         return Judged((*alerts, *judged), evidence)
 
     def _alerts(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
@@ -74,20 +79,33 @@ class _RogueDhcp:
                 place = row.get("interface", "its LAN")
                 yield fail("dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _HINT)
 
-    def _judged(self, found: tuple[Offer, ...]) -> Iterator[Finding]:
+    def _card(self, heard: Mapping[str, Answer]) -> str | None:
+        """Which card the gateway computer knows the router by; that it has not spoken to it lately proves nothing."""
+        told = neighbours(heard["router"], "")
+        own = str(self.site.declared.lan.gateway)
+        return None if isinstance(told, Finding) else next((one.mac for one in told if one.address == own), None)
+
+    def _judged(self, found: tuple[Offer, ...], known: str | None) -> Iterator[Finding]:
         own = str(self.site.declared.lan.gateway)
         strangers = {(one.server, one.mac): one for one in found if one.server != own}
         cards = sorted({one.mac for one in found if one.server == own and one.mac is not None})
+        strange = [card for card in cards if known not in {None, card}]
         for one in strangers.values():
             yield fail("rogue-dhcp", f"{self._named(one)} hands out addresses on the LAN, too: {_told(one)}", _HINT)
         if len(cards) > 1:
             message = f"two cards hand out addresses as the router {own}: {cards[0]} and {cards[1]}"
             yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
+        elif strange:
+            message = f"{strange[0]} hands out addresses as the router {own}, whose card is {known}"
+            yield fail("not-the-router", message, "find it by its card, and unplug it")
         if not found:
             hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
             yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {own}", hint)
-        elif not strangers and len(cards) < 2:  # noqa: PLR2004 - two are one too many
-            yield good("only-the-router", f"the router {own} alone hands out addresses on the LAN")
+        elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
+            asked = 2 + len(self.site.declared.lan.reservations)
+            yield good(
+                "only-the-router", f"the router {own} alone offers an address, to whichever of {asked} cards asks"
+            )
 
     def _named(self, one: Offer) -> str:
         cards = {card.mac.lower(): card.name for card in self.site.declared.lan.reservations}

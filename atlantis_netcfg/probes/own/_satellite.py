@@ -15,6 +15,7 @@ from atlantis_netcfg.probes.own._reading import rows, yes
 from atlantis_netcfg.probes.own._site import OwnSite, ask, look, step
 from atlantis_netcfg.probes.own._words import declared, fail, good, listed, read
 from atlantis_netcfg.probes.step import Judged
+from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -26,10 +27,15 @@ if TYPE_CHECKING:
 
 __all__ = ["of"]
 
-_RULE = (
-    *("chain", "action", "disabled", "invalid", "jump-target", "out-interface", "in-interface"),
-    *("dst-address", "dst-port", "src-address", "src-port", "protocol"),
+_TARGET = ("dst-address", "dst-port", "protocol", "dst-address-list")
+"""By these a declared rule says where it lets packets through."""
+_NO_MATCHERS = frozenset(
+    {"chain", "action", "comment", "disabled", "jump-target", "log", "log-prefix", "reject-with", "hw-offload"}
+    | {"address-list", "address-list-timeout"}
 )
+_MATCHERS = tuple(one.name for one in MENUS["/ip/firewall/filter"].fields if one.name not in _NO_MATCHERS)
+"""Every property by which a rule catches some packets and not others: one that is not read may be a hole."""
+_RULE = ("chain", "action", "disabled", "invalid", "jump-target", *_MATCHERS)
 _RUN = "run the site before anything else: every byte that slips through is paid"
 
 
@@ -104,12 +110,14 @@ def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[F
     if not own or own[-1].get("action") != "drop" or _narrow(own[-1]):
         yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
     wanted = {(one.address, str(one.port or ""), one.transport or "") for one in satellite.targets}
-    there = {_target(row) for row in own if row.get("action") in _LETS}
+    letting = [row for row in own if row.get("action") not in _HOLDS]
+    there = {_target(row) for row in letting}
+    whole = {_target(row) for row in letting if not _narrow(row, _TARGET)}
     for target in sorted(there - wanted):
         message = f"the allow-list of {satellite.name} also lets through {_worded(target)}"
         hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
         yield fail("too-wide", message, hint)
-    for target in sorted(wanted - there):
+    for target in sorted(wanted - whole):
         message = f"the allow-list of {satellite.name} does not let through {_worded(target)}"
         yield fail("too-narrow", message, "run the site, which puts the declared rule back")
 
@@ -140,7 +148,9 @@ def _inside(text: str, network: str) -> bool:
 
 
 def _target(row: Mapping[str, str]) -> tuple[str, str, str]:
-    return row.get("dst-address", "any address"), row.get("dst-port", ""), row.get("protocol", "")
+    leads = row.get("action") == "jump"
+    anywhere = f"what chain {row.get('jump-target', '?')} lets through" if leads else "any address"
+    return row.get("dst-address", anywhere), row.get("dst-port", ""), row.get("protocol", "")
 
 
 def _worded(target: tuple[str, str, str]) -> str:
@@ -148,14 +158,17 @@ def _worded(target: tuple[str, str, str]) -> str:
     return address + (f" port {port}" if port else "") + (f" ({protocol})" if protocol else "")
 
 
-_LETS = frozenset({"accept", "return"})
+_HOLDS = frozenset(
+    {"drop", "reject", "tarpit", "log", "passthrough", "add-src-to-address-list", "add-dst-to-address-list"}
+)
+"""Actions that let nothing through by themselves."""
 
 
 def _jumps(row: Mapping[str, str], satellite: Uplink) -> bool:
     leads = row.get("action") == "jump" and row.get("jump-target") == satellite.chain
-    return leads and row.get("out-interface") == satellite.port and not _narrow(row)
+    return leads and row.get("out-interface") == satellite.port and not _narrow(row, ("out-interface",))
 
 
-def _narrow(row: Mapping[str, str]) -> bool:
-    """Whether a rule catches only some of what comes to it."""
-    return any(row.get(name) for name in ("dst-address", "dst-port", "src-address", "src-port", "protocol"))
+def _narrow(row: Mapping[str, str], but: tuple[str, ...] = ()) -> bool:
+    """Whether a rule catches only some of what comes to it, by anything `but` these."""
+    return any(row.get(name) for name in _MATCHERS if name not in but)

@@ -25,6 +25,7 @@ __all__ = ["FILES", "of"]
 
 FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")
 """Where `provision` says how a gateway computer gets its address, one for each tool that configures networks."""
+_LOOPBACK = "lo"
 _RUN = "run the site, which puts the declared address back"
 
 
@@ -125,6 +126,9 @@ def _promised(name: str, path: str, text: str | None, content: str, wanted: IPv4
 def _as_it_runs(gateway: Computer, wanted: IPv4Interface, there: Held | None) -> Finding | None:
     if there is None:
         return fail("address-missing", f"{gateway.name} does not have its declared address {wanted}", _RUN)
+    if there.interface == _LOOPBACK:
+        message = f"{gateway.name} has its declared address {wanted} on {there.interface}, where nobody reaches it"
+        return fail("wrong-interface", message, _RUN)
     if there.address != wanted:
         message = f"{gateway.name} has {there.address}, and the declared mask is /{wanted.network.prefixlen}"
         return fail("wrong-mask", message, _RUN)
@@ -146,6 +150,9 @@ def _wrong(name: str, wanted: tuple[tuple[str, str], ...], held: tuple[Held, ...
         elif there.address != address:
             message = f"{name} has {there.address} on {there.interface}, and the declared mask is"
             yield fail("wrong-mask", f"{message} /{address.network.prefixlen}", _RUN)
+        elif there.interface != interface:
+            message = f"{name} has its declared address {text} on {there.interface}, and not on {interface}"
+            yield fail("wrong-interface", message, _RUN)
         elif there.flags:
             yield fail(
                 "address-flagged", f"{text} of {name} is {listed(there.flags)}, and no declared address is", _RUN

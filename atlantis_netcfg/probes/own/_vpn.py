@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.probes import _ping
 from atlantis_netcfg.probes.answers import Looked, Ran
 from atlantis_netcfg.probes.own._reading import addresses, rows, yes
 from atlantis_netcfg.probes.own._site import OwnSite, ask, by_hand, look, run, step
@@ -26,8 +26,7 @@ __all__ = ["TUNNEL", "of"]
 
 TUNNEL = "tun0"
 """Of the gateway computer (`templates/openvpn/client.conf.j2`)."""
-_SUMS = re.compile(r"(\d+) packets transmitted, (\d+) (?:packets )?received")
-_MEAN = re.compile(r"= [\d.]+/([\d.]+)/")
+_PINGS = 5
 _REVOKED = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
 
 
@@ -44,7 +43,8 @@ def of(site: OwnSite) -> Step:
         if isinstance(host.device, VpnServer | ControlCentre) and host.device.vpn_address is not None
     }
     if not members:
-        return step("vpn", title, None, site.hosts, "no host of this site is declared in the VPN")
+        do = f"No host of {site.name} is declared in the VPN: see by which way it reaches the other sites."
+        return by_hand("vpn", title, do, "Another site answers, and by no way that is open to everybody.", site.hosts)
     return by_hand(
         "vpn",
         title,
@@ -82,7 +82,9 @@ class _Vpn:
         if self._gateway_is_in:
             asked += run("gateway", self.site, "ip -j addr show")
             if self._server is not None:
-                asked += run("ping", self.site, f"ping -n -c 5 -i 1 -W 10 {self._server}", within_s=40.0)
+                asked += run(
+                    "ping", self.site, f"ping -n -c {_PINGS} -i 1 -W 10 -I {TUNNEL} {self._server}", within_s=40.0
+                )
         return (*asked, *look(self.site))
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
@@ -120,7 +122,7 @@ class _Vpn:
         held = addresses(answer, name)
         if isinstance(held, Finding):
             return held
-        there = [str(one.address.ip) for one in held if one.interface == interface]
+        there = [str(one.address.ip) for one in held if one.interface == interface and not one.dead]
         return _compared("router", f"{interface} of {name}", wanted, there)
 
     def _of_gateway(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
@@ -137,18 +139,27 @@ class _Vpn:
             return
         yield _compared("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
         if "ping" in heard:
-            yield self._pinged(gateway.name, heard)
+            yield from self._pinged(gateway.name, heard)
+        else:
+            hint = "declare `vpn_address` of the VPN server, so that it can be asked"
+            yield unknown(
+                "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
+            )
 
-    def _pinged(self, name: str, heard: Mapping[str, Answer]) -> Finding:
-        answer, server = heard["ping"], self._server
-        if not isinstance(answer, Ran):
-            return unreadable(name, "a ping")
-        if answer.trouble is not None:
-            return silent(name, answer.trouble, answer.words)
-        counted = _SUMS.search(answer.out)
-        if counted is None:
-            return unreadable(name, "a ping")
-        sent, received = int(counted[1]), int(counted[2])
+    def _pinged(self, name: str, heard: Mapping[str, Answer]) -> Iterator[Finding]:
+        answer, server = heard["ping"], self._server or ""
+        if isinstance(answer, Ran) and answer.trouble is not None:
+            yield silent(name, answer.trouble, answer.words)
+            return
+        echoes = _ping.read(answer.out, server) if isinstance(answer, Ran) else None
+        if echoes is None or echoes.sent < _PINGS:
+            yield unreadable(name, "a ping")
+            return
+        strange = tuple(_ping.odd(f"the VPN server {server}", echoes))
+        yield from strange or (self._counted(echoes, server, heard),)
+
+    def _counted(self, echoes: _ping.Echoes, server: str, heard: Mapping[str, Answer]) -> Finding:
+        sent, received = echoes.sent, echoes.received
         if not received and self._over_satellite(heard):
             message = f"the VPN server {server} answered none of {sent} pings, over a satellite that may pause for 70 s"
             return unknown("server-silent", message, "repeat the check; three silent rounds are more than a pause")
@@ -157,8 +168,7 @@ class _Vpn:
             return fail(
                 "server-silent", f"the VPN server {server} answered none of {sent} pings through the tunnel", hint
             )
-        mean = _MEAN.search(answer.out)
-        took = f", in {float(mean[1]):g} ms" if mean else ""
+        took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
         told = f"the VPN server {server} answers {received} of {sent} pings through the tunnel{took}"
         return (
             good("server-answers", told)

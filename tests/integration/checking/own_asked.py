@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.operations.checking import ask_here
-from atlantis_netcfg.probes import Cell, Run
+from atlantis_netcfg.probes import Cell, Discover, Run
 from atlantis_netcfg.probes.own import steps
 
 if TYPE_CHECKING:
@@ -34,13 +34,15 @@ def inside(namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapp
 
     `hurry`: words of programs that take their time, and those that stand for them.
     """
-    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, Run)]
+    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, Run | Discover)]
     assert {one.name for one in probe.asks()} == {name for name, _ in asked} | set(told)
     heard = asyncio.run(ask_here(asked, lambda *_: None, ("ip", "netns", "exec", namespace)))
     return probe.judge({**told, **heard})
 
 
-def _sooner(question: Run, hurry: Mapping[str, str]) -> Run:
+def _sooner(question: Run | Discover, hurry: Mapping[str, str]) -> Run | Discover:
+    if isinstance(question, Discover):
+        return question
     return replace(question, argv=tuple(hurry.get(word, word) for word in question.argv))
 
 

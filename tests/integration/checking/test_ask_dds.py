@@ -1,4 +1,4 @@
-"""The check of DDS on a computer where real participants run, with the site's profile and without it."""
+"""The check of DDS on a computer where real participants run: with the site's profile, without, and on `lo` alone."""
 
 from __future__ import annotations
 
@@ -27,6 +27,24 @@ SHIPPED = load(Path(__file__).parents[3] / "inventory")
 PEER = Path(__file__).parents[1] / "dds" / "programs" / "python_peer.py"
 DECLARED, OTHER = 0, 42
 """Domains."""
+SITE = "the site's"
+"""A profile as the product writes it."""
+LOOPBACK = """\
+<CycloneDDS><Domain Id="any">
+  <General>
+    <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast>
+  </General>
+  <Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery>
+</Domain></CycloneDDS>
+"""
+"""What ROS_LOCALHOST_ONLY=1 comes to."""
+SQUATTER = (
+    "import socket\nheld = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]\n"
+    "for port, one in enumerate(held, 7410): one.bind(('', port))\n"
+    "print('bound', flush=True)\n"
+    "while True:\n    data, source = held[0].recvfrom(65535)\n    held[0].sendto(data, source)\n"
+)
+"""It sends back all that it gets."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +55,11 @@ class Case:
     domains: tuple[int, ...]
     finding: str
     ports: str
-    profile: bool = True
+    answering: str = "none"
+    """Addresses that participants name."""
+    profile: str | None = SITE
+    squatter: bool = False
+    """A program that speaks no DDS holds the ports of the first participant."""
 
     def __str__(self) -> str:
         return self.name
@@ -53,8 +75,9 @@ CASES = (
     Case(
         "two",
         (DECLARED, DECLARED),
-        "PASS listens: 2 participants listen on coastal-gateway in DDS domain 0, from port 7410",
+        "PASS answers: 2 DDS participants on coastal-gateway answer at 10.80.0.21, in domain 0",
         "7410, 7412",
+        "10.80.0.21",
     ),
     Case(
         "in another domain",
@@ -68,7 +91,23 @@ CASES = (
         "FAIL without-profile: DDS on coastal-gateway runs in domain 0 without the site's profile: "
         "no other site finds it",
         "7400",
-        profile=False,
+        profile=None,
+    ),
+    Case(
+        "on the loopback alone",
+        (DECLARED,),
+        "INCONCLUSIVE nobody-answers: no DDS participant answers at 10.80.0.21 of coastal-gateway in domain 0, though "
+        "its ports are bound",
+        "7410",
+        profile=LOOPBACK,
+    ),
+    Case(
+        "another program at its ports",
+        (),
+        "INCONCLUSIVE nobody-answers: no DDS participant answers at 10.80.0.21 of coastal-gateway in domain 0, though "
+        "its ports are bound",
+        "7410",
+        squatter=True,
     ),
 )
 
@@ -101,14 +140,29 @@ def participant(namespace: str, domain: int, number: int, environment: dict[str,
             process.kill()
 
 
+@contextmanager
+def squatter(namespace: str) -> Iterator[None]:
+    command = ["ip", "netns", "exec", namespace, sys.executable, "-c", SQUATTER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "bound\n"
+            yield
+        finally:
+            process.kill()
+
+
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
     profile = tmp_path / "cyclonedds.xml"
-    profile.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
-    environment = {"CYCLONEDDS_URI": str(profile)} if case.profile else {}
+    text = profiles(view)[f"{view.bearer}/cyclonedds.xml"] if case.profile == SITE else case.profile or ""
+    profile.write_text(text, encoding="utf-8")
+    environment = {} if case.profile is None else {"CYCLONEDDS_URI": str(profile)}
     with ExitStack() as stack:
         namespace = stack.enter_context(computer())
+        if case.squatter:
+            stack.enter_context(squatter(namespace))
         for number, domain in enumerate(case.domains):
             stack.enter_context(participant(namespace, domain, number, environment))
         judged = inside(namespace, check(SHIPPED, "dds"), {})
@@ -116,4 +170,5 @@ def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> Non
     assert [(one.type, one.what, one.value) for one in judged.evidence] == [
         ("declared", "domain of DDS", "0"),
         ("read", "UDP ports of DDS on coastal-gateway", case.ports),
+        ("measured", "DDS participants that answer at 10.80.0.21", case.answering),
     ]

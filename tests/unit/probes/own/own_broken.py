@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from own_world import AROUND, CARDS, IDENTITY, LOOKS, NETPLAN, NOW, World, computer, timed
 
-from atlantis_netcfg.probes import Ask, Looked, Offered, Place, Probing, Ran, Rows, Run, Trouble
+from atlantis_netcfg.probes import Ask, Discover, Discovered, Looked, Offered, Place, Probing, Ran, Rows, Run, Trouble
 from atlantis_netcfg.twin.around import Called, Load, Validity
 from atlantis_netcfg.twin.computer import (
     AddressSpec,
     CertificateSpec,
+    DdsSpec,
     EchoSpec,
+    InterfaceSpec,
     NeighbourSpec,
     OfferSpec,
     RouteSpec,
@@ -32,6 +34,11 @@ OWN = computer().dhcp["eth0"][0]
 
 def pc(**changes: Any) -> World:  # noqa: ANN401 - fields of ComputerSpec
     return World(pc=computer().model_copy(update=changes))
+
+
+def dds(*addresses: str) -> tuple[DdsSpec, ...]:
+    """One participant, and where it says that it is reached."""
+    return (DdsSpec(addresses=addresses),)
 
 
 def udp(*ports: int) -> tuple[UdpSpec, ...]:
@@ -115,6 +122,8 @@ def garbage(question: Question, _answer: Answer) -> Answer:
         return Rows(None, rows=({"x": "\x00?"},))
     if isinstance(question, Run):
         return Ran(None, out="\x1b[31m{ not json\n", began=0.0)
+    if isinstance(question, Discover):
+        return Discovered(None, "", b"?" * 12, (("10.80.0.21", b"RTPS\x02\x01 no, it is not"),))
     return Offered(None) if isinstance(question, Probing) else Looked(None, bearer={"state": "sideways"})
 
 
@@ -128,6 +137,15 @@ def refused(question: Question, answer: Answer) -> Answer:
 
 def failing(question: Question, answer: Answer) -> Answer:
     return Ran(None, rc=1, err="sh: something\nit broke\n") if isinstance(question, Run) else answer
+
+
+def answered(change: Callable[[Discovered], Discovered]) -> World:
+    return answers(lambda _, answer: change(answer) if isinstance(answer, Discovered) else answer)
+
+
+def echoed(said: Discovered) -> Discovered:
+    """A program that sends back whatever it gets."""
+    return replace(said, datagrams=(("10.80.0.21", b"RTPS\x02\x01\0\0" + said.prefix + said.datagrams[0][1][20:]),))
 
 
 def lines_of(menu: str, *rows: dict[str, str]) -> World:
@@ -152,10 +170,24 @@ def late(_question: Question, answer: Answer) -> Answer:
     return answer
 
 
+def slow(_question: Question, answer: Answer) -> Answer:
+    if isinstance(answer, Rows | Ran):
+        return replace(answer, asked=NOW.timestamp() - 5, heard=NOW.timestamp() + 5)
+    return answer
+
+
 def unstamped(_question: Question, answer: Answer) -> Answer:
     return replace(answer, asked=0.0, heard=0.0) if isinstance(answer, Rows | Ran) else answer
 
 
+API = {"name": "atlantis-api", "invalid-after": "2029-05-10 10:00:00", "private-key": "true"}
+TUNNEL = {**API, "name": "atlantis-vpn", "common-name": "coastal-router"}
+DOWN = '[{"dst":"default","gateway":"10.64.1.1","dev":"eth0","flags":["linkdown"]}]\n'
+PINGED = (
+    "PING 10.80.0.1 (10.80.0.1) from 10.80.0.21 tun0: 56(84) bytes of data.\n"
+    + "".join(f"64 bytes from 10.80.0.1: icmp_seq={number} ttl=64 time=62.0 ms\n" for number in range(1, 6))
+    + "\n--- 10.80.0.1 ping statistics ---\n5 packets transmitted, {} received, {}0% packet loss, time 4006ms\n"
+)
 LEAVE = "; ".join(
     f"/ip route disable [find gateway={gateway}]"
     for gateway in ("198.51.100.11", "198.51.100.12", "10.10.0.1 distance=11")
@@ -173,6 +205,15 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the router has seen another DHCP server": lambda: World(
         around={**AROUND, "dhcp_servers": {"bridge-lan": ("02:00:5E:00:01:24",)}},
         script="/ip dhcp-server alert add interface=bridge-lan disabled=no",
+    ),
+    "a DHCP server that answers known cards only": lambda: pc(
+        dhcp={"eth0": (OWN, ROGUE.model_copy(update={"knows": ("02:00:5E:00:01:24",)}))}
+    ),
+    "a DHCP server that answers a card that is not declared": lambda: pc(
+        dhcp={"eth0": (OWN, ROGUE.model_copy(update={"knows": ("02:00:5E:AA:00:77",)}))}
+    ),
+    "another card offers as the router, which is silent": lambda: pc(
+        dhcp={"eth0": (OWN.model_copy(update={"mac": "02:00:5E:AA:00:01"}),)}
     ),
     # addresses
     "an address with two cards": lambda: pc(
@@ -208,6 +249,26 @@ BROKEN: dict[str, Callable[[], World]] = {
     "an address of the router is switched off": lambda: typed('/ip address disable [find address="10.10.1.2/29"]'),
     "the router has another mask": lambda: typed('/ip address set [find address="10.64.1.1/24"] address=10.64.1.1/16'),
     "the router lacks an address": lambda: typed('/ip address remove [find address="10.10.2.2/29"]'),
+    "an address of the router is on another port": lambda: typed(
+        '/ip address set [find address="10.10.2.2/29"] interface=ether5'
+    ),
+    "the gateway's address is on its loopback": lambda: pc(
+        interfaces=(
+            *computer().interfaces[1:],
+            InterfaceSpec(name="lo", addresses=(AddressSpec(address="10.64.1.10/24"),)),
+        )
+    ),
+    "the router tells no address": lambda: lines_of("/ip/address"),
+    "the router tells an address that nobody understands": lambda: lines_of(
+        "/ip/address", {"address": "10.64.1.1/24", "interface": "bridge-lan"}, {"address": "::ffff", "interface": "?"}
+    ),
+    "the gateway tells no address": lambda: World(
+        answers=lambda question, answer: (
+            replace(answer, out="[]\n")
+            if isinstance(answer, Ran) and isinstance(question, Run) and question.argv == ("ip", "-j", "addr", "show")
+            else answer
+        )
+    ),
     # factory settings
     "a device on a factory address answers ARP": lambda: World(neighbours=(*World().neighbours, "192.168.2.2")),
     "a device on a factory address is a neighbour": lambda: pc(neighbours=seen("192.168.88.1", "02:00:5E:AA:00:03")),
@@ -220,6 +281,10 @@ BROKEN: dict[str, Callable[[], World]] = {
         },
         script="/ip neighbor discovery-settings set discover-interface-list=all",
     ),
+    "the router asks nobody by ARP": lambda: answers(
+        lambda question, answer: Rows(None, "not permitted", None) if question.name.startswith("ping 1") else answer
+    ),
+    "the router has sent no question by ARP": lambda: lines_of("/tool", {"status": "no interface", "sent": "0"}),
     # routes
     "a better link is up and not used": lambda: World(script=LEAVE),
     "the better link is down": lambda: World(
@@ -242,6 +307,20 @@ BROKEN: dict[str, Callable[[], World]] = {
         routes=(
             RouteSpec(via="10.64.1.1", dev="eth0"),
             RouteSpec(via="192.168.4.1", dev="wlan0", protocol="dhcp", metric=600),
+        )
+    ),
+    "half of a default route that goes before it": lambda: typed(
+        "/ip route add dst-address=0.0.0.0/1 gateway=10.64.1.77; "
+        "/ip route add dst-address=128.0.0.0/1 gateway=10.64.1.77"
+    ),
+    "halves of a default route that go before the gateway's": lambda: pc(
+        routes=(*computer().routes, RouteSpec(to="0.0.0.0/1", dev="tun0"), RouteSpec(to="128.0.0.0/1", dev="tun0"))
+    ),
+    "the gateway's default route has no link": lambda: answers(
+        lambda question, answer: (
+            replace(answer, out=DOWN)
+            if isinstance(answer, Ran) and isinstance(question, Run) and "route" in question.argv
+            else answer
         )
     ),
     # clocks
@@ -268,6 +347,25 @@ BROKEN: dict[str, Callable[[], World]] = {
         "/system/clock", {"date": "jan/02/1970", "time": "00:00:09", "gmt-offset": "+00:00"}
     ),
     "an impossible date": lambda: lines_of("/system/clock", {"date": "foo/40/2026", "time": "10:00:00"}),
+    "the router says nothing of its NTP client": lambda: answers(
+        lambda question, answer: Rows(None, "not permitted", None) if question.name == "ntp" else answer
+    ),
+    "the router's NTP client has no rows": lambda: lines_of("/system/ntp/client"),
+    "the router's NTP client reaches nobody": lambda: lines_of(
+        "/system/ntp/client", {"enabled": "true", "status": "unreachable"}
+    ),
+    "the router's NTP client does not say how it is": lambda: lines_of("/system/ntp/client", {"enabled": "true"}),
+    "the router's NTP client is off, and its clock was set before": lambda: lines_of(
+        "/system/ntp/client", {"enabled": "false", "status": "synchronized"}
+    ),
+    "a time server that is not declared": lambda: lines_of(
+        "/system/ntp/client", {"enabled": "true", "status": "synchronized", "synced-server": "198.51.100.7"}
+    ),
+    "the router does not say which time server": lambda: lines_of(
+        "/system/ntp/client", {"enabled": "true", "status": "synchronized"}
+    ),
+    "nothing sets the gateway's clock": lambda: World(pc=timed(computer(), ntp=False)),
+    "the gateway does not say what sets its clock": lambda: ran("timedatectl", out="NTPSynchronized=yes\n"),
     # VPN
     "the router's tunnel is down": lambda: around(tunnels={}),
     "the router's tunnel is switched off": lambda: typed("/interface ovpn-client disable ovpn-scc"),
@@ -280,21 +378,48 @@ BROKEN: dict[str, Callable[[], World]] = {
         pc=computer().model_copy(update={"echoes": {}}),
         looks={**LOOKS, "satellite": {**LOOKS["satellite"], "active": True}},
     ),
+    "an address of the tunnel that is not in force": lambda: answers(
+        lambda question, answer: (
+            replace(answer, rows=tuple({**row, "invalid": "true"} for row in answer.rows or ()))
+            if question.name == "addresses" and isinstance(answer, Rows)
+            else answer
+        )
+    ),
+    "answers of the VPN server come twice": lambda: ran("ping", out=PINGED.format("5", "+5 duplicates, ")),
+    "the ping of the VPN server was cut short": lambda: ran(
+        "ping", out=PINGED.replace("5 packets", "1 packets").format("1", "")
+    ),
     "the VPN server loses pings": lambda: pc(echoes={"10.80.0.1": EchoSpec(loss_percent=40, rtt_ms=650)}),
     # DDS
-    "nobody speaks DDS": lambda: pc(udp=(UdpSpec(port=5353),)),
-    "DDS in another domain": lambda: pc(udp=(UdpSpec(port=7650), UdpSpec(port=7660), UdpSpec(port=7661))),
-    "DDS in another domain without its profile": lambda: pc(udp=udp(7650, 7651, 59363)),
+    "nobody speaks DDS": lambda: pc(udp=(UdpSpec(port=5353),), dds=()),
+    "DDS in another domain": lambda: pc(udp=udp(7650, 7660, 7661), dds=(DdsSpec(domain=1, addresses=("10.80.0.21",)),)),
+    "DDS in another domain without its profile": lambda: pc(udp=udp(7650, 7651, 59363), dds=()),
     "DDS without its profile, Fast DDS": lambda: pc(udp=udp(7400, 7410, 7411, 45896)),
-    "DDS without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7401, 59318)),
+    "DDS without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7401, 59318), dds=()),
     "DDS with and without its profile, Fast DDS": lambda: pc(udp=udp(7400, 7410, 7411, 7412, 7413)),
     "DDS with and without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7400, 7401, 7401, 7410, 7411)),
-    "others at ports of DDS": lambda: pc(udp=udp(7400, 7660, 14550, 32784)),
+    "others at ports of DDS": lambda: pc(udp=udp(7400, 7660, 14550, 32784), dds=()),
     "more participants than declared": lambda: pc(udp=tuple(UdpSpec(port=7410 + 2 * number) for number in range(12))),
     "announcements were dropped": lambda: ran(
         "sockets",
         out="  sl  local_address rem_address\n"
         " 1000: 00000000:1CF2 00000000:0000 07 00000000:00000000 00:00000000 00000000  1000        0 20000 2 0000 17\n",
+    ),
+    "any program at the ports of DDS": lambda: pc(dds=()),
+    "a program that sends back what it gets at a port of DDS": lambda: answered(echoed),
+    "an announcement of DDS that was meant for somebody else": lambda: answered(
+        lambda said: replace(said, prefix=b"another one.")
+    ),
+    "an announcement of DDS, and nothing that is addressed to us": lambda: answered(
+        lambda said: replace(said, datagrams=tuple((who, data[:20] + data[36:]) for who, data in said.datagrams[:1]))
+    ),
+    "DDS on the loopback alone": lambda: pc(dds=dds("127.0.0.1")),
+    "DDS at the address of the LAN": lambda: pc(dds=dds("10.64.1.10")),
+    "DDS on the loopback, and one that is reached": lambda: pc(
+        dds=(*dds("127.0.0.1"), *dds("10.64.1.10", "10.80.0.21"))
+    ),
+    "DDS of which nobody knows who answers": lambda: answers(
+        lambda question, answer: Discovered(Trouble.DENIED) if isinstance(question, Discover) else answer
     ),
     # certificates
     "a certificate has expired": lambda: valid("atlantis-vpn", -400, -1),
@@ -318,6 +443,20 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway's identity is not valid yet": lambda: identity(1, 300),
     "the gateway has no identity": lambda: pc(certificates={}),
     "the gateway has no openssl": lambda: pc(lacks=("openssl",)),
+    "a certificate is revoked": lambda: lines_of("/certificate", API, {**TUNNEL, "revoked": "true"}),
+    "a certificate without its key": lambda: lines_of("/certificate", {**API, "private-key": "false"}, TUNNEL),
+    "the certificate of another router": lambda: lines_of(
+        "/certificate", API, {**TUNNEL, "common-name": "te4sea-router"}
+    ),
+    "the gateway has the identity of another one": lambda: pc(
+        certificates={
+            IDENTITY: (
+                computer().certificates[IDENTITY][0],
+                computer().certificates[IDENTITY][1].model_copy(update={"subject": "te4sea-gateway"}),
+            )
+        }
+    ),
+    "the gateway's identity was cut": lambda: pc(certificates={IDENTITY: computer().certificates[IDENTITY][:1]}),
     # PoE
     "nobody draws power": lambda: around(loads={"ether1": Load(), "ether3": Load()}),
     "a short circuit": lambda: load(status="short-circuit"),
@@ -349,6 +488,22 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the allow-list lacks a target": lambda: typed(
         "/ip firewall filter disable [find chain=to-satellite dst-address=192.0.2.124]"
     ),
+    "only some packets come to the allow-list": lambda: typed(
+        "/ip firewall filter set [find chain=forward jump-target=to-satellite] in-interface=ether5"
+    ),
+    "only new connections come to the allow-list": lambda: typed(
+        "/ip firewall filter set [find chain=forward jump-target=to-satellite] connection-state=new"
+    ),
+    "the allow-list drops some packets only": lambda: typed(
+        "/ip firewall filter set [find chain=to-satellite action=drop] src-address-list=lan"
+    ),
+    "the allow-list leads elsewhere": lambda: typed(
+        "/ip firewall filter add chain=to-satellite action=jump jump-target=guests "
+        "place-before=[find chain=to-satellite action=drop]"
+    ),
+    "the allow-list lets a target through at times only": lambda: typed(
+        "/ip firewall filter set [find chain=to-satellite dst-address=192.0.2.124] src-address=10.64.1.10"
+    ),
     "the counters of the allow-list are not known": lambda: looks(satellite={"quality": {"kept_off_packets": None}}),
     # nobody answers, or not so
     "the gateway is not reached": lambda: answers(at(Place.GATEWAY, Trouble.NO_PLACE, "10.64.1.10: no route to host")),
@@ -365,5 +520,6 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the router refuses": lambda: answers(refused),
     "programs fail": lambda: answers(failing),
     "answers come late": lambda: answers(late),
+    "answers take as long as over a satellite": lambda: answers(slow),
     "nobody has looked at the time": lambda: answers(unstamped),
 }

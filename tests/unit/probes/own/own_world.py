@@ -8,14 +8,36 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.probes import Ask, Cell, Look, Looked, Offer, Offered, Probing, Ran, Rows, Run, Trouble
+from atlantis_netcfg.probes import (
+    Ask,
+    Cell,
+    Discover,
+    Discovered,
+    Look,
+    Looked,
+    Offer,
+    Offered,
+    Probing,
+    Ran,
+    Rows,
+    Run,
+    Trouble,
+)
 from atlantis_netcfg.probes.own import steps
 from atlantis_netcfg.render import router
 from atlantis_netcfg.site import load
 from atlantis_netcfg.twin.around import Around, Load, Validity
 from atlantis_netcfg.twin.around._shown import move
 from atlantis_netcfg.twin.certificates import issue
-from atlantis_netcfg.twin.computer import CertificateSpec, Computer, ComputerSpec, TimeSpec, UdpSpec, lan_computer
+from atlantis_netcfg.twin.computer import (
+    CertificateSpec,
+    Computer,
+    ComputerSpec,
+    DdsSpec,
+    TimeSpec,
+    UdpSpec,
+    lan_computer,
+)
 from atlantis_netcfg.twin.device import Device
 from atlantis_netcfg.twin.spec import Management, RouterSpec, User
 from atlantis_netcfg.verdicts import Verdict
@@ -51,6 +73,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "satellite": {"state": "unknown", "active": False, "quality": {"kept_off_packets": 12}},
 }
 
+PREFIX = b"it who asks."
 SAID: dict[Ask, Rows] = {}
 
 
@@ -80,6 +103,7 @@ def computer() -> ComputerSpec:
             "files": {**found.files, NETPLAN: "network:\n  addresses: [10.64.1.10/24]\n"},
             "certificates": {IDENTITY: certificates},
             "udp": (UdpSpec(port=7410), UdpSpec(port=7411), UdpSpec(port=5353), UdpSpec(port=32784)),
+            "dds": (DdsSpec(addresses=("10.80.0.21",)),),
         }
     )
 
@@ -124,10 +148,13 @@ class World:
             trouble = Trouble.MISSING if rc == 127 else None
             return Ran(trouble, "", rc, out, err, began=self.computer.now, **stamps)
         if isinstance(question, Probing):
-            found = self.computer.offers(question.interface) or ()
+            found = self.computer.offers(question.interface, question.cards) or ()
             return Offered(
                 None, "", tuple(Offer(one.server, one.mac.lower(), one.address, one.router) for one in found)
             )
+        if isinstance(question, Discover):
+            heard = self.computer.participants(question.domain, question.address, PREFIX)
+            return Discovered(Trouble.UNREACHABLE) if heard is None else Discovered(None, "", PREFIX, heard)
         assert isinstance(question, Look)
         return Looked(None, "", self.looks[question.bearer])
 
@@ -179,7 +206,7 @@ def device(clock: datetime, neighbours: tuple[str, ...]) -> Device:
     )
     made = Device(spec, lambda: 1000.0)
     for name in spec.certificates:
-        made.give_certificate(name, pem())
+        made.give_certificate(name, pem(host.name))
     return made
 
 
@@ -204,8 +231,8 @@ def seed() -> str:
 
 
 @cache
-def pem() -> str:
-    return issue({"common-name": "EXAMPLE", "key-size": "prime256v1"}, now=NOW)
+def pem(name: str) -> str:
+    return issue({"common-name": name, "key-size": "prime256v1"}, now=NOW)
 
 
 def timed(spec: ComputerSpec, **changes: Any) -> ComputerSpec:  # noqa: ANN401 - fields of TimeSpec

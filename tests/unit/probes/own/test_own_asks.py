@@ -11,7 +11,7 @@ from own_world import declaration, own_steps
 
 from atlantis_netcfg import cli
 from atlantis_netcfg.gateway import network
-from atlantis_netcfg.probes import Ask, Look, Probing, Run, own
+from atlantis_netcfg.probes import Ask, Discover, Look, Probing, Run, own
 from atlantis_netcfg.probes.own import _certificates, _static
 from atlantis_netcfg.probes.programs import allowed
 from atlantis_netcfg.twin import supplement
@@ -48,7 +48,7 @@ def test_the_properties_are_those_of_the_menus() -> None:
 def test_nothing_but_reading_is_asked_for() -> None:
     assert {query.command for query in QUERIES} == {"print", "monitor", "ping"}
     assert all(("arp-ping", "yes") in query.arguments for query in QUERIES if query.command == "ping")
-    assert {type(one) for one in EVERY} == {Ask, Look, Probing, Run}
+    assert {type(one) for one in EVERY} == {Ask, Discover, Look, Probing, Run}
     asked = {name for query in QUERIES for name in query.proplist}
     assert not {name for name in asked if "password" in name or "secret" in name}
 

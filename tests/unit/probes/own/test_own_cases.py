@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LISTED: dict[str, dict[str, list[str]]] = yaml.safe_load(
     (Path(__file__).parent / "own_cases.yml").read_text(encoding="utf-8")
 )
-OTHERWISE = {"address-by-hand", "file-differs", "no-fault", "not-the-best"}
+OTHERWISE = {"address-by-hand", "draw-untold", "file-differs", "no-fault", "not-the-best", "server-not-asked"}
 """Codes of sites that are declared otherwise: test_own_declared.py."""
 
 
@@ -46,6 +46,7 @@ def codes() -> Iterator[str]:
             if name in {"good", "warn", "fail", "unknown"} and isinstance(call.args[0], ast.Constant):
                 yield str(call.args[0].value)
     yield from ("router-tunnel", "router-tunnel-address", "gateway-tunnel", "gateway-tunnel-address")
+    yield "answered-twice"  # of every ping
     yield from ("not-reached", "no-answer", "denied", "no-program", "in-use")
 
 
@@ -76,15 +77,18 @@ def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
     assert all(step.do and step.look_for and step.concerns for step in found.values())
 
 
-def test_where_nobody_is_in_the_vpn_or_talks_dds_both_are_skipped() -> None:
+def test_where_nobody_is_declared_in_the_vpn_or_to_talk_dds_both_are_still_asked_for() -> None:
     hosts = {name: host for name, host in declaration().hosts.items() if name != "scc-control"}
     server = hosts["scc-vpn"]
     hosts["scc-vpn"] = replace(server, device=server.device.model_copy(update={"vpn_address": None}))
-    found = steps(Cell(replace(declaration(), hosts=hosts), "scc", None, "site"))
-    assert {step.name: step.unless for step in found if step.name in ("vpn", "dds")} == {
-        "vpn": "no host of this site is declared in the VPN",
-        "dds": "the site has no computer on which DDS would run",
-    }
+    pilot = declaration().pilot
+    silent = pilot.model_copy(update={"dds": None})
+    for whole in (replace(declaration(), hosts=hosts), replace(declaration(), hosts=hosts, pilot=silent)):
+        found = {step.name: step for step in steps(Cell(whole, "scc", None, "site"))}
+        assert {found[name].kind for name in ("vpn", "dds")} == {Kind.PERSON}
+        assert not [name for name in ("vpn", "dds") if found[name].unless]
+    assert "No host of scc is declared in the VPN" in found["vpn"].do
+    assert "The pilot declares no DDS" in found["dds"].do
 
 
 def test_a_site_without_a_router_has_every_item_too() -> None:

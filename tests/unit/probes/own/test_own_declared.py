@@ -11,7 +11,7 @@ from own_world import NETPLAN, SITE, World, computer, declaration
 from atlantis_netcfg.gateway.network import gateway_network
 from atlantis_netcfg.probes import Cell, Probing
 from atlantis_netcfg.probes.own import steps
-from atlantis_netcfg.site.model import AddressBy, Gateway, GatewayNetwork, NetworkTool
+from atlantis_netcfg.site.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
 
 if TYPE_CHECKING:
     from atlantis_netcfg.probes import Step
@@ -109,3 +109,37 @@ def test_a_site_with_one_certificate() -> None:
     world = lines_of("/certificate", {"name": "atlantis-api", "invalid-after": "2036-11-18 10:00:00"})
     world.steps = tuple(one for one in steps(Cell(declaration(), "scc", None, "site")) if one.name == "certificates")
     assert of(world, "certificates") == ["PASS valid: the one certificate is valid until 2036-11-18"]
+
+
+def test_a_port_that_is_forced_on_feeds_nobody_for_sure() -> None:
+    whole = declaration()
+    router = whole.hosts[f"{SITE}-router"]
+    assert isinstance(router.device, Router)
+    forced = Poe(out=PoeMode.FORCED_ON)
+    ports = tuple(
+        one.model_copy(update={"poe": forced}) if one.name == "ether2" else one for one in router.device.ports
+    )
+    changed = replace(router, device=router.device.model_copy(update={"ports": ports}))
+    rows = [{"name": f"ether{n}", "poe-out-status": "powered-on"} for n in (1, 2, 3)]
+    told = {"poe-out-current": "120mA"}
+    fed = own(replace(whole, hosts={**whole.hosts, router.name: changed}))
+    for measured, expected in (
+        ({}, "INCONCLUSIVE draw-untold: ether2 of coastal-router, which feeds coastal-4g, is powered whether or not"),
+        (
+            told,
+            "PASS powered: coastal-cpe (figure not told), coastal-4g (120mA) and coastal-sat (figure not told) draw",
+        ),
+    ):
+        world = lines_of("/interface/ethernet/poe", rows[0], {**rows[1], **measured}, rows[2])
+        world.steps = fed
+        (line,) = of(world, "poe")
+        assert line.startswith(expected)
+
+
+def test_a_vpn_server_of_which_nobody_knows_the_address_is_not_asked() -> None:
+    whole = declaration()
+    server = whole.hosts[whole.pilot.vpn.server]
+    unknown = replace(server, device=server.device.model_copy(update={"vpn_address": None}))
+    steps = own(replace(whole, hosts={**whole.hosts, server.name: unknown}))
+    *_, line = of(World(steps=steps), "vpn")
+    assert line == "INCONCLUSIVE server-not-asked: nobody knows at which address coastal-gateway would ask the server"
