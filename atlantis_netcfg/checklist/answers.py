@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, StrictBool
 
 from atlantis_netcfg.checklist._evidence import wrong_with
-from atlantis_netcfg.checklist.people import OVERRIDABLE, SAYABLE, Confirmation
+from atlantis_netcfg.checklist.people import OVERRIDABLE, SAYABLE, Confirmation, unskippable
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.report.checklist import Kind
 from atlantis_netcfg.site import Finding, report
@@ -212,11 +212,14 @@ class _Check:
         verdict = keys["verdict"].value if "verdict" in keys else None
         if "note" not in keys and isinstance(verdict, str) and verdict in set(SAYABLE) - {Verdict.PASS}:
             yield self._block.wrong((*path, "verdict"), f"{verdict} needs words", "add `note:` with what was seen")
+        item = self._items.get(name)
+        if verdict == Verdict.SKIP and item is not None and (wrong := unskippable(item)) is not None:
+            yield self._block.wrong((*path, "verdict"), *wrong)
         files = keys["files"].value if "files" in keys else None
         for number, node in enumerate(files if isinstance(files, list) else ()):
-            wrong = wrong_with(self._folder / str(node.value)) if isinstance(node.value, str) else None
-            if wrong is not None:
-                yield self._block.wrong((*path, "files", number), *wrong)
+            unfit = wrong_with(self._folder / str(node.value)) if isinstance(node.value, str) else None
+            if unfit is not None:
+                yield self._block.wrong((*path, "files", number), *unfit)
 
     def _by(self, path: tuple[str, str]) -> Iterator[Finding]:
         node = self._block.root.at(*path)

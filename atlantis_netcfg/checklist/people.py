@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist._evidence import Copied
     from atlantis_netcfg.report.checklist import Item
 
-__all__ = ["OVERRIDABLE", "SAYABLE", "Confirmation", "confirmed", "named", "overridden", "spoken"]
+__all__ = ["OVERRIDABLE", "SAYABLE", "Confirmation", "confirmed", "named", "overridden", "spoken", "unskippable"]
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
 """For these a person may take the responsibility; nothing else needs it."""
@@ -41,6 +41,8 @@ _HINTS = {
     Verdict.FAIL: "mend it and answer again, or override it with a reason",
     Verdict.INCONCLUSIVE: "look again when it can be seen, or override it with a reason",
 }
+_ALWAYS = frozenset({"vpn", "dds"})
+"""Checks of the site that apply everywhere: who may look and does not is not green."""
 _NAME_LENGTH = 100
 _TEXT_LENGTH = 2000
 
@@ -68,6 +70,14 @@ def spoken(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
     return line
 
 
+def unskippable(item: Item) -> tuple[str, str] | None:
+    """Why nobody can say that an item does not apply, and what to do instead; None: that can be said."""
+    if item.endpoint != "site" or item.id.rpartition("/")[2] not in _ALWAYS:
+        return None
+    hint = "answer what was seen, or INCONCLUSIVE (`unclear`) and override it with a reason"
+    return f"`{item.id}` applies at every site: it cannot be skipped", hint
+
+
 def named(name: str) -> str:
     """A person's name as it stands in the report. Raises Refused."""
     return spoken(name, "a name", most=_NAME_LENGTH)
@@ -82,6 +92,8 @@ def confirmed(item: Item, said: Confirmation, files: Sequence[Copied], at: datet
     if said.verdict not in SAYABLE:
         words = ", ".join(SAYABLE)
         raise Refused(f"{said.verdict} is nothing that a person can say", hint=f"there are: {words}")
+    if said.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
+        raise Refused(wrong[0], hint=wrong[1])
     note = spoken(said.note, f"the reason for {said.verdict}") if said.note or said.verdict is not Verdict.PASS else ""
     message = _SAID[said.verdict].format(by=by) + (f": {note}" if note else "")
     mend = _HINTS.get(said.verdict)

@@ -27,6 +27,10 @@ def test_the_control_centre_is_not_green_with_vpn_and_dds_unseen(
     told = json.loads(capsys.readouterr().out)
     assert (told["exit"], told["signed"]) == (6, None)
     assert [item["id"] for item in told["items"] if item["open"]] == list(UNSEEN)
+    skipped = tmp_path / "skipped.yml"
+    skipped.write_text(ANSWERS.replace("scc/site/vpn: {verdict: PASS}", "scc/site/vpn: {verdict: SKIP, note: no time}"))
+    assert main([*SCC, "--json", "--answers", str(skipped)]) == 3
+    assert "`scc/site/vpn` applies at every site: it cannot be skipped" in capsys.readouterr().out
     answers = tmp_path / "answers.yml"
     answers.write_text(ANSWERS)
     assert main([*SCC, "--json", "--answers", str(answers)]) == 0

@@ -25,7 +25,7 @@ WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (
     "sparus/usbl/ping",
     "eca-rov/usbl",
     "coastal/site/rogue-dhcp",
-    "coastal/site/dds",
+    "coastal/site/satellite-filter",
 )
 _KINDS = {
     WIFI: (Kind.AUTOMATIC, Phase.QUAY),
@@ -63,7 +63,7 @@ class Clock:
 def entry(name: str) -> Entry:
     row, endpoint, step = (*name.split("/"), "")[:3]
     kind, phase = _KINDS.get(name, (Kind.PERSON, Phase.BENCH))
-    unless = "no DDS here" if name == SKIPPED else ""
+    unless = "no satellite here" if name == SKIPPED else ""
     vehicle = None if row == "coastal" else row
     cell = Cell(Declaration.__new__(Declaration), "coastal", vehicle, endpoint)
     made = Step(

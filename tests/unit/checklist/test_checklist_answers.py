@@ -8,7 +8,7 @@ import pytest
 from answers_cases import cases, told
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found
 
-from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding
+from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, Refused
 from atlantis_netcfg.errors import ExitCode, UsageError
 from atlantis_netcfg.verdicts import Verdict
 
@@ -91,6 +91,39 @@ def test_the_file_of_a_whole_site_serves_for_one_vehicle(tmp_path: Path) -> None
     assert (set(answers.said), set(answers.overrides), set(answers.agreed)) == (set(), {WIFI}, {PING})
     with pytest.raises(AnswersInvalid, match="there is no item `eca-rov/usbl` in this checklist"):
         _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, DHCP))
+
+
+ALWAYS = ("coastal/site/vpn", "coastal/site/dds")
+
+
+@pytest.mark.parametrize("item", ALWAYS)
+def test_what_applies_at_every_site_is_not_skipped(tmp_path: Path, item: str) -> None:
+    skipped = f"name: A\nanswers:\n  {item}: {{verdict: SKIP, note: no time}}\n"
+    with pytest.raises(AnswersInvalid) as told:
+        _read(tmp_path, skipped, ALWAYS)
+    assert str(told.value).replace(str(tmp_path), "") == (
+        f"/answers.yml:3:{len(item) + 15}: `{item}` applies at every site: it cannot be skipped\n"
+        "  -> answer what was seen, or INCONCLUSIVE (`unclear`) and override it with a reason\n"
+        "1 error in the answers; nothing was changed"
+    )
+
+
+def test_it_is_not_green_before_it_is_seen_or_overridden(desk: Desk, tmp_path: Path) -> None:
+    answers = _read(
+        tmp_path,
+        "name: A\nanswers:\n  coastal/site/vpn: {verdict: PASS}\n"
+        "  coastal/site/dds: {verdict: INCONCLUSIVE, note: nobody is there}\n"
+        "overrides:\n  coastal/site/dds: {reason: no robot talks ROS today}\n",
+        ALWAYS,
+    )
+    with desk.open(ALWAYS) as book:
+        assert book.document().exit is ExitCode.CHECKS_FAILED
+        for item in ALWAYS:
+            with pytest.raises(Refused, match="applies at every site"):
+                book.confirm(item, Confirmation(Verdict.SKIP, NAME, "no time"))
+        answers.write_down(book)
+        assert book.document().exit is ExitCode.DONE
+        assert book.item(ALWAYS[1]).counts is Verdict.WARN
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
