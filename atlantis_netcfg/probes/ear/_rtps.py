@@ -32,7 +32,8 @@ def discover(question: dict[str, Any]) -> dict[str, Any]:
     kept: dict[tuple[bytes, bool], list[Any]] = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         try:
-            wire.bind((where, 0))
+            _own(where)
+            wire.bind(("", 0))  # Fast DDS without a profile answers an address of its own computer by the loopback
             own = wire.getsockname()[1]
             ends, due = time.monotonic() + question["within_s"], 0.0
             while time.monotonic() < ends:
@@ -50,6 +51,12 @@ def discover(question: dict[str, Any]) -> dict[str, Any]:
         except OSError as error:
             raise no_answer(error, where) from None
     return {"trouble": None, "words": "", "prefix": prefix.hex(), "datagrams": list(kept.values())}
+
+
+def _own(address: str) -> None:
+    """Raise OSError if the computer does not have this address."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as there:
+        there.bind((address, 0))
 
 
 def _tell(wire: socket.socket, question: dict[str, Any], message: bytes) -> None:
@@ -74,13 +81,17 @@ def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
 
 
 def _bye(prefix: bytes) -> bytes:
-    """The participant is no more: its status is set in the inline QoS, and its key follows (9.6.3.9)."""
-    status = struct.pack("<HH", 0x71, 4) + b"\0\0\0\x03" + struct.pack("<HH", 1, 0)
-    return _message(prefix, 0x0B, 2, status, ((0x50, prefix + b"\x00\x00\x01\xc1"),))
+    """The participant is no more: key and status stand in the inline QoS, and the key follows (9.6.3.8, 9.6.3.9)."""
+    guid = prefix + b"\x00\x00\x01\xc1"
+    return _message(prefix, 0x0B, 2, _listed(((0x70, guid), (0x71, b"\0\0\0\x03"))), ((0x50, guid),))
+
+
+def _listed(told: tuple[tuple[int, bytes], ...]) -> bytes:
+    """Parameters by their numbers, and what ends them (9.4.2.11)."""
+    return b"".join(struct.pack("<HH", name, len(value)) + value for name, value in told) + struct.pack("<HH", 1, 0)
 
 
 def _message(prefix: bytes, flags: int, number: int, inline: bytes, told: tuple[tuple[int, bytes], ...]) -> bytes:
-    listed = b"".join(struct.pack("<HH", name, len(value)) + value for name, value in told)
-    payload = b"\x00\x03\0\0" + listed + struct.pack("<HH", 1, 0)
-    body = struct.pack("<HH", 0, 16) + b"\0" * 4 + _WRITER + struct.pack("<iI", 0, number) + inline + payload
+    body = struct.pack("<HH", 0, 16) + b"\0" * 4 + _WRITER + struct.pack("<iI", 0, number) + inline
+    body += b"\x00\x03\0\0" + _listed(told)
     return b"RTPS\x02\x01\0\0" + prefix + struct.pack("<BBH", 0x15, flags, len(body)) + body

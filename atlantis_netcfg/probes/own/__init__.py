@@ -4,7 +4,7 @@ None of them is a cell of Table 3; each is an item `<site>/site/<name>` of its o
 ask the router for rows and the gateway computer for what its programs print, and send nothing but DHCP questions, some
 ARP questions, the announcement of a DDS participant to the gateway computer itself and five pings, all inside the
 site's own networks. What is not declared at a site is skipped, and says why; VPN and DDS never are. How each could be
-fooled, and what stops it, stands in docs/check.md.
+fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations

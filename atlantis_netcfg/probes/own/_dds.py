@@ -8,7 +8,7 @@ and one above. Without it Fast DDS listens at the first of them besides, is foun
 else; Cyclone DDS listens at both, at no port that peers know, and is found by nobody (seen of 2.9.1 and 11.0.1, between
 two networks).
 
-What stops a false answer stands in docs/check.md. What it does not see is whether the way from a robot to that address
+What stops a false answer stands in docs/probes.md. What it does not see is whether the way from a robot to that address
 is open: the gateway's firewall is for `pytest checks/`, the tunnel for the item `vpn`.
 """
 

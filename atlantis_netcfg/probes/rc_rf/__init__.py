@@ -3,6 +3,7 @@
 Where the autopilot speaks MAVLink, its stream is listened to and nothing is ever sent: the heartbeat of the expected
 system, channels that come and, when the pilot is asked to move the sticks, change; an armed vehicle ends it at once.
 What no stream can tell (the link fails safe, it reaches far enough) a person tries, for every vehicle.
+How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations

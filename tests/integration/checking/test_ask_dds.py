@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import pytest
 from own_asked import GATEWAY, check, findings, inside
@@ -25,6 +26,7 @@ if find_spec("cyclonedds") is None:
 pytestmark = pytest.mark.namespace
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 PEER = Path(__file__).parents[1] / "dds" / "programs" / "python_peer.py"
+CYCLONE = (sys.executable, str(PEER))
 DECLARED, OTHER = 0, 42
 """Domains."""
 SITE = "the site's"
@@ -128,16 +130,29 @@ def computer() -> Iterator[str]:
 
 
 @contextmanager
-def participant(namespace: str, domain: int, number: int, environment: dict[str, str]) -> Iterator[None]:
-    """A process that speaks DDS."""
-    command = ["ip", "netns", "exec", namespace, sys.executable, str(PEER), f"peer{number}", str(domain)]
+def participant(
+    namespace: str, domain: int, number: int, environment: dict[str, str], program: tuple[str, ...] = CYCLONE
+) -> Iterator[IO[str]]:
+    """A process that speaks DDS; gives what it says."""
+    command = ["ip", "netns", "exec", namespace, *program, f"peer{number}", str(domain)]
     with subprocess.Popen(command, env={**os.environ, **environment}, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
-            assert " peer + " in process.stdout.readline(), "it hears of itself, once its ports are bound"
-            yield
+            if program is CYCLONE:
+                assert " peer + " in process.stdout.readline(), "it hears of itself, once its ports are bound"
+            else:
+                _bound(namespace, 7410 + 250 * domain)
+            yield process.stdout
         finally:
             process.kill()
+
+
+def _bound(namespace: str, port: int) -> None:
+    """Wait until somebody has a port: Fast DDS does not hear of itself."""
+    end = time.monotonic() + 20
+    table = ["ip", "netns", "exec", namespace, "cat", "/proc/net/udp"]
+    while f":{port:04X} " not in subprocess.run(table, capture_output=True, text=True, check=True).stdout:
+        assert time.monotonic() < end
 
 
 @contextmanager
@@ -172,3 +187,56 @@ def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> Non
         ("read", "UDP ports of DDS on coastal-gateway", case.ports),
         ("measured", "DDS participants that answer at 10.80.0.21", case.answering),
     ]
+
+
+@pytest.fixture(scope="module")
+def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
+    """A participant on Debian's Fast DDS, the line of Humble."""
+    built = tmp_path_factory.mktemp("fast") / "fast_peer"
+    source = PEER.with_name("fast_peer.cpp")
+    subprocess.run(["g++", "-o", str(built), str(source), "-lfastrtps", "-lfastcdr"], check=True, capture_output=True)
+    return (str(built),)
+
+
+@pytest.mark.parametrize(
+    ("profile", "finding"),
+    [
+        (SITE, "PASS answers: 1 DDS participant on coastal-gateway answers at 10.80.0.21, in domain 0"),
+        (
+            "127.0.0.1",
+            (
+                "INCONCLUSIVE nobody-answers: no DDS participant answers at 10.80.0.21 of coastal-gateway in domain 0, "
+                "though its ports are bound"
+            ),
+        ),
+        (
+            None,
+            (
+                "WARN without-profile: 1 DDS participant on coastal-gateway runs without the site's profile: other "
+                "sites may not find it, or lose it"
+            ),
+        ),
+    ],
+    ids=["with its profile", "on the loopback alone", "without its profile"],
+)
+def test_fast_dds_is_asked_as_well(
+    fast_dds: tuple[str, ...], profile: str | None, finding: str, tmp_path: Path
+) -> None:
+    view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "humble")))
+    text = profiles(view)[f"{view.bearer}/fastdds.xml"]
+    file = tmp_path / "fastdds.xml"
+    file.write_text(text if profile in {SITE, None} else text.replace(view.address, str(profile)), encoding="utf-8")
+    environment = {} if profile is None else {"FASTRTPS_DEFAULT_PROFILES_FILE": str(file)}
+    with computer() as namespace, participant(namespace, DECLARED, 0, environment, fast_dds):
+        assert findings(inside(namespace, check(SHIPPED, "dds"), {})) == [finding]
+
+
+def test_who_asks_comes_and_leaves(tmp_path: Path) -> None:
+    view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
+    profile = tmp_path / "cyclonedds.xml"
+    profile.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
+    environment = {"CYCLONEDDS_URI": str(profile)}
+    with computer() as namespace, participant(namespace, DECLARED, 0, environment) as said:
+        inside(namespace, check(SHIPPED, "dds"), {})
+        seen = [next(line for line in said if f" peer {sign} " in line).split()[-1] for sign in ("+", "-")]
+    assert seen[0] == seen[1]

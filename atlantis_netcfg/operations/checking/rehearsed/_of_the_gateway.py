@@ -155,7 +155,7 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "gateway-tunnel": Fault(
         "the gateway is not in the VPN",
-        ("SITE/site/vpn",),
+        ("SITE/site/vpn", "SITE/site/dds"),
         _gateway(lambda computer: {"interfaces": tuple(one for one in computer.interfaces if one.name != "tun0")}),
     ),
     "server-silent": Fault(
