@@ -118,7 +118,7 @@ class _Clock:
             elif not {told.get("NTP"), told.get("NTPSynchronized")} <= _YES_NO:
                 yield unreadable(gateway.name, "the service that sets its clock")
             elif told["NTP"] == "no":
-                yield _unset(gateway.name, self.site.name)
+                yield _unset(gateway.name)
             elif told["NTPSynchronized"] == "no":
                 yield _waiting(gateway.name, self.site.name)
             yield from _zone(gateway.name, told.get("Timezone", ""), zone)
@@ -128,7 +128,7 @@ class _Clock:
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
         declared = {str(one.address) for one in self.site.declaration.pilot.time_servers}
         if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
-            yield _unset(name, self.site.name)
+            yield _unset(name)
         elif status in {"waiting", "started"}:
             yield _waiting(name, self.site.name)
         elif status != "synchronized":
@@ -187,9 +187,8 @@ def _waiting(name: str, site: str) -> Finding:
     return warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
 
 
-def _unset(name: str, site: str) -> Finding:
-    hint = f"`provision site={site}`, which switches its NTP client on"
-    return fail("no-time-server", f"nothing sets the clock of {name}", hint)
+def _unset(name: str) -> Finding:
+    return fail("no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on")
 
 
 def _of_router(name: str, answer: Answer) -> Offset | Finding:

@@ -55,7 +55,7 @@ class _DefaultRoute:
         if isinstance(told, Finding):
             return Judged((told, *own))
         routes = [row for row in told if row.get("dst-address") == _DEFAULT]
-        found = tuple(_broad(self.site.name, told)) or tuple(self._of_router(routes, heard))
+        found = tuple(_broad(told)) or tuple(self._of_router(routes, heard))
         evidence = tuple(read(f"default route of {name}", _worded(row)) for row in routes if _in_force(row))
         return Judged((*found, *own), evidence)
 
@@ -137,11 +137,11 @@ def _is_broad(text: str) -> bool:
         return False
 
 
-def _broad(site: str, rows: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
         message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
-        yield fail("broader-route", message, f"remove that route on the router, then run `provision site={site}`")
+        yield fail("broader-route", message, "remove that route on the router, then run the site")
 
 
 def _in_force(row: Mapping[str, str]) -> bool:
