@@ -32,7 +32,6 @@ from atlantis_netcfg.bundle.manifest import (
     Manifest,
     content_id,
 )
-from atlantis_netcfg.bundle.programs import require
 from atlantis_netcfg.bundle.resolve import Fetched, Root, sha256_of
 
 if TYPE_CHECKING:
@@ -85,7 +84,6 @@ class Size:
 
 def make(order: Order, signer: Signer, tell: Tell, sized: Callable[[Size], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
-    require(("apt-get", "apt-config", "dpkg-deb", "git", "gpg", "gpgv"))
     with workshop(order.place) as work:
         tell("asking what there is", None)
         roots = {each.wish.host: _root(work, each) for each in order.purposes}

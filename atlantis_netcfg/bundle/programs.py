@@ -24,6 +24,7 @@ _PACKAGES = {
     "gpgv": "gpgv",
     "ssh": "openssh-client",
 }
+_MAKERS = ("apt-get", "apt-config", "dpkg-deb", "git", "gpg", "gpgv")
 
 
 def program(name: str) -> str:
@@ -34,10 +35,13 @@ def program(name: str) -> str:
     return found
 
 
-def require(names: Sequence[str]) -> None:
-    """Hold that they are all there, before anything is fetched. Raises BundleRefused."""
-    for name in names:
-        program(name)
+def require() -> None:
+    """Hold that what makes a bundle is there, before anything is unpacked or fetched. Raises BundleRefused with all."""
+    missing = [name for name in _MAKERS if shutil.which(name) is None]
+    if missing:
+        listed, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
+        packages = " ".join(dict.fromkeys(_PACKAGES[name] for name in missing))
+        raise BundleRefused(f"{listed} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
 
 
 def run(

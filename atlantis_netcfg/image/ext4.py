@@ -18,9 +18,15 @@ from atlantis_netcfg.image._errors import ImageRefused
 from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["Ext4", "Status", "tool"]
+__all__ = ["PROGRAMS", "Ext4", "Status", "require", "tool"]
+
+PROGRAMS = {"e2fsck": "e2fsprogs", "debugfs": "e2fsprogs", "mcopy": "mtools"}
+"""What edits an image, and the Debian packages that hold these programs."""
+_NOT_EDITED = frozenset({"inline_data"})
+"""Features of a file system that debugfs(8) reads and cannot edit."""
+_OTHER_IMAGE = "take an image of the vendor that was made without it"
 
 _PATH = re.compile(r"(/[A-Za-z0-9._@+~-]+)+|/")
 _KINDS = {"regular": 0o100000, "directory": 0o040000, "symlink": 0o120000}
@@ -28,12 +34,23 @@ _CORRECTED = 1
 """Exit code of e2fsck(8): errors were corrected, such as a journal that was replayed."""
 
 
-def tool(name: str, package: str) -> str:
+def require(*names: str) -> None:
+    """Hold that programs of the system are installed. Raises ImageRefused with all that are not."""
+    missing = [name for name in names if _found(name) is None]
+    if missing:
+        listed, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
+        packages = " ".join(dict.fromkeys(PROGRAMS[name] for name in missing))
+        raise ImageRefused(f"{listed} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
+
+
+def tool(name: str) -> str:
     """The path of a program of the system. Raises ImageRefused where it is not installed."""
-    found = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
-    if found is None:
-        raise ImageRefused(f"`{name}` is not installed on this computer", hint=f"sudo apt install {package}")
-    return found
+    require(name)
+    return _found(name) or name
+
+
+def _found(name: str) -> str | None:
+    return shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +79,26 @@ class Ext4:
 
     def recover(self) -> None:
         """Replay a journal that was left open. Raises ImageRefused where the file system is damaged."""
-        done = self._run([tool("e2fsck", "e2fsprogs"), "-p", self._where])
+        done = self._run([tool("e2fsck"), "-p", self._where])
+        if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", done.stdout):
+            raise ImageRefused(
+                f"the image's file system has features that e2fsprogs of this computer does not know: {unknown[1]}",
+                hint="work on a computer with a newer e2fsprogs, or take an older image of the vendor",
+            )
         if done.returncode not in {0, _CORRECTED}:
             raise ImageRefused(f"the image's file system is damaged: {_last(done.stdout)}", hint="fetch it again")
 
+    def hold_editable(self) -> None:
+        """Hold that debugfs can edit the file system. Raises ImageRefused."""
+        told = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
+        if found := sorted(_NOT_EDITED & {*(told[1].split() if told else ())}):
+            raise ImageRefused(
+                f"the image's file system has the feature `{found[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
+            )
+
     def check(self) -> None:
         """Hold that the file system is clean. Raises ImageRefused."""
-        done = self._run([tool("e2fsck", "e2fsprogs"), "-fn", self._where])
+        done = self._run([tool("e2fsck"), "-fn", self._where])
         if done.returncode:
             raise ImageRefused(f"the image's file system is damaged after customising: {_last(done.stdout)}")
 
@@ -102,16 +132,29 @@ class Ext4:
         """Whether anything stands there, also where the way leads through links like /sbin -> usr/sbin."""
         return self.status(path) is not None
 
+    def hold_no_link(self, paths: Iterable[str]) -> None:
+        """Hold that none of these is a symbolic link: debugfs would edit the link itself. Raises ImageRefused."""
+        for path in paths:
+            status = self.status(path)
+            if status is not None and status.kind == "symlink":
+                to = f" to {status.target}" if re.fullmatch(r"[A-Za-z0-9._@+~/-]+", status.target) else ""
+                raise ImageRefused(
+                    f"{path} of the image is a symbolic link{to}, and what lies behind a link is not edited",
+                    hint="take an image of the vendor in which it is a file or a folder itself",
+                )
+
     def apply(self, edits: Sequence[Edit]) -> None:
         """Carry out the edits, check the file system, and read each edit back. Raises ImageRefused."""
+        above = [edit.path for edit in edits if isinstance(edit, Directory)] + [_above(edit.path) for edit in edits]
+        self.hold_no_link(dict.fromkeys(above))
         with temporary.folder("ext4", self.image.parent) as scratch:
             commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
             batch = scratch / "commands"
             batch.write_text("".join(f"{line}\n" for line in commands))
-            self._run([tool("debugfs", "e2fsprogs"), "-w", "-f", str(batch), self._where])
+            done = self._run([tool("debugfs"), "-w", "-f", str(batch), self._where])
         self.check()
         for edit in edits:
-            self._held(edit)
+            self._held(edit, _complaint(done.stdout))
 
     def _commands(self, edit: Edit, number: int, scratch: Path) -> Iterator[str]:
         path = _safe(edit.path)
@@ -132,7 +175,7 @@ class Ext4:
         elif isinstance(edit, Link):
             yield f"symlink {path} {_safe_target(edit.target)}"
 
-    def _held(self, edit: Edit) -> None:
+    def _held(self, edit: Edit, complaint: str) -> None:
         status = self.status(edit.path)
         if isinstance(edit, Remove):
             held = status is None
@@ -146,12 +189,12 @@ class Ext4:
             held = status.kind == "symlink" and status.target == edit.target
         if not held:
             raise ImageRefused(
-                f"{edit.path} of the image could not be set: what is read back is something else",
+                f"{edit.path} of the image could not be set: {complaint or 'what is read back is something else'}",
                 hint="the image's file system may be full; nothing was written to a card",
             )
 
     def _ask(self, request: str) -> str:
-        return self._run([tool("debugfs", "e2fsprogs"), "-R", request, self._where]).stdout
+        return self._run([tool("debugfs"), "-R", request, self._where]).stdout
 
     @staticmethod
     def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
@@ -183,6 +226,16 @@ def _safe_target(target: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9._@+~/-]{1,59}", target):  # 60 bytes and more are no fast link
         raise ImageRefused(f"`{target}` cannot be the target of a link in an image")
     return target
+
+
+def _above(path: str) -> str:
+    return str(PurePosixPath(path).parent)
+
+
+def _complaint(said: str) -> str:
+    """What debugfs says besides repeating its commands and counting inodes; the first line is nearest to the cause."""
+    lines = (line.strip() for line in said.splitlines() if not line.startswith(("debugfs", "Allocated inode")))
+    return next(filter(None, lines), "")
 
 
 def _last(text: str) -> str:

@@ -40,7 +40,7 @@ class Fat:
 
     def _run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
         return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
-            [tool(program, "mtools"), "-i", f"{self.image}@@{self.offset}", *arguments],
+            [tool(program), "-i", f"{self.image}@@{self.offset}", *arguments],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             check=False,

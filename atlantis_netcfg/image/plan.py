@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.image import _network
 from atlantis_netcfg.image._accounts import PASSWD, SHADOW, SSHD, SSHD_PARTS, accounts
+from atlantis_netcfg.image._errors import ImageRefused
 from atlantis_netcfg.image.edits import Directory, File, Link, Remove
 
 if TYPE_CHECKING:
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.image.edits import Edit
     from atlantis_netcfg.image.wish import Seen, Wish
 
-__all__ = ["LISTED", "READ", "asked", "notes", "plan"]
+__all__ = ["BOOT_WORDS", "LISTED", "READ", "asked", "notes", "plan"]
 
 _HOSTS = "/etc/hosts"
 _MACHINE_ID, _DBUS_ID = "/etc/machine-id", "/var/lib/dbus/machine-id"
@@ -26,17 +28,34 @@ _TIMESYNC, _CHRONY = "/etc/systemd/timesyncd.conf.d", "/etc/chrony/sources.d"
 _SSH = "/etc/ssh"
 _FOLDERS = ("/etc/systemd", "/usr/local", "/usr/local/sbin", "/etc/atlantis", _UNITS, _WANTS, _TIMESYNC)
 _ZONES = "/usr/share/zoneinfo"
+_CLOUD = "/etc/cloud"
+_CLOUD_INIT = (_CLOUD, "/usr/bin/cloud-init")
+"""What cloud-init is known by."""
+_CLOUD_ON = f"{_CLOUD}/cloud-init.enabled"
 
 READ = (PASSWD, SHADOW, "/etc/group", _HOSTS, SSHD)
 """The files whose texts the planner needs."""
 LISTED = (_SSH, "/etc/netplan")
 """The directories whose names it needs."""
+BOOT_WORDS = ("/etc/default/grub", "/boot/grub/grub.cfg", "/boot/extlinux/extlinux.conf", "/boot/cmdline.txt")
+"""Files that hold the words of the kernel's command line; those of the FAT partition are read besides."""
 
 
 def asked(wish: Wish) -> tuple[str, ...]:
     """The paths of which it needs to know whether they exist."""
     zone = f"{_ZONES}/{wish.time_zone}"
-    return (*_network.PATHS, *_FOLDERS, SSHD_PARTS, _CHRONY, _DBUS_ID, _SEED, "/etc/localtime", zone)
+    return (
+        *_network.PATHS,
+        *_FOLDERS,
+        SSHD_PARTS,
+        _CHRONY,
+        _DBUS_ID,
+        _SEED,
+        *_CLOUD_INIT,
+        _CLOUD_ON,
+        "/etc/localtime",
+        zone,
+    )
 
 
 def plan(seen: Seen, wish: Wish) -> tuple[Edit, ...]:
@@ -48,15 +67,24 @@ def plan(seen: Seen, wish: Wish) -> tuple[Edit, ...]:
         *_network.network(seen, wish),
         *_time(seen, wish),
         *_first_boot(wish),
+        *_no_cloud_init(seen),
     ]
     return tuple(dict.fromkeys(found))
 
 
 def notes(seen: Seen, wish: Wish) -> tuple[str, ...]:
     """What a person should know, although it does not stand in the way."""
-    if f"{_ZONES}/{wish.time_zone}" in seen.present:
-        return ()
-    return (f"the image has no time zone data: its clock shows UTC until tzdata is installed ({wish.time_zone})",)
+    told = []
+    if f"{_ZONES}/{wish.time_zone}" not in seen.present:
+        told.append(
+            f"the image has no time zone data: its clock shows UTC until tzdata is installed ({wish.time_zone})"
+        )
+    if _cloud_init(seen):
+        told.append(
+            "cloud-init of the image is switched off, and with it what it does at a first start, such as growing the "
+            "file system"
+        )
+    return tuple(told)
 
 
 def _identity(seen: Seen, wish: Wish) -> Iterator[Edit]:
@@ -82,6 +110,31 @@ def _time(seen: Seen, wish: Wish) -> Iterator[Edit]:
     if _CHRONY in seen.present:
         lines = "".join(f"server {server} iburst\n" for server in wish.time_servers)
         yield File(f"{_CHRONY}/atlantis.sources", lines.encode())
+
+
+def _cloud_init(seen: Seen) -> bool:
+    return any(path in seen.present for path in _CLOUD_INIT)
+
+
+def _no_cloud_init(seen: Seen) -> Iterator[Edit]:
+    """At its first start it would give the computer an address, accounts, host keys and a name of its own.
+
+    A file switches it off. Another file, and the kernel's command line, have precedence (its generator for systemd).
+    """
+    if not _cloud_init(seen):
+        return
+    for place, text in seen.boot_words.items():
+        if re.search(r"^[^#\n]*\bcloud-init=enabled\b", text, re.MULTILINE):
+            raise ImageRefused(
+                f"{place} of the image tells the kernel `cloud-init=enabled`: address, accounts and host name would be "
+                "written anew at the first start",
+                hint="take an image of the vendor without it",
+            )
+    if _CLOUD not in seen.present:
+        yield Directory(_CLOUD)
+    if _CLOUD_ON in seen.present:
+        yield Remove(_CLOUD_ON)
+    yield File(f"{_CLOUD}/cloud-init.disabled", b"Written by `provision image`.\n")
 
 
 _SCRIPT = """\

@@ -63,6 +63,8 @@ class Seen:
     """Which of the paths that the planner asks about exist."""
     listed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Names in directories, by path."""
+    boot_words: Mapping[str, str] = field(default_factory=dict)
+    """Texts of the files that hold the kernel's command line, by what a person calls them."""
 
     def text(self, path: str) -> str:
         """A file's text; empty where there is none."""

@@ -17,6 +17,7 @@ from atlantis_netcfg.bundle import (
     make,
     open_bundle,
 )
+from atlantis_netcfg.bundle.programs import require
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.bundling._target import from_board, from_file, from_image
 from atlantis_netcfg.operations.bundling._wish import wish_of
@@ -52,6 +53,7 @@ class Asked:
 def made(asked: Asked, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
     refuse_examples(asked.declaration, rehearsed=False)
+    require()
     purposes = tuple(_purpose(asked, host, notify) for host in asked.hosts)
     order = Order(asked.site, asked.declaration.revision, purposes, asked.place, asked.image)
 

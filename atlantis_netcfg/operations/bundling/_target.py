@@ -11,7 +11,7 @@ from atlantis_netcfg import temporary
 from atlantis_netcfg.bundle import BundleRefused, Target, read_target
 from atlantis_netcfg.bundle.programs import run
 from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
-from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.ext4 import Ext4, require
 from atlantis_netcfg.image.layouts import find
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.site.model import Gateway, ImageLayout
@@ -44,6 +44,7 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Tar
     """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
     if not image.is_file():
         raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
+    require("e2fsck", "debugfs")
     device = host.device
     declared = device.image.layout if isinstance(device, Gateway) and device.image is not None else ImageLayout.PLAIN
     with temporary.folder("bundle", temporary.roomy()) as folder:

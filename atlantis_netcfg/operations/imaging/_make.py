@@ -26,6 +26,7 @@ from atlantis_netcfg.image import (
     segments,
     write,
 )
+from atlantis_netcfg.image.ext4 import PROGRAMS, require
 from atlantis_netcfg.operations.imaging._receipt import Receipt, image_told
 from atlantis_netcfg.operations.imaging._wish import layout_of, wish_of
 
@@ -67,6 +68,7 @@ class Order:
         if not self.image.is_file():
             raise ImageRefused(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
         checksum(self.image, self.sha256)
+        require(*PROGRAMS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ def tree(folder: Path, files: dict[str, str] | None = None) -> Path:
     return folder
 
 
-def disk(image: Path, root: Path, root_mib: int = 24) -> Path:
+def disk(image: Path, root: Path, root_mib: int = 24, features: str = "") -> Path:
     """MBR with a boot code gap, FAT16, and ext4 with the files of `root`, owned by root."""
     size = ROOT_AT + root_mib * 2**20
     with image.open("wb") as file:
@@ -56,7 +56,8 @@ def disk(image: Path, root: Path, root_mib: int = 24) -> Path:
     subprocess.run(["sfdisk", "-q", str(image)], input=table, text=True, check=True, capture_output=True)
     run("mkfs.vfat", "-F", "16", "-n", "BOOT", "--offset", "2048", str(image), "131072")
     options = f"offset={ROOT_AT},root_owner=0:0"
-    run("mke2fs", "-q", "-t", "ext4", "-E", options, "-d", str(root), str(image), f"{root_mib * 1024}k")
+    more = ("-O", features) if features else ()
+    run("mke2fs", "-q", "-t", "ext4", *more, "-E", options, "-d", str(root), str(image), f"{root_mib * 1024}k")
     note = image.with_suffix(".boot-ini")
     note.write_text("ODROIDN2-UBOOT-CONFIG\n")
     run("mcopy", "-i", f"{image}@@{BOOT_AT}", str(note), "::boot.ini")

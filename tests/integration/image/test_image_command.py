@@ -152,6 +152,21 @@ def test_refused_and_nothing_written(desk: Desk, more: list[str], said: str) -> 
     assert desk.receipts == []
 
 
+def test_programs_that_are_missing_are_told_before_anything_is_unpacked(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unpacked(*_given: object) -> None:
+        raise AssertionError("it was unpacked")
+
+    monkeypatch.setattr("atlantis_netcfg.operations.imaging._make.expand", unpacked)
+    monkeypatch.setattr("shutil.which", lambda name, **_more: "/bin/x" if name == "e2fsck" else None)
+    code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
+    assert code == 3
+    assert "`debugfs` and `mcopy` are not installed on this computer" in err
+    assert "sudo apt install e2fsprogs mtools" in err
+    assert desk.untouched
+
+
 def test_a_refused_disk(desk: Desk) -> None:
     desk.tree.mount(desk.card.number, "/home", "/dev/sdb")
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")

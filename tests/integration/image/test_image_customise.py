@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import struct
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
@@ -166,6 +168,98 @@ def test_a_missing_program_is_named(image: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(ImageRefused, match="`e2fsck` is not installed") as caught:
         customise(image, N2, WISH)
     assert caught.value.hint == "sudo apt install e2fsprogs"
+
+
+@pytest.mark.parametrize(
+    ("path", "target"),
+    [
+        ("/root", "/home/root"),
+        ("/etc/shadow", "../usr/share/shadow"),
+        ("/etc/netplan", "/usr/share/netplan"),
+        ("/etc/hosts", "/usr/share/hosts"),
+        ("/etc/systemd", "/usr/share/systemd"),
+    ],
+)
+def test_a_link_in_the_place_of_a_file_or_folder_is_named(tmp_path: Path, path: str, target: str) -> None:
+    """debugfs edits the link, and what is read back is something else: that is no full file system."""
+    root = tree(tmp_path / "root")
+    aside = root / (Path("/etc") / target).resolve().relative_to("/")
+    aside.parent.mkdir(parents=True, exist_ok=True)
+    if (root / path[1:]).exists():
+        (root / path[1:]).rename(aside)
+    else:
+        aside.mkdir()
+    (root / path[1:]).symlink_to(target)
+    image = disk(tmp_path / "gw.img", root)
+    with pytest.raises(ImageRefused, match=f"{path} of the image is a symbolic link to {target}, and what lies behind"):
+        customise(image, N2, WISH)
+    assert cat(image, "/etc/hostname") == "odroid\n"
+
+
+def test_a_link_on_the_way_is_followed(tmp_path: Path) -> None:
+    root = tree(tmp_path / "root")
+    (root / "var" / "home" / "odroid").mkdir(parents=True)
+    (root / "home").symlink_to("var/home")
+    image = disk(tmp_path / "gw.img", root)
+    customise(image, N2, replace(WISH, user="odroid"))
+    assert cat(image, "/var/home/odroid/.ssh/authorized_keys") == f"{KEY}\n"
+
+
+def test_a_feature_that_debugfs_cannot_edit_is_named(tmp_path: Path) -> None:
+    image = disk(tmp_path / "gw.img", tree(tmp_path / "root"), features="inline_data")
+    with pytest.raises(ImageRefused, match="has the feature `inline_data`, which debugfs cannot edit"):
+        customise(image, N2, WISH)
+
+
+def test_a_feature_that_nobody_here_knows_is_no_damage(tmp_path: Path) -> None:
+    """Bit 31 of the incompatible features: e2fsck says that it wants a newer e2fsck."""
+    image = disk(tmp_path / "gw.img", tree(tmp_path / "root"), features="^metadata_csum")
+    with image.open("r+b") as file:
+        file.seek(ROOT_AT + 1024 + 0x60)
+        (features,) = struct.unpack("<I", file.read(4))
+        file.seek(ROOT_AT + 1024 + 0x60)
+        file.write(struct.pack("<I", features | 1 << 31))
+    with pytest.raises(ImageRefused, match="e2fsprogs of this computer does not know: FEATURE_I31"):
+        customise(image, N2, WISH)
+
+
+DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
+
+
+def cloud_init_runs(image: Path, folder: Path, words: str = "") -> bool:
+    """What cloud-init's own generator for systemd decides at the start of a computer with this image."""
+    (told,) = (DEBIAN / "cloud-init").rglob("cloud-init-generator")
+    (folder / "cloud").mkdir(parents=True)
+    for name in ("disabled", "enabled"):
+        if (data := Ext4(image, ROOT_AT).read(f"/etc/cloud/cloud-init.{name}")) is not None:
+            (folder / "cloud" / f"cloud-init.{name}").write_bytes(data)
+    program = folder / "generator"
+    text = told.read_text().replace("/etc/cloud/", f"{folder}/cloud/").replace("/run/cloud-init", f"{folder}/run")
+    program.write_text(text.replace("/usr/lib/cloud-init/ds-identify", "/bin/true"))
+    places = [str(folder / name) for name in ("normal", "early", "late")]
+    subprocess.run(["sh", str(program), *places], env={"KERNEL_CMDLINE": words, "PATH": "/usr/bin:/bin"}, check=True)
+    return (folder / "early" / "multi-user.target.wants" / "cloud-init.target").is_symlink()
+
+
+@pytest.mark.parametrize("by", ["etc/cloud/cloud.cfg", "etc/cloud/cloud-init.enabled"])
+def test_cloud_init_itself_says_that_it_does_nothing(tmp_path: Path, by: str) -> None:
+    image = disk(tmp_path / "gw.img", tree(tmp_path / "root", {**ROOT, by: "x: y\n"}))
+    assert cloud_init_runs(image, tmp_path / "before")
+    customise(image, N2, WISH)
+    assert not cloud_init_runs(image, tmp_path / "after")
+    assert cloud_init_runs(image, tmp_path / "told", "quiet cloud-init=enabled"), "why such an image is refused"
+
+
+def test_cloud_init_does_not_come_back(tmp_path: Path) -> None:
+    files = {**ROOT, "etc/cloud/cloud.cfg": "preserve_hostname: false\n"}
+    image = disk(tmp_path / "gw.img", tree(tmp_path / "root", files))
+    assert "cloud-init of the image is switched off" in customise(image, N2, WISH)[0]
+    assert cat(image, "/etc/cloud/cloud-init.disabled") != ""
+    note = tmp_path / "boot.ini"
+    note.write_text("ODROIDN2-UBOOT-CONFIG\nsetenv bootargs cloud-init=enabled\n")
+    run("mcopy", "-o", "-i", f"{image}@@{BOOT_AT}", str(note), "::boot.ini")
+    with pytest.raises(ImageRefused, match=r"boot\.ini on the FAT partition of the image tells the kernel"):
+        customise(image, N2, WISH)
 
 
 def test_time_zone_data_may_be_missing(tmp_path: Path) -> None:

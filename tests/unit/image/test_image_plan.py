@@ -184,3 +184,31 @@ def test_the_first_start() -> None:
 def test_an_image_that_cannot_serve_is_refused(seen: Seen, wish: Wish, said: str) -> None:
     with pytest.raises(ImageRefused, match=said):
         plan(seen, wish)
+
+
+OFF = "/etc/cloud/cloud-init.disabled"
+GRUB = "/etc/default/grub"
+
+
+@pytest.mark.parametrize("known_by", ["/etc/cloud", "/usr/bin/cloud-init"])
+def test_cloud_init_is_switched_off(known_by: str) -> None:
+    seen = replace(SEEN, present=SEEN.present | {known_by}, boot_words={GRUB: 'A="quiet"\n#B="cloud-init=enabled"\n'})
+    edits = plan(seen, WISH)
+    assert OFF in files(edits)
+    assert (Directory("/etc/cloud") in edits) is (known_by != "/etc/cloud")
+    (note,) = notes(seen, WISH)
+    assert "cloud-init of the image is switched off" in note
+
+
+def test_an_image_without_cloud_init_is_left_without_its_file() -> None:
+    assert OFF not in files(plan(replace(SEEN, boot_words={GRUB: "cloud-init=enabled"}), WISH))
+
+
+@pytest.mark.parametrize(
+    "words", ["cloud-init=enabled", "console=tty0 cloud-init=enabled ds=nocloud\n", 'GRUB="cloud-init=enabled"\n']
+)
+def test_cloud_init_that_the_kernels_command_line_switches_on_is_refused(words: str) -> None:
+    """It has precedence over the file: cloud-init's generator asks it first."""
+    seen = replace(SEEN, present=SEEN.present | {"/etc/cloud"}, boot_words={"boot.ini on the FAT partition": words})
+    with pytest.raises(ImageRefused, match=r"boot\.ini on the FAT partition of the image tells the kernel `cloud-init"):
+        plan(seen, WISH)
