@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.gateway.parts import Step
+from atlantis_netcfg.gateway.parts import Check, Step
 
-__all__ = ["ACCEPT_CHRONY", "HOSTNAME", "LOCALES", "SSHD", "STEPS", "SYSCTL", "WATCHDOG"]
+__all__ = [
+    "ACCEPT_CHRONY",
+    "CHECKS",
+    "CLOUD_INIT",
+    "CLOUD_INIT_ON",
+    "HOSTNAME",
+    "LOCALES",
+    "SSHD",
+    "STEPS",
+    "SYSCTL",
+    "WATCHDOG",
+]
 
+CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
+"""Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
+CLOUD_INIT_ON = "/etc/cloud/cloud-init.enabled"
 HOSTNAME = "/etc/hostname"
 LOCALES = "/etc/locale.gen"
 SSHD = "/etc/ssh/sshd_config.d/00-atlantis.conf"
@@ -49,4 +63,12 @@ STEPS = (
     Step("set values of the kernel", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
     Step("see that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
     Step("set the watchdog", ("sh", "-c", _WATCHED), (WATCHDOG,)),
+)
+
+CHECKS = (
+    Check(
+        ("sh", "-c", "! command -v cloud-init >/dev/null || ! grep -qw cloud-init=enabled /proc/cmdline"),
+        "cloud-init is switched on by the kernel's command line, and writes name, address and accounts anew",
+        "on the computer: take `cloud-init=enabled` out of what its boot loader tells the kernel, then `sudo reboot`",
+    ),
 )

@@ -60,9 +60,10 @@ def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
         configuration=Configuration(
             files=tuple(_files(view)),
             links=(Link("/etc/localtime", f"/usr/share/zoneinfo/{view.time_zone}"),),
-            absent=() if view.watchdog_s is not None else (_steps.WATCHDOG,),
+            absent=(_steps.CLOUD_INIT_ON, *(() if view.watchdog_s is not None else (_steps.WATCHDOG,))),
             steps=_steps.STEPS,
             units=tuple(_units(view)),
+            checks=_steps.CHECKS,
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         ),
         network=gateway_network(declaration, host),
@@ -81,7 +82,14 @@ def _files(view: BaseView) -> Iterator[File]:
         _file(view, "/etc/apt/apt.conf.d/90atlantis", "apt.conf.j2", ("apt-config", "-c", "%s", "dump")),
         _file(view, _JOURNAL, "journald.conf.j2"),
         _file(view, _steps.SYSCTL, "sysctl.conf.j2"),
-        _file(view, _FIREWALL, "nftables.conf.j2", ("nft", "-c", "-f", "%s"), _NO_FIREWALL),
+        File(_steps.CLOUD_INIT, "# atlantis: name, address and accounts are those of the declaration.\n"),
+        File(
+            _FIREWALL,
+            _text(view, "nftables.conf.j2"),
+            validate=("nft", "-c", "-f", "%s"),
+            hint=_NO_FIREWALL,
+            finding="the declared firewall is not in force",
+        ),
     )
     if view.watchdog_s is not None:
         yield _file(view, _steps.WATCHDOG, "watchdog.conf.j2")
@@ -95,9 +103,12 @@ _NO_FIREWALL = (
 )
 
 
-def _file(view: BaseView, path: str, template: str, validate: tuple[str, ...] = (), hint: str = "") -> File:
-    content = environment().get_template(f"gateway/{template}").render(base=view)
-    return File(path, content, validate=validate, hint=hint)
+def _file(view: BaseView, path: str, template: str, validate: tuple[str, ...] = ()) -> File:
+    return File(path, _text(view, template), validate=validate)
+
+
+def _text(view: BaseView, template: str) -> str:
+    return environment().get_template(f"gateway/{template}").render(base=view)
 
 
 def _units(view: BaseView) -> Iterator[Unit]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step, Unit
+from atlantis_netcfg.gateway.parts import Check, Configuration, File, Package, Step, Unit
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -121,9 +121,26 @@ def _configuration(interop: Interop | None, ros: str) -> Configuration:
             Step("start the data gateway with the VPN, or take it away", ("sh", "-c", _UP_OR_DOWN), (_UNIT,)),
         ),
         units=units if _UNIT in laid else (),
+        checks=_CHECKS if _UNIT in laid else (),
     )
 
 
+_BOUNDED = """\
+[ -e /sys/fs/cgroup/cpu/cpu.cfs_quota_us ] && exit 0
+for bound in /sys/fs/cgroup/*/cpu.max; do
+    [ ! -e "$bound" ] || exit 0
+done
+{ zcat /proc/config.gz || cat "/boot/config-$(uname -r)"; } 2>/dev/null | grep -qx CONFIG_CFS_BANDWIDTH=y
+"""
+"""Whether `CPUQuota=` is enforced: a file of either kind of control groups; without a group yet, the kernel's build."""
+_CHECKS = (
+    Check(
+        ("sh", "-c", _BOUNDED),
+        "`cpu_percent` of the data gateway is not enforced: nothing here shows that the kernel was built with "
+        "CONFIG_CFS_BANDWIDTH",
+        "take a kernel that has it; until then look at what the data gateway takes: `systemd-cgtop` on the computer",
+    ),
+)
 _NO_COMMAND = "look at `command` of `service:`: a quotation mark may be missing"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
-__all__ = ["Brought", "Configuration", "Directory", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
+__all__ = ["Brought", "Check", "Configuration", "Directory", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
 
 
 class Part(Protocol):
@@ -46,6 +46,8 @@ class File:
     validate: tuple[str, ...] = ()
     hint: str = ""
     """What to do where the validator does not accept it."""
+    finding: str = ""
+    """What that means, where it stops nothing else; empty: then nothing is changed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,15 @@ class Brought:
 
 
 @dataclass(frozen=True, slots=True)
+class Check:
+    """A program that only looks, in every run; where it does not succeed, the finding is told: no green end."""
+
+    run: tuple[str, ...]
+    finding: str
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class WayIn:
     """What must hold of the SSH session that brings all this: else nothing is changed."""
 
@@ -108,6 +119,7 @@ class Configuration:
     steps: tuple[Step, ...] = ()
     units: tuple[Unit, ...] = ()
     brought: tuple[Brought, ...] = ()
+    checks: tuple[Check, ...] = ()
     way_in: WayIn | None = None
 
     def as_dict(self) -> dict[str, Any]:

@@ -34,6 +34,8 @@ class ComputerResult:
     site: str = ""
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)
+    """What is not as declared and stopped nothing; no green end."""
     shown: list[str] = field(default_factory=list)
     """Differences of texts, as `diff -u` has them."""
     failure: str | None = None
@@ -45,12 +47,21 @@ class ComputerResult:
     def ok(self, task: str, told: Mapping[str, Any]) -> None:
         """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
         self.notes += [str(note) for note in told.get("notes") or ()]
+        self._find([str(finding) for finding in told.get("findings") or ()], told.get("hint"))
         if not told.get("changed"):
             return
         self.changes += [str(change) for change in told.get("changes") or (task,)]
         self.shown += _differences(told.get("diff"))
         if self.status is Status.UNCHANGED:
             self.status = self._changed
+
+    def _find(self, findings: list[str], hint: object) -> None:
+        if not findings:
+            return
+        self.findings += findings
+        self.hint = self.hint or (str(hint) if hint else None)
+        if self.mode is Mode.DRIFT:
+            self.status = Status.DRIFTED
 
     def failed(self, task: str, told: Mapping[str, Any], status: Status) -> None:
         """Take why a task failed."""
@@ -72,7 +83,8 @@ class ComputerResult:
         if self.failure is None:
             return
         self.failure, self.hint = None, None
-        self.status = self._changed if self.changes else Status.UNCHANGED
+        drifted = self.findings and self.mode is Mode.DRIFT
+        self.status = self._changed if self.changes or drifted else Status.UNCHANGED
 
     def unrecorded(self, failure: JournalFailed) -> None:
         """Take why the result is not in the journal: it is not green then."""
@@ -87,7 +99,8 @@ class ComputerResult:
     @property
     def exit(self) -> ExitCode:
         """The exit code of a run that ended so on its only device."""
-        return self.status.exit if self.recorded else self.status.exit.unproved
+        found = self.findings and self.status is not Status.PLANNED
+        return self.status.exit if self.recorded and not found else self.status.exit.unproved
 
     @property
     def confirmed(self) -> int:
@@ -97,7 +110,8 @@ class ComputerResult:
     @property
     def message(self) -> str:
         """What stands in the report beside its name."""
-        return self._message if self.recorded else f"{self._message}; {NOT_RECORDED}"
+        told = "; finding: ".join([self._message, *self.findings])
+        return told if self.recorded else f"{told}; {NOT_RECORDED}"
 
     @property
     def _message(self) -> str:
@@ -105,9 +119,10 @@ class ComputerResult:
         if self.failure is not None:
             return f"{self.failure} (after {count})" if self.changes else self.failure
         if self.status is Status.UNCHANGED:
-            return "as declared, nothing to change"
+            return "nothing to change" if self.findings else "as declared, nothing to change"
         if self.mode is Mode.DRIFT:
-            return f"{len(self.changes)} things differ" if len(self.changes) > 1 else "1 thing differs"
+            differ = len(self.changes) + len(self.findings)
+            return f"{differ} things differ" if differ > 1 else "1 thing differs"
         return f"{count} to make" if self.mode is Mode.PLAN else f"{count} made"
 
     def _comparison(self) -> dict[str, Any]:
@@ -125,7 +140,7 @@ class ComputerResult:
             "confirmed": None,
             "differences": [
                 {**unsaid, "menu": _MENU, "subject": change, "kind": "changed", "why_unknown": _NO_PAST, "counts": True}
-                for change in self.changes
+                for change in (*self.changes, *self.findings)
             ],
         }
 

@@ -70,6 +70,7 @@ def test_a_computer_becomes_a_gateway(stand: Stand, ground: Yard, tmp_path: Path
     held = said(stand, "sshd -T -C user=root,host=x,addr=10.64.1.1").splitlines()
     assert {"passwordauthentication no", "permitrootlogin without-password", "usedns no"} <= {*held}
     assert said(stand, "systemctl is-enabled nftables chrony") == "enabled\nenabled"
+    assert said(stand, "ls /etc/cloud") == "cloud-init.disabled"
     assert "SystemMaxUse=200M" in said(stand, "systemd-analyze cat-config systemd/journald.conf")
     assert said(stand, "ls -d /var/log/journal/*")
     assert 'Automatic-Reboot "false"' in said(stand, "apt-config dump | grep -i Unattended-Upgrade::Automatic-Reboot ")
@@ -129,15 +130,29 @@ def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Yard, tmp_p
     assert logs_in(stand, tmp_path)
 
 
-def test_a_kernel_without_a_firewall_is_told_before_anything(stand: Stand) -> None:
+def test_a_kernel_without_a_firewall_gets_everything_else_and_is_not_green(stand: Stand) -> None:
     """Stands for a vendor's kernel 4.9 without nf_tables: nft says what it says there."""
     words = "netlink: Error: cache initialization failed: Operation not supported"
     stand.gateway.put("/usr/local/sbin/nft", f"#!/bin/sh\necho '{words}' >&2; exit 1\n", mode="0755")
-    refused = stand.run()
-    assert words in refused["message"]
-    assert "built without nf_tables" in refused["hint"]
-    assert refused["changes"] == []
-    assert said(stand, "cat /etc/timezone") == "Etc/UTC"
+    before = said(stand, "cat /etc/nftables.conf")
+    planned, done, again = stand.run("--check"), stand.run(), stand.run()
+    assert planned["changes"] == done["changes"]
+    assert {f"file {CONF}", "step generate the locale", "unit chrony.service started"} <= {*done["changes"]}
+    assert not [change for change in done["changes"] if "nftables" in change]
+    assert again["changes"] == []
+    for one in (planned, done, again):
+        assert "finding: the declared firewall is not in force: nft does not accept" in one["message"]
+        assert words in one["message"]
+        assert "built without nf_tables" in one["hint"]
+    assert [one["exit"] for one in (planned, done, again)] == [2, 6, 6]
+    assert said(stand, "cat /etc/timezone") == "Europe/Lisbon"
+    assert said(stand, "cat /etc/nftables.conf") == before
+
+    stand.gateway.run("rm /usr/local/sbin/nft")
+    mended = stand.run()
+    assert mended["changes"][0] == "file /etc/nftables.conf"
+    assert (mended["exit"], stand.run()["exit"]) == (0, 0)
+    assert "tcp dport 22 accept" in said(stand, "nft list ruleset")
 
 
 def test_a_full_card_is_left_as_it_was(machine: Start, technician: Key, tmp_path: Path) -> None:  # noqa: F811

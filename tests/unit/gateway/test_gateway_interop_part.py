@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+import os
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -88,6 +90,39 @@ def test_the_service_is_bound_to_the_vpn_and_limited() -> None:
     # The declared words are the shell's business: systemd's own `%` and `$` are not in the way.
     assert files(made)[COMMAND].splitlines()[-1] == f"exec {service.command}"
     assert made["configure"]["units"][0]["after"][-1] == "/opt/atlantis/interop/current/build.json"
+
+
+@pytest.mark.parametrize(
+    ("there", "bounded"),
+    [
+        (("sys/fs/cgroup/cpu/cpu.cfs_quota_us",), True),
+        (("sys/fs/cgroup/system.slice/cpu.max",), True),
+        (("sys/fs/cgroup/cpu/cpu.shares", "proc/config.gz: # CONFIG_CFS_BANDWIDTH is not set"), False),
+        (("sys/fs/cgroup/system.slice/cpu.weight",), False),
+        (("proc/config.gz: CONFIG_CFS_BANDWIDTH=y",), True),
+        (("boot/config-@: CONFIG_CFS_BANDWIDTH=y",), True),
+        (("boot/config-@: # CONFIG_CFS_BANDWIDTH is not set",), False),
+        ((), False),
+    ],
+)
+def test_a_bound_that_the_kernel_does_not_enforce_is_a_finding(
+    there: tuple[str, ...],
+    bounded: bool,  # noqa: FBT001 - a column
+    tmp_path: Path,
+) -> None:
+    """Hardkernel's 4.9 for the N2 has `# CONFIG_CFS_BANDWIDTH is not set`."""
+    for each in there:
+        name, _, text = each.replace("@", os.uname().release).partition(": ")
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(gzip.compress(f"{text}\n".encode()) if name.endswith(".gz") else f"{text}\n".encode())
+    (check,) = told(pilot(service=InteropService(command="gateway")))["configure"]["checks"]
+    script = check["run"][2]
+    for root in ("/sys/", "/proc/", "/boot/"):
+        script = script.replace(root, f"{tmp_path}{root}")
+    assert (subprocess.run(["sh", "-c", script], check=False).returncode == 0) is bounded
+    assert "CONFIG_CFS_BANDWIDTH" in check["finding"]
+    assert "checks" not in told(pilot())["configure"]
 
 
 def test_its_environment_is_what_the_profiles_are_told_by() -> None:

@@ -298,3 +298,85 @@ def test_what_a_person_has_not_brought_is_told_and_changes_nothing(computer: Com
     asked = computer.configure(brought=brought)
     asked.converge({})
     assert (asked.changes, asked.notes) == ([], [])
+
+
+FINDING = "the declared firewall is not in force"
+OPTIONAL: dict[str, Any] = {
+    "files": [
+        {"path": CONF, "content": "good = 1\n"},
+        {"path": "/etc/wall.conf", "content": "bad\n", "validate": GOOD, "hint": "mend it", "finding": FINDING},
+    ],
+    "steps": [
+        {"name": "load the wall", "run": ["load"], "after": ["/etc/wall.conf"]},
+        {"name": "take it", "run": ["take"], "after": [CONF]},
+    ],
+    "units": [
+        {"name": "wall", "enabled": True, "active": True, "after": ["/etc/wall.conf"]},
+        {"name": "daemon", "enabled": True, "active": True, "after": [CONF]},
+    ],
+}
+
+
+@pytest.mark.parametrize("before", [None, "an older one\n"])
+def test_a_file_that_is_not_accepted_is_a_finding_and_all_else_is_done(computer: Computer, before: str | None) -> None:
+    computer.units["wall"] = FakeUnit(active="failed")
+    if before is not None:
+        computer.put("/etc/wall.conf", before, 0o600)
+    expected = [f"file {CONF}", "step take it", "unit daemon enabled", "unit daemon started"]
+    planned = computer.configure(check=True, **OPTIONAL)
+    planned.converge({})
+    done = computer.configure(**OPTIONAL)
+    done.converge({})
+    assert planned.changes == done.changes == expected
+    again = computer.configure(**OPTIONAL)
+    again.converge({})
+    assert again.changes == []
+    for one in (planned, done, again):
+        ((words, hint),) = one.findings
+        assert words.startswith(f"{FINDING}: sh does not accept the new /etc/wall.conf, which stays as it was:\n")
+        assert words.endswith("/etc/wall.conf: line 1: bad")
+        assert hint == "mend it"
+    assert ["load"] not in computer.ran
+    assert computer.units["wall"].active == "failed"
+    left = {name: found for name, found in computer.snapshot().items() if "wall" in name}
+    assert {name: text for name, (_, text) in left.items()} == ({} if before is None else {"etc/wall.conf": before})
+
+
+def test_a_file_that_is_no_longer_accepted_is_a_finding_although_it_is_unchanged(computer: Computer) -> None:
+    """The kernel was exchanged for one without nf_tables: the file is there, and its unit cannot start any more."""
+    computer.units["wall"] = FakeUnit()
+    switch = ["sh", "-c", f"test -e {computer.root}/nf_tables # %s"]
+    told = {**OPTIONAL, "files": [OPTIONAL["files"][0], {**OPTIONAL["files"][1], "validate": switch}]}
+    computer.put("/nf_tables", "")
+    first = computer.configure(**told)
+    first.converge({})
+    assert first.findings == []
+    assert "unit wall started" in first.changes
+    (computer.root / "nf_tables").unlink()
+    computer.units["wall"].active = "failed"
+    later = computer.configure(**told)
+    later.converge({})
+    assert later.changes == []
+    assert later.findings[0][0].startswith(FINDING)
+
+
+def test_a_file_that_is_not_accepted_and_has_to_be_still_stops_everything(computer: Computer) -> None:
+    told = {**OPTIONAL, "files": [*OPTIONAL["files"], {"path": "/etc/must.conf", "content": "bad\n", "validate": GOOD}]}
+    before = computer.snapshot()
+    with pytest.raises(Refused, match=r"sh does not accept the new /etc/must\.conf, so that nothing was changed"):
+        computer.converge(**told)
+    assert computer.snapshot() == before
+
+
+def test_a_check_is_asked_in_every_run_and_changes_nothing(computer: Computer) -> None:
+    checks = [{"run": ["look", "there"], "finding": "it is not bounded", "hint": "take another"}]
+    for code, found in (
+        (0, []),
+        (1, [("it is not bounded", "take another")]),
+        (127, [("it is not bounded", "take another")]),
+    ):
+        computer.answers["look"] = Done(code, "")
+        for check in (True, False):
+            one = computer.configure(check=check, checks=checks)
+            one.converge({})
+            assert (one.changes, one.findings) == ([], found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,9 +107,24 @@ def test_without_dds_its_ports_are_shut() -> None:
 def test_the_watchdog_is_set_where_it_is_declared(tmp_path: Path) -> None:
     path = "/etc/systemd/system.conf.d/atlantis-watchdog.conf"
     without, declared = part(tmp_path / "a"), part(tmp_path / "b", "  watchdog_s: 30\n")
-    assert without.configuration.absent == (path,)
-    assert declared.configuration.absent == ()
+    assert path in without.configuration.absent
+    assert path not in declared.configuration.absent
     assert "RuntimeWatchdogSec=30\n" in text(declared, path)
+
+
+def test_cloud_init_takes_nothing_back(tmp_path: Path) -> None:
+    """Of its two files the one that switches it on has precedence, and the kernel's command line over both."""
+    made = part(tmp_path).configuration
+    assert "/etc/cloud/cloud-init.disabled" in [file.path for file in made.files]
+    assert "/etc/cloud/cloud-init.enabled" in made.absent
+    (check,) = made.checks
+    words = tmp_path / "cmdline"
+    for cmdline, code in (("quiet", 0), ("quiet cloud-init=enabled ro", 1), ("cloud-init=disabled", 0)):
+        words.write_text(cmdline)
+        script = check.run[2].replace("/proc/cmdline", str(words)).replace("command -v cloud-init", "true")
+        assert subprocess.run(["sh", "-c", script], check=False).returncode == code
+        script = check.run[2].replace("/proc/cmdline", str(words)).replace("command -v cloud-init", "false")
+        assert subprocess.run(["sh", "-c", script], check=False).returncode == 0
 
 
 def test_nothing_is_fetched_unasked_where_bytes_cost(tmp_path: Path) -> None:

@@ -59,6 +59,10 @@ class Configure:
         self.diff: list[dict[str, str]] = []
         self.notes: list[str] = []
         """What steps have told in lines that begin with `note: `, and of files that nobody has brought yet."""
+        self.findings: list[tuple[str, str]] = []
+        """What is not as declared and stopped nothing, with what to do about it; told in every run."""
+        self._left: set[str] = set()
+        """Files that were not accepted: what is run after them is left alone."""
         self._to_come: dict[str, str] = {}
         """What the paths of this call will hold, where they are not written yet."""
 
@@ -75,9 +79,13 @@ class Configure:
         self._place()
         self._read_unit_files()
         for step in self.wishes.steps:
-            self._take(step)
+            if self._left.isdisjoint(step.after):
+                self._take(step)
         self._bring_units()
         self.notes += [one.note for one in self.wishes.brought if self.tree.find(one.path) is None]
+        self.findings += [
+            (check.finding, check.hint) for check in self.wishes.checks if self.run(list(check.run)).code != 0
+        ]
 
     def _place(self) -> None:
         left = strays(self.tree, self.wishes)
@@ -86,13 +94,15 @@ class Configure:
         if self.check:
             placing.validate_aside()
             self._to_come = {
-                **{file.path: _digest(file.content) for file in self.wishes.files},
+                **{file.path: _digest(file.content) for file in self.wishes.files if file.path not in placing.left},
                 **{link.path: _digest(link.target.encode()) for link in self.wishes.links},
                 **dict.fromkeys(self.wishes.absent, ABSENT),
             }
         else:
             placing.place()
             clear(self.tree, self.wishes, left)
+        self.findings += placing.left.values()
+        self._left = {*placing.left}
         self.changes += placing.changes()
         self.diff += placing.differences()
 
@@ -127,6 +137,8 @@ class Configure:
     def _bring_units(self) -> None:
         started: list[tuple[Unit, dict[str, str]]] = []
         for unit in self.wishes.units:
+            if not self._left.isdisjoint(unit.after):
+                continue
             state = self._state(unit)
             if state is None:
                 continue

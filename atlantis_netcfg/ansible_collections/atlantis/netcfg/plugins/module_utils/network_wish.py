@@ -168,9 +168,6 @@ class Wish:
         if others:
             listed = ", ".join(others)
             hint = f"let them go with the change by `replaces: [{listed}]` in `network` of the host"
-            if "cloud-init" in listed:
-                hint += "; cloud-init writes its file anew unless /etc/cloud/cloud.cfg.d/99-atlantis.cfg has "
-                hint += "`network: {config: disabled}`"
             what = f"{self.interface} is configured by other files, too, and the two would fight: {listed}"
             raise Refused(what, hint)
         if self.path == INTERFACES and INTERFACES not in self.replaces:

@@ -37,6 +37,8 @@ class Placing:
         self.owners = {wish.path: (tree.uid(wish.owner), tree.gid(wish.group)) for wish in self.owned}
         self.rewritten = [wish for wish in wishes.files if self._is_other(wish)]
         self._made: list[str] = []
+        self.left: dict[str, tuple[str, str]] = {}
+        """Files that are not accepted and do not stand in the way of the rest: path -> finding and hint."""
 
     def changes(self) -> list[str]:
         """What `place` does, one line each."""
@@ -44,7 +46,7 @@ class Placing:
         for directory in self.wishes.directories:
             found = self.found[directory.path]
             lines += [f"directory {directory.path}"] if found is None else self._mended("directory", directory, found)
-        for file in self.wishes.files:
+        for file in self._files:
             found = self.found[file.path]
             if file in self.rewritten or found is None:
                 lines.append(f"file {file.path}")
@@ -73,14 +75,22 @@ class Placing:
                 shown.append(_difference(path, before, ""))
         return shown
 
+    @property
+    def _files(self) -> list[File]:
+        return [file for file in self.wishes.files if file.path not in self.left]
+
     def validate_aside(self) -> None:
         """Ask the validators without touching any place; one that is not installed yet is not asked."""
         with tempfile.TemporaryDirectory(prefix="atlantis-") as folder:
-            for file in self.rewritten:
-                if file.validate and is_there(file.validate[0]):
+            for file in self._asked():
+                if is_there(file.validate[0]):
                     aside = Path(folder) / Path(file.path).name
                     aside.write_bytes(file.content)
                     self._ask(file, str(aside))
+
+    def _asked(self) -> list[File]:
+        """Whose validators are asked: of files that change, and of those that may be left out in every run."""
+        return [file for file in self.wishes.files if file.validate and (file.finding or file in self.rewritten)]
 
     def place(self) -> None:
         """Write, validate, put. Before the first file is put, any failure takes everything back."""
@@ -88,13 +98,14 @@ class Placing:
             self._make_directories()
             for file in self.wishes.files:
                 self.tree.unstage(file.path)
-            staged = [
-                (file, self.tree.stage(file.path, file.content, file.mode, *self.owners[file.path]))
+            beside = {
+                file.path: self.tree.stage(file.path, file.content, file.mode, *self.owners[file.path])
                 for file in self.rewritten
-            ]
-            for file, beside in staged:
-                if file.validate:
-                    self._ask(file, beside)
+            }
+            for file in self._asked():
+                self._ask(file, beside.get(file.path, str(self.tree.at(file.path))))
+            for path in self.left:
+                self.tree.unstage(path)
         except BaseException:
             self._take_back()
             raise
@@ -105,7 +116,8 @@ class Placing:
             self.tree.put(file.path)
         for wish in self.owned:
             found = self.found[wish.path]
-            if found is not None and wish not in self.rewritten and self._mended("", wish, found):
+            kept = wish.path not in self.left and wish not in self.rewritten
+            if found is not None and kept and self._mended("", wish, found):
                 self.tree.mend(wish.path, wish.mode, *self.owners[wish.path])
         for link in self.wishes.links:
             if not self._links(link.path, link.target):
@@ -132,23 +144,28 @@ class Placing:
             self._made.append(above)
 
     def _take_back(self) -> None:
-        for file in self.rewritten:
+        for file in self.wishes.files:
             self.tree.unstage(file.path)
         for directory in reversed(self._made):
             self.tree.remove_directory(directory)
 
     def _ask(self, file: File, beside: str) -> None:
-        if not is_there(file.validate[0]):
-            raise Refused(
-                f"`{file.validate[0]}`, which has to accept {file.path}, is not installed. Nothing was changed",
-                "install the package that holds it",
-            )
+        """Raise `Refused` where a file is not accepted, or leave it out."""
+        program, end = file.validate[0], "which stays as it was" if file.finding else "so that nothing was changed"
+        if not is_there(program):
+            why = f"`{program}`, which has to accept {file.path}, is not installed, {end}"
+            self._leave(file, why, "install the package that holds it")
+            return
         done = self.run([word.replace("%s", beside) for word in file.validate])
         if done.code != 0:
             said = "" if file.secret else ":\n" + last_lines(done.said.replace(beside, file.path))
-            raise Refused(
-                f"{file.validate[0]} does not accept the new {file.path}, so that nothing was changed{said}", file.hint
-            )
+            self._leave(file, f"{program} does not accept the new {file.path}, {end}{said}", file.hint)
+
+    def _leave(self, file: File, why: str, hint: str) -> None:
+        if not file.finding:
+            raise Refused(why, hint)
+        self.left[file.path] = (f"{file.finding}: {why}", hint)
+        self.rewritten = [each for each in self.rewritten if each.path != file.path]
 
     def _find(self, path: str, kinds: tuple[str, ...]) -> Found | None:
         found = self.tree.find(path)

@@ -11,7 +11,7 @@ from .refused import Refused
 if TYPE_CHECKING:
     from typing import Iterable, Mapping
 
-__all__ = ["Brought", "Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn", "Wishes"]
+__all__ = ["Brought", "Check", "Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn", "Wishes"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,8 @@ class File(Owned):
     validate: tuple[str, ...] = ()
     hint: str = ""
     """What to do where it is not accepted."""
+    finding: str = ""
+    """Told where it is not accepted, and everything else is done; empty: nothing is changed then."""
     secret: bool = False
     """Neither shown in a difference, nor in what a validator says."""
 
@@ -79,6 +81,15 @@ class Brought:
 
 
 @dataclass(frozen=True)
+class Check:
+    """A program that only looks, in every run; where it does not succeed, `finding` is told."""
+
+    run: tuple[str, ...]
+    finding: str
+    hint: str = ""
+
+
+@dataclass(frozen=True)
 class WayIn:
     """What must hold of the session that asks, before anything is changed."""
 
@@ -104,6 +115,7 @@ class Wishes:
     steps: tuple[Step, ...] = ()
     units: tuple[Unit, ...] = ()
     brought: tuple[Brought, ...] = ()
+    checks: tuple[Check, ...] = ()
     way_in: WayIn = field(default_factory=WayIn)
 
     @classmethod
@@ -123,6 +135,9 @@ class Wishes:
             ),
             units=tuple(_unit(row) for row in told.get("units") or ()),
             brought=tuple(Brought(row["path"], row["note"]) for row in told.get("brought") or ()),
+            checks=tuple(
+                Check(tuple(row["run"]), row["finding"], row.get("hint") or "") for row in told.get("checks") or ()
+            ),
             way_in=_way_in(told.get("way_in") or {}),
         )
         _check_paths(wishes)
@@ -139,6 +154,8 @@ def _file(row: Mapping[str, Any]) -> File:
             f"file {row['path']} has no content", "give `content`, or `secret_content`, or list it in `absent`"
         )
     validate = tuple(row.get("validate") or ())
+    if row.get("finding") and not validate:
+        raise Refused(f"file {row['path']}: nothing can be found of it without a validator", "give `validate`")
     if validate and not any("%s" in word for word in validate):
         raise Refused(f"file {row['path']}: its validator has no %s", "put %s where the name of the file belongs")
     return File(
@@ -149,6 +166,7 @@ def _file(row: Mapping[str, Any]) -> File:
         group=row.get("group") or "root",
         validate=validate,
         hint=row.get("hint") or "",
+        finding=row.get("finding") or "",
         secret=secret is not None,
     )
 

@@ -41,6 +41,12 @@ options:
         elements: str
         default: []
       hint: {description: What to do where it is not accepted., type: str, default: ""}
+      finding:
+        description:
+          - What is told where it is not accepted. The file, and the steps and units that come after it, stay as they
+            are then, and everything else is done; without it nothing is changed at all.
+        type: str
+        default: ""
   links:
     description: Symbolic links.
     type: list
@@ -99,6 +105,15 @@ options:
     suboptions:
       path: {description: From the root., type: str, required: true}
       note: {description: What is told as long as it is missing., type: str, required: true}
+  checks:
+    description: Programs that only look, in every run and also in check mode.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      run: {description: The program and its arguments., type: list, elements: str, required: true}
+      finding: {description: What is told where it does not succeed., type: str, required: true}
+      hint: {description: What to do about it., type: str, default: ""}
   way_in:
     description: What must hold of the SSH session that asks; if it does not, nothing is changed.
     type: dict
@@ -136,10 +151,15 @@ notes:
   type: list
   elements: str
   returned: success
+findings:
+  description: What is not as declared and stopped nothing else; told in every run.
+  type: list
+  elements: str
+  returned: success
 hint:
-  description: What to do about a failure.
+  description: What to do about a failure, or about the first finding.
   type: str
-  returned: on failure
+  returned: on failure, or with findings
 """
 
 import os
@@ -173,6 +193,7 @@ ARGUMENTS: dict[str, Any] = {
             mode={"type": "str", "default": "0644"},
             validate=_strings(),
             hint={"type": "str", "default": ""},
+            finding={"type": "str", "default": ""},
             **_OWN,
         ),
         "mutually_exclusive": [("content", "secret_content")],
@@ -191,6 +212,9 @@ ARGUMENTS: dict[str, Any] = {
         wait={"type": "bool", "default": True},
     ),
     "brought": _rows(path=_TEXT, note=_TEXT),
+    "checks": _rows(
+        run={"type": "list", "elements": "str", "required": True}, finding=_TEXT, hint={"type": "str", "default": ""}
+    ),
     "way_in": {
         "type": "dict",
         "options": {
@@ -220,7 +244,14 @@ def main() -> None:
         configure.converge(os.environ)
     except Refused as refused:
         module.fail_json(msg=refused.message, hint=refused.hint, changes=done, changed=bool(done))
-    module.exit_json(changed=bool(done), changes=done, notes=configure.notes, diff=configure.diff)
+    module.exit_json(
+        changed=bool(done),
+        changes=done,
+        notes=configure.notes,
+        findings=[finding for finding, _ in configure.findings],
+        hint=next((hint for _, hint in configure.findings if hint), None),
+        diff=configure.diff,
+    )
 
 
 if __name__ == "__main__":
