@@ -1,12 +1,19 @@
-"""Photos and files that people give as evidence: copied beside the records, and known by their SHA-256."""
+"""Photos and files that people give as evidence: copied beside the records, and known by their SHA-256.
+
+A telephone writes into a photo where and when it was taken, and with what. A report goes to partners, so that of a
+photo only the picture is kept: decoded, set upright and encoded anew. What cannot be decoded here is not taken.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import io
+import os
 import re
 import stat
+import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist._errors import Refused
 from atlantis_netcfg.journal import make_private, translated, write_atomically
@@ -22,6 +29,21 @@ MAX_BYTES = 25_000_000
 """Of one file: a photo of a telephone has a fifth of it, and a video does not belong into a report."""
 COPY = re.compile(FOLDER + r"/[0-9a-f]{12}-[A-Za-z0-9._-]+")
 """How we call a copy."""
+_PICTURES = {
+    "JPEG": re.compile(rb"\xff\xd8\xff"),
+    "PNG": re.compile(rb"\x89PNG\r\n"),
+    "GIF": re.compile(rb"GIF8[79]a"),
+    "WEBP": re.compile(rb"RIFF....WEBP", re.DOTALL),
+    "TIFF": re.compile(rb"II\*\0|MM\0\*"),
+    "HEIC": re.compile(rb"....ftyp(hei|hev|mif1|msf1|avi[fs])", re.DOTALL),
+}
+"""What such a file begins with."""
+_READ = ("JPEG", "PNG", "GIF", "WEBP")
+"""What every Pillow decodes."""
+_MAX_PIXELS = 120_000_000
+"""A telephone has up to 108 million."""
+_QUALITY = 90
+_AS_JPEG = "give it as JPEG or PNG: a telephone has that in its settings, and every viewer exports it"
 _HASH_DIGITS = 12
 _NAME_LENGTH = 80
 
@@ -39,9 +61,11 @@ class Copied:
 def wrong_with(path: Path) -> tuple[str, str] | None:
     """Why a file cannot be evidence, and what to do; None if it can."""
     try:
-        found = path.stat()
+        found = path.lstat()
     except OSError:
         return f"there is no file `{path}`", "give the path of a photo or file, from here or from the file of answers"
+    if stat.S_ISLNK(found.st_mode):
+        return f"`{path}` is a symbolic link, and links are not followed", "give the photo or file itself"
     if not stat.S_ISREG(found.st_mode):
         return f"`{path}` is no file", "give a photo or file, not a folder"
     if found.st_size > MAX_BYTES:
@@ -52,7 +76,7 @@ def wrong_with(path: Path) -> tuple[str, str] | None:
 
 def keep(book: Path, files: Iterable[Path]) -> tuple[Copied, ...]:
     """Copy all of them into the book's folder, or none. Raises Refused, JournalFailed."""
-    data = [(path.name, _bytes(path)) for path in files]
+    data = [(path.name, _picture(path, _bytes(path))) for path in files]
     return tuple(_copied(book, name, one) for name, one in data)
 
 
@@ -61,13 +85,50 @@ def _bytes(path: Path) -> bytes:
     if wrong is not None:
         raise Refused(wrong[0], hint=wrong[1])
     try:
-        with path.open("rb") as file:
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise Refused(f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions") from error
     if len(data) > MAX_BYTES:
         raise Refused(f"`{path}` grows while it is read", hint="give it when it is whole")
     return data
+
+
+def _picture(path: Path, data: bytes) -> bytes:
+    """A photo without all that is not the picture; any other file as it is. Raises Refused."""
+    kind = next((name for name, start in _PICTURES.items() if start.match(data)), None)
+    if kind is None:
+        return data
+    if kind not in _READ:
+        raise Refused(f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG)
+    from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its size is looked at below, and what is odd inside does not stay
+            with Image.open(io.BytesIO(data), formats=(kind,)) as image:
+                pixels = image.width * image.height
+                kept = _encoded(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
+    except Exception as error:  # Pillow raises all sorts for damaged files
+        raise Refused(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
+    if not kept:
+        raise Refused(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
+    return kept
+
+
+def _encoded(image: Any, kind: str) -> bytes:  # noqa: ANN401 - Pillow is imported where it is needed
+    """The pixels alone, the same for the same photo."""
+    from PIL import Image  # noqa: PLC0415 - as above
+
+    mode = {"JPEG": "L" if image.mode == "L" else "RGB"}.get(kind, "RGBA" if image.has_transparency_data else "RGB")
+    pixels = image.convert(mode)
+    bare = Image.frombytes(mode, pixels.size, pixels.tobytes())
+    kept = io.BytesIO()
+    if kind == "JPEG":
+        bare.save(kept, kind, quality=_QUALITY)
+    else:
+        bare.save(kept, kind, **({"lossless": True} if kind == "WEBP" else {}))
+    return kept.getvalue()
 
 
 def _copied(book: Path, name: str, data: bytes) -> Copied:

@@ -31,7 +31,8 @@ ALL_BYTES = 12_000_000
 """Of all pictures of a page together; the rest is named."""
 _QUALITY = 78
 _MEDIA = {"JPEG": "image/jpeg", "PNG": "image/png", "GIF": "image/gif", "WEBP": "image/webp"}
-_ORIENTATION = 0x0112
+_BESIDE = frozenset({"exif", "xmp", "photoshop", "comment", "XML:com.adobe.xmp", "Raw profile type exif"})
+"""What Pillow calls the places in which a camera writes more than the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,14 +98,17 @@ def _photo(data: bytes) -> Photo | None:
 
 
 def _shown(image: Image.Image, data: bytes) -> Photo:
-    upright = image.getexif().get(_ORIENTATION, 1) == 1
+    # A book of an earlier release has photos as the telephone made them, with the place where it stood.
+    bare = not image.getexif() and _BESIDE.isdisjoint(image.info)
     small = len(data) <= PLAIN_BYTES and max(image.size) <= SIDE
-    if small and upright and image.format in {"JPEG", "PNG"}:
+    if small and bare and image.format in {"JPEG", "PNG"}:
         image.load()
         return Photo(_MEDIA[image.format], data, *image.size, reduced=False)
+    whole = sorted(image.size)
     image.draft("RGB", (SIDE, SIDE))
     turned = ImageOps.exif_transpose(image).convert("RGB")
+    turned.info.clear()  # a comment would be written again
     turned.thumbnail((SIDE, SIDE))
     kept = io.BytesIO()
     turned.save(kept, "JPEG", quality=_QUALITY)
-    return Photo(_MEDIA["JPEG"], kept.getvalue(), *turned.size, reduced=True)
+    return Photo(_MEDIA["JPEG"], kept.getvalue(), *turned.size, reduced=sorted(turned.size) != whole)

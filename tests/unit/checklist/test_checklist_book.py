@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import os
 import stat
@@ -25,6 +27,8 @@ from checklist_bench import (
     found,
     pages,
 )
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from atlantis_netcfg.checklist import Confirmation, NotSigned, Refused, Scope, State, books, verify
 from atlantis_netcfg.errors import ExitCode, UsageError
@@ -240,16 +244,65 @@ def test_evidence_is_copied_and_private(desk: Desk, tmp_path: Path) -> None:
     assert stat.S_IMODE((book.folder / "files").stat().st_mode) == 0o700
 
 
+POSITION = "41 deg 11' N"
+
+
+def photo_of(kind: str, size: tuple[int, int] = (40, 30)) -> bytes:
+    """As a telephone makes it: turned, with position, camera and text, and something behind its end."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    exif[0x010F] = f"Camera at {POSITION}"
+    exif.get_ifd(0x8825)[0x001D] = POSITION
+    more: dict[str, object] = {"exif": exif}
+    if kind == "PNG":
+        text = PngInfo()
+        text.add_text("Location", POSITION)
+        more["pnginfo"] = text
+    if kind in {"JPEG", "GIF"}:
+        more["comment"] = POSITION.encode()
+    if kind == "GIF":
+        del more["exif"]
+    made = io.BytesIO()
+    Image.linear_gradient("L").resize(size).convert("RGB").save(made, kind, **more)
+    return made.getvalue() + POSITION.encode()
+
+
+@pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "GIF"])
+def test_of_a_photo_the_picture_alone_is_kept(desk: Desk, tmp_path: Path, kind: str) -> None:
+    photo = tmp_path / f"robot.{kind.lower()}"
+    photo.write_bytes(photo_of(kind))
+    assert POSITION.encode() in photo.read_bytes()
+    with desk.open() as book:
+        (one,) = book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, files=(photo,))).evidence[1:]
+        assert one.file is not None
+        data = book.files[one.file]
+    assert one.sha256 == hashlib.sha256(data).hexdigest()
+    assert POSITION.encode() not in data
+    with Image.open(io.BytesIO(data)) as image:
+        assert image.format == kind
+        assert not image.getexif()
+        assert image.size == ((40, 30) if kind == "GIF" else (30, 40)), "it is set upright"
+        shades = image.convert("L").histogram()
+    assert sum(shades[:12]) > 0 < sum(shades[-12:]), "the gradient is there"
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda _: None, "there is no file"),
         (lambda path: path.mkdir(), "is no file"),
         (os.mkfifo, "is no file"),
+        (lambda path: path.symlink_to("good.jpg"), "is a symbolic link, and links are not followed"),
+        (lambda path: path.write_bytes(b"\xff\xd8\xff\xe1 half"), "is a damaged picture of kind JPEG"),
+        (
+            lambda path: path.write_bytes(b"\0\0\0\x18ftypheic\0\0"),
+            "is a picture of kind HEIC, whose position",
+        ),
+        (lambda path: path.write_bytes(b"II*\0 tiff"), "is a picture of kind TIFF"),
         (lambda path: path.touch(), "is empty"),
         (lambda path: path.write_bytes(bytes(25_000_001)), "has 25 MB; 25 MB are the most"),
     ],
-    ids=["missing", "folder", "pipe", "empty", "large"],
+    ids=["missing", "folder", "pipe", "link", "damaged", "heic", "tiff", "empty", "large"],
 )
 def test_files_that_are_no_evidence(desk: Desk, tmp_path: Path, make: object, message: str) -> None:
     make(tmp_path / "photo.jpg")  # type: ignore[operator]

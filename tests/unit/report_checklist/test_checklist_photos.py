@@ -58,6 +58,16 @@ def test_a_picture_that_lies_on_its_side_is_set_upright() -> None:
         assert image.getexif().get(0x0112, 1) == 1
 
 
+def test_a_photo_of_an_earlier_release_does_not_tell_where_it_was_taken() -> None:
+    exif = Image.Exif()
+    exif[0x010F] = "41 deg 11 N"
+    one = kept(picture("JPEG", exif=exif, comment=b"41 deg 11 N"))
+    assert one.photo is not None
+    assert b"41 deg" not in one.photo.data
+    assert (one.photo.width, one.photo.height, one.photo.reduced) == (40, 30, False)
+    assert "smaller" not in one.words
+
+
 @pytest.mark.parametrize(
     "data",
     [
