@@ -13,7 +13,7 @@ from atlantis_netcfg.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["cache_dir", "checkout", "private_cache", "private_directory", "state_dir"]
+__all__ = ["cache_dir", "checkout", "hold_own", "private_cache", "private_directory", "state_dir"]
 
 _HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
 _CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory provision …"
@@ -69,6 +69,7 @@ def private_directory(path: Path) -> Path:
     """Make a directory that only its owner can read, or correct the mode of the one that is there."""
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        hold_own(path, _HINT)
         if path.stat().st_mode & 0o077:
             path.chmod(0o700)
     except OSError as error:
@@ -76,6 +77,20 @@ def private_directory(path: Path) -> Path:
     if not os.access(path, os.W_OK | os.X_OK):
         raise UsageError(f"no place to keep the journal: {path} cannot be written by {_user()}", hint=_HINT)
     return path
+
+
+def hold_own(folder: Path, hint: str) -> None:
+    """Hold that a folder, and the link that leads to it, belong to who works. Raises UsageError, OSError.
+
+    Whoever owns it can exchange what lies in it: pins, journals, the key that signs. A link may also be root's.
+    """
+    me = os.geteuid()
+    for owner, allowed in ((folder.lstat().st_uid, (me, 0)), (folder.stat().st_uid, (me,))):
+        if owner not in allowed:
+            raise UsageError(
+                f"{folder} belongs to {_name(owner)}, who can change what is kept in it, and not to {_user()}",
+                hint=hint,
+            )
 
 
 def _chosen(environ: Mapping[str, str]) -> Path:
@@ -103,7 +118,11 @@ def _home_on_record() -> str:
 
 
 def _user() -> str:
+    return _name(os.geteuid())
+
+
+def _name(user: int) -> str:
     try:
-        return pwd.getpwuid(os.geteuid()).pw_name
+        return pwd.getpwuid(user).pw_name
     except KeyError:
-        return f"user {os.geteuid()}"
+        return f"user {user}"

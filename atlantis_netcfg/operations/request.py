@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.paths import state_dir
+from atlantis_netcfg.paths import hold_own, state_dir
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -90,10 +90,16 @@ class StandIns(_Data):
     """Address below which the last part of each declared repository's address is served."""
 
 
+def _own(state: Path) -> Path:
+    if state.exists():
+        hold_own(state, "name a folder of the user that runs this: `atlantis_request.state`, or ATLANTIS_STATE")
+    return state
+
+
 class Request(_Data):
     """Everything that the declaration does not say about a run."""
 
-    state: Path = Field(default_factory=state_dir)
+    state: Annotated[Path, AfterValidator(_own)] = Field(default_factory=state_dir)
     """Folder of journals, backups and pins."""
     mode: Mode = Mode.APPLY
     rehearsed: bool = False

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.journal import sync_directory, write_atomically
+from atlantis_netcfg.paths import hold_own
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority._book import new_operation
@@ -29,6 +30,7 @@ __all__ = ["Sealing", "found", "is_complete", "prepare", "require", "seal"]
 
 Sealing = Literal["age", "vault"]
 MARK = "founding"
+_OWN = "work as that user, or name a folder of your own: authority=DIR"
 
 
 def is_complete(folder: Path) -> bool:
@@ -39,6 +41,8 @@ def is_complete(folder: Path) -> bool:
 def require(folder: Path) -> None:
     """Raise NoAuthority, or AuthorityDamaged where only the ledger is missing."""
     if is_complete(folder):
+        with translated("the authority cannot be read"):
+            hold_own(folder, _OWN)
         return
     _unfinished(folder)
     raise NoAuthority(
@@ -50,6 +54,7 @@ def prepare(folder: Path) -> None:
     """Make the folder, for its owner alone."""
     with translated("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        hold_own(folder, _OWN)
         sync_directory(folder.parent)
         if folder.stat().st_mode & 0o077:
             folder.chmod(0o700)

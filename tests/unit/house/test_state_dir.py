@@ -75,3 +75,27 @@ def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path, monkeypatch:
 
 def test_the_checkout_holds_the_launcher() -> None:
     assert (checkout() / "provision").is_file()
+
+
+def test_a_place_that_belongs_to_somebody_else_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder that waited there, made by another user of the computer: its owner can exchange what is kept in it."""
+    folder = tmp_path / "own"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setattr(os, "geteuid", lambda: 4_000_001)
+    with pytest.raises(
+        UsageError, match=r"own belongs to .*, who can change what is kept in it, and not to user 4000001"
+    ):
+        state_dir({"ATLANTIS_STATE": str(folder)})
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a folder is given to somebody else")
+@pytest.mark.parametrize("owner", ["folder", "link"])
+def test_a_place_or_a_link_to_it_that_root_finds_is_somebody_elses(owner: str, tmp_path: Path) -> None:
+    folder, link = tmp_path / "own", tmp_path / "link"
+    folder.mkdir(mode=0o700)
+    link.symlink_to(folder)
+    os.chown(link if owner == "link" else folder, 4_000_001, -1, follow_symlinks=False)
+    with pytest.raises(UsageError, match="belongs to user 4000001") as caught:
+        state_dir({"ATLANTIS_STATE": str(link)})
+    assert "ATLANTIS_STATE=" in str(caught.value.hint)
+    assert folder.stat().st_mode & 0o777 == 0o700
