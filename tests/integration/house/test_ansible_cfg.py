@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from house_checkout import ROOT
 
 pytestmark = pytest.mark.slow
@@ -50,3 +52,42 @@ def test_a_file_that_cannot_be_read_stops_everything(text: str, tmp_path: Path) 
     process = ansible("ansible-inventory", "-i", str(tmp_path / "hosts.yml"), "--list", home=tmp_path)
     assert process.returncode != 0
     assert "hosts.yml" in process.stderr
+
+
+@pytest.mark.parametrize("variable", ["ansible_host", "ansible_user", "ansible_ssh_common_args", "ansible_connection"])
+@pytest.mark.parametrize("host", ["coastal-router", "coastal-gateway"])
+def test_a_template_in_a_connection_variable_is_refused_before_it_is_evaluated(
+    variable: str, host: str, tmp_path: Path
+) -> None:
+    """Ansible evaluates these ahead of a task's action; a program that they name would run on this computer."""
+    inventory, ran = tmp_path / "inventory", tmp_path / "ran"
+    shutil.copytree(ROOT / "inventory", inventory)
+    vars_file = inventory / "host_vars" / f"{host}.yml"
+    before = len(vars_file.read_text().splitlines())
+    with vars_file.open("a") as file:
+        file.write(f"{variable}: \"{{{{ lookup('ansible.builtin.pipe', 'touch {ran}') }}}}\"\n")
+    words = ["-i", str(inventory), "playbooks/site.yml", "--check", "--limit", host]
+    process = ansible("ansible-playbook", *words, home=tmp_path)
+    assert process.returncode != 0
+    assert f"host_vars/{host}.yml:{before + 1}:" in process.stderr, process.stdout + process.stderr
+    assert "TASK" not in process.stdout
+    assert not ran.exists()
+
+
+@pytest.mark.parametrize(("findings", "code"), [([], 0), (["no firewall", "no bound"], 2)])
+def test_plain_ansible_does_not_end_well_with_a_finding(findings: list[str], code: int, tmp_path: Path) -> None:
+    """The roles go on to their end; then the last task tells, and fails."""
+    task = yaml.safe_load((ROOT / "playbooks" / "computers" / "gateway.yml").read_text())[-1]
+    roles = {
+        name: (ROOT / "roles" / name / "tasks" / "main.yml").read_text() for name in ("gateway_base", "gateway_interop")
+    }
+    assert all(f"register: {name}_configured" in text for name, text in roles.items())
+    known = {
+        "gateway_base_configured": {"findings": findings[:1]},
+        "gateway_interop_configured": {"findings": findings[1:]},
+    }
+    play = {"hosts": "localhost", "connection": "local", "gather_facts": False, "tasks": [task]}
+    (tmp_path / "play.yml").write_text(yaml.safe_dump([{**play, "vars": known if findings else {}}]))
+    process = ansible("ansible-playbook", "-i", "localhost,", str(tmp_path / "play.yml"), home=tmp_path)
+    assert process.returncode == code, process.stdout + process.stderr
+    assert ("no firewall; no bound" in process.stdout + process.stderr) is bool(findings)

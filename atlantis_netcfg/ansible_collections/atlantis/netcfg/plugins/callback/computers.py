@@ -41,10 +41,14 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
     def __init__(self) -> None:
         super().__init__()
         self._watch: Watch | None = None
+        self._is_read = False
 
     def v2_playbook_on_play_start(self, play: Any) -> None:  # noqa: ANN401
         """A play begins: one over computers is watched from here to the end of the playbook."""
         manager = play.get_variable_manager()
+        if not self._is_read:
+            self._is_read = True
+            self._hold_declaration(manager, play)
         hosts = manager._inventory.get_hosts(play.hosts)  # noqa: SLF001 - a callback is not told in another way
         over = {name for pattern in play.hosts for name in pattern.split(":")}
         if self._watch is not None or not over.intersection(GROUPS) or not hosts:
@@ -58,6 +62,25 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         self._watch = Watch(inventory_of(variables), request, plan_only=bool(context.CLIARGS.get("check")))
         when_cut_off(self._watch.cut_off)
         self._watch.begin([host.name for host in hosts])
+
+    def _hold_declaration(self, manager: Any, play: Any) -> None:  # noqa: ANN401
+        """End before the first task where the declaration has an error, such as a template in a connection variable.
+
+        Of a task Ansible evaluates the variables of the connection first, and only then starts our action, which would
+        have refused them. What a callback raises is a warning to Ansible, and goes on; SystemExit is not caught.
+        """
+        hosts = manager._inventory.get_hosts()  # noqa: SLF001 - as below
+        folder = inventory_of(manager.get_vars(play=play, host=hosts[0])) if hosts else None
+        if folder is None or not folder.is_dir():
+            return
+        from atlantis_netcfg.errors import NetcfgError  # noqa: PLC0415 - as below
+        from atlantis_netcfg.operations.asking import declaration_of  # noqa: PLC0415 - as below
+
+        try:
+            declaration_of(folder)
+        except NetcfgError as error:
+            self._display.error("\n".join(filter(None, (str(error), error.hint))), wrap_text=False)
+            raise SystemExit(int(error.exit)) from error
 
     def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401
         """One line of progress."""
