@@ -1,7 +1,7 @@
 # shellcheck shell=sh disable=SC2154 # `root` is the caller's
 # Makes .venv and keeps it complete; sourced by ./provision and tools/develop, which set `root` to the checkout.
 #
-# A stamp inside .venv says for which pyproject.toml, constraints.txt, Python and place it was completed. When the stamp
+# A stamp inside .venv says for which pyproject.toml, lock files, Python and place it was completed. When the stamp
 # fits, nothing is called and no network is touched. The mark `.venv-setup/making` stands from before the first change
 # of .venv until after the last: an environment that was interrupted is never taken for a complete one.
 
@@ -40,7 +40,7 @@ shield_pip() {
 
 # stamp: what .venv would have to be complete for, one line each.
 stamp() {
-    cat "$root/pyproject.toml" "$root/constraints.txt" | cksum
+    cat "$root/pyproject.toml" "$root"/requirements/*.txt | cksum
     readlink -f "$venv/bin/python"
     printf '%s\n' "$root"
 }
@@ -119,17 +119,18 @@ renew() {
     pip_failed "the packages could not be brought up to date"
 }
 
+# install_packages EXTRA: what the lock file lists, each file as its SHA-256 says and none built here; then the checkout, by
+# the setuptools that is among them.
 install_packages() {
-    wanted=$root
-    [ "$1" = run ] || wanted="${root}[$1]"
     say "[3/4] packages: fetching"
-    pip 'setuptools' && pip --no-build-isolation --editable "$wanted"
+    pip --require-hashes --only-binary :all: --requirement "$root/requirements/$1.txt" &&
+        pip --no-deps --no-build-isolation --editable "$root"
 }
 
-# pip REQUIREMENT...: install under the pins, counting aloud; all it says is in the log.
+# pip WORD...: install, counting aloud; all it says is in the log.
 pip() {
     {
-        "$venv/bin/python" -I -m pip install --progress-bar off --constraint "$root/constraints.txt" "$@" </dev/null 2>&1
+        "$venv/bin/python" -I -m pip install --progress-bar off "$@" </dev/null 2>&1
         echo "exit $?"
     } | {
         count=0

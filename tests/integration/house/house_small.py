@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import io
 import shutil
 import sys
 import zipfile
@@ -60,7 +61,8 @@ def small_checkout(place: Path) -> Path:
     shutil.copytree(ROOT / "tools", place / "tools", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy2(ROOT / "provision", place)
     (place / "pyproject.toml").write_text(PROJECT)
-    (place / "constraints.txt").write_text("setuptools==999\n")
+    (place / "requirements").mkdir()
+    (place / "requirements" / "run.txt").write_text(LOCK)
     (place / "atlantis_netcfg" / "__init__.py").write_text("")
     (place / "atlantis_netcfg" / "__main__.py").write_text(MAIN)
     return place
@@ -87,8 +89,14 @@ def quick_python(place: Path, real: str | None = None) -> Path:
 
 
 def folder_of_wheels(place: Path) -> Path:
-    """What PIP_FIND_LINKS points at where there is no index: a `setuptools` that can only do what pip asks of it."""
+    """What PIP_FIND_LINKS points at where there is no index."""
     place.mkdir()
+    (place / "setuptools-999-py3-none-any.whl").write_bytes(SETUPTOOLS)
+    return place
+
+
+def _wheel() -> bytes:
+    """A `setuptools` that can only do what pip asks of it, the same bytes each time."""
     info = "setuptools-999.dist-info"
     files = {
         "setuptools/__init__.py": "",
@@ -97,11 +105,16 @@ def folder_of_wheels(place: Path) -> Path:
         f"{info}/WHEEL": "Wheel-Version: 1.0\nGenerator: x\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
     }
     files[f"{info}/RECORD"] = "".join(f"{name},sha256={_digest(text)},{len(text)}\n" for name, text in files.items())
-    with zipfile.ZipFile(place / "setuptools-999-py3-none-any.whl", "w") as wheel:
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as wheel:
         for name, text in files.items():
-            wheel.writestr(name, text)
-    return place
+            wheel.writestr(zipfile.ZipInfo(name), text)
+    return made.getvalue()
 
 
 def _digest(text: str) -> str:
     return base64.urlsafe_b64encode(hashlib.sha256(text.encode()).digest()).rstrip(b"=").decode()
+
+
+SETUPTOOLS = _wheel()
+LOCK = f"setuptools==999 --hash=sha256:{hashlib.sha256(SETUPTOOLS).hexdigest()}\n"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from house_checkout import NOBODY, as_nobody, clean_environment, let_others_pass, start
-from house_small import folder_of_wheels, quick_python, small_checkout
+from house_small import LOCK, folder_of_wheels, quick_python, small_checkout
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -141,7 +141,7 @@ def test_a_moved_checkout_needs_no_index(checkout: Path) -> None:
 
 def test_other_pins_bring_it_up_to_date_once(checkout: Path, offline: dict[str, str]) -> None:
     start(checkout, environment=offline)
-    (checkout / "constraints.txt").write_text("# as before\nsetuptools==999\n")
+    (checkout / "requirements" / "run.txt").write_text(f"# as before\n{LOCK}")
     renewed = start(checkout, environment=offline)
     told(renewed)
     assert "up to date" in renewed.stderr
@@ -150,14 +150,27 @@ def test_other_pins_bring_it_up_to_date_once(checkout: Path, offline: dict[str, 
 
 def test_pins_that_cannot_be_had_leave_what_was_there(checkout: Path, offline: dict[str, str]) -> None:
     start(checkout, environment=offline)
-    before = (checkout / "pyproject.toml").read_text()
-    (checkout / "pyproject.toml").write_text(before.replace("[]", '["no-such-package-anywhere"]'))
+    lock = checkout / "requirements" / "run.txt"
+    lock.write_text(f"{LOCK}no-such-package-anywhere==1 --hash=sha256:{'0' * 64}\n")
     refused = start(checkout, environment=offline)
     assert (refused.returncode, refused.stdout) == (3, "")
     assert "no-such-package-anywhere" in refused.stderr
     assert "PIP_FIND_LINKS" in refused.stderr
-    (checkout / "pyproject.toml").write_text(before)
+    lock.write_text(LOCK)
     assert start(checkout, environment=offline).stderr == ""
+
+
+@pytest.mark.parametrize("lock", [LOCK.replace("sha256:", "sha256:0")[:-2] + "\n", "setuptools==999\n"])
+def test_a_package_that_is_not_the_listed_one_is_not_installed(
+    lock: str, tmp_path: Path, offline: dict[str, str]
+) -> None:
+    """Another file than the one whose SHA-256 stands in the list, and one of which none stands there."""
+    checkout = small_checkout(tmp_path / "checkout")
+    (checkout / "requirements" / "run.txt").write_text(lock)
+    refused = start(checkout, environment=offline)
+    assert (refused.returncode, refused.stdout) == (3, "")
+    assert "hash" in refused.stderr.lower()
+    assert not (checkout / ".venv" / "run.stamp").exists()
 
 
 @pytest.mark.parametrize("damage", ["interrupted", "python is gone"])

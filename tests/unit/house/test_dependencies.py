@@ -19,7 +19,14 @@ TABLE = re.findall(
     (ROOT / "docs" / "dependencies.md").read_text(),
     re.MULTILINE,
 )
-PINS = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE))
+LOCKS = {name: (ROOT / "requirements" / f"{name}.txt").read_text() for name in ("run", "dev")}
+
+
+def locked(name: str) -> dict[str, tuple[str, list[str]]]:
+    """Of a list: package -> version and hashes."""
+    hashes = r"((?:\\\n +--hash=sha256:[0-9a-f]{64} ?)*)"
+    entries = re.findall(rf"^([\w.-]+)==([^\s\\]+)[^\n\\]*{hashes}$", LOCKS[name], re.MULTILINE)
+    return {normal(package): (version, re.findall(r"[0-9a-f]{64}", listed)) for package, version, listed in entries}
 
 
 def normal(name: str) -> str:
@@ -39,7 +46,20 @@ DECLARED = {
 
 @pytest.mark.parametrize("kind", DECLARED)
 def test_each_is_pinned(kind: str) -> None:
-    assert DECLARED[kind] <= {normal(name) for name in PINS}
+    assert DECLARED[kind] <= locked("dev").keys()
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_every_package_has_its_hashes_and_no_registry_is_named(name: str) -> None:
+    lines = [line for line in LOCKS[name].splitlines() if not line.startswith(("#", "    --hash=sha256:"))]
+    assert len(lines) == len(locked(name)) > 30
+    assert [package for package, (_, hashes) in locked(name).items() if not hashes] == []
+    assert re.search(r"://|--index|--extra-index|--find-links", LOCKS[name]) is None
+
+
+def test_what_runs_is_what_is_tested() -> None:
+    run, dev = locked("run"), locked("dev")
+    assert {package: dev.get(package) for package in run} == run
 
 
 @pytest.mark.parametrize("kind", DECLARED)
@@ -91,7 +111,7 @@ def test_witnesses_are_pinned_and_nothing_of_the_product_needs_them() -> None:
         assert name in told
         assert name in pinned
     assert all(name in told and re.fullmatch(r"[\d.]+", version) for name, version in node.items())
-    assert {"ansible", "napalm", "napalm-ros", "routeros-api"}.isdisjoint(map(normal, PINS))
+    assert {"ansible", "napalm", "napalm-ros", "routeros-api"}.isdisjoint(locked("dev"))
 
 
 def test_the_lock_of_node_names_no_registry() -> None:
