@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority import Authority, Revoked
     from atlantis_netcfg.vpn.identity import Member
 
-__all__ = ["bringing", "close", "close_revoked", "close_synced", "outlet"]
+__all__ = ["bringing", "close", "close_revoked", "close_synced", "hold", "outlet"]
 
 
 def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
@@ -27,6 +27,14 @@ def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
 
     to, contact = arguments.optional("to"), arguments.optional("contact")
     return Outlet(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
+
+
+def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
+    """Hold the record against the server, before anything is signed. Raises RecordOlder."""
+    from atlantis_netcfg.cli._progress import progress
+
+    with progress(quiet=arguments.flag("json")) as notify:
+        server.hold(authority, notify)
 
 
 def close(
@@ -124,10 +132,19 @@ def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) ->
     return _vpn.tell(arguments, deployed.exit, told, [*lines, *deployed.lines], deployed.errors)
 
 
-def close_synced(arguments: Arguments, deployed: Deployed, site: str | None) -> ExitCode:
-    """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there."""
+def close_synced(
+    arguments: Arguments, deployed: Deployed, site: str | None, taken: Sequence[str] | None = None
+) -> ExitCode:
+    """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there.
+
+    `taken`: who is revoked because the server's list was taken over.
+    """
     from atlantis_netcfg.cli import _vpn
 
-    told = {**deployed.as_json(), "server_certificate": site is not None}
-    new = () if site is None else (f"the server has a new certificate: `provision site={site}` puts it in its place",)
-    return _vpn.tell(arguments, deployed.exit, told, (*new, *deployed.lines), deployed.errors)
+    told = {**deployed.as_json(), "server_certificate": site is not None, "taken": list(taken or ())}
+    lines = (
+        [] if taken is None else [f"taken over from the server's list: {', '.join(taken) or 'nobody of the record'}"]
+    )
+    if site is not None:
+        lines.append(f"the server has a new certificate: `provision site={site}` puts it in its place")
+    return _vpn.tell(arguments, deployed.exit, told, (*lines, *deployed.lines), deployed.errors)

@@ -65,7 +65,11 @@ def run(arguments: Arguments) -> ExitCode:
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
-    handed = onboarding.finished(wishes) or onboarding.issue(wishes, asked(arguments))
+    handed = onboarding.finished(wishes)
+    passphrase = asked(arguments) if not handed else None
+    _members.hold(arguments, server, authority)
+    if passphrase is not None:
+        handed = onboarding.issue(wishes, passphrase)
     return _members.close(arguments, declaration, handed, server, authority)
 
 

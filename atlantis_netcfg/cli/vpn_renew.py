@@ -58,7 +58,9 @@ def run(arguments: Arguments) -> ExitCode:
     outlet = _members.outlet(arguments, {} if recipient is None else {one.name: recipient for one in members})
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
-    handed = onboarding.renew(members, change, asked(arguments))
+    passphrase = asked(arguments)
+    _members.hold(arguments, server, authority)
+    handed = onboarding.renew(members, change, passphrase)
     return _members.close(arguments, declaration, handed, server, authority)
 
 

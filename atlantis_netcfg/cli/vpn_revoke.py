@@ -49,6 +49,7 @@ def run(arguments: Arguments) -> ExitCode:
     members = _chosen(arguments, authority.roll())
     server = _vpn.server(arguments, declaration)
     passphrase = asked(arguments)
+    _members.hold(arguments, server, authority)
     _agree(arguments, members)
     revoked = revoke(_vpn.desk(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:

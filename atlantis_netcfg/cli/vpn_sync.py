@@ -20,6 +20,7 @@ COMMAND = Command(
     words=(CLOCK, AUTHORITY, INVENTORY),
     flags=(
         Flag("sign", "also sign the list of revoked certificates anew, and the server's certificate where it is time"),
+        Flag("take-list", "with --sign: take over what the server's list revokes, as the newest copy of it is lost"),
         PASSPHRASE_FD,
         JSON,
     ),
@@ -37,16 +38,28 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
     from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.errors import UsageError
     from atlantis_netcfg.operations.vpn.founding import server_names
 
     declaration = _vpn.declared(arguments)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
-    served = False
-    if arguments.flag("sign"):
-        with _vpn.desk(arguments, authority).unlocked(asked(arguments)) as signer:
+    sign, take = arguments.flag("sign"), arguments.flag("take-list")
+    if take and not sign:
+        raise UsageError("a list that is taken over is signed anew", hint="add `--sign`")
+    passphrase = asked(arguments) if sign else None
+    theirs = None
+    if take:
+        with progress(quiet=arguments.flag("json")) as notify:
+            theirs = server.published(notify)
+    else:
+        _members.hold(arguments, server, authority)
+    served, taken = False, None
+    if passphrase is not None:
+        with _vpn.desk(arguments, authority).unlocked(passphrase) as signer:
+            taken = signer.take(theirs) if theirs is not None else None
             signer.publish()
             served = signer.serve(server_names(declaration))
     with progress(quiet=arguments.flag("json")) as notify:
         deployed = server.deploy(authority, notify)
-    return _members.close_synced(arguments, deployed, site=_vpn.site(declaration) if served else None)
+    return _members.close_synced(arguments, deployed, _vpn.site(declaration) if served else None, taken)

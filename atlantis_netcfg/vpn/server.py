@@ -75,13 +75,18 @@ _SIGNED = """\
 ca=$2
 ours() { echo "$ca" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1; }
 number() { told=$(openssl crl -in "$1" -crlnumber -noout 2>/dev/null) && told=${told#*=} && echo $((0x${told#0x})); }
+serials() { openssl crl -in "$1" -text -noout | sed -n "s/^ *Serial Number: //p"; }
 ours "$1" | tee /dev/stderr | grep -qx "verify OK" || exit
 ours "$3" | grep -qx "verify OK" && here=$(number "$3") || exit 0
-new=$(number "$1") && [ "$new" -ge "$here" ] && exit
-echo "list $here is in its place, and this is list $new" >&2
+cmp -s "$1" "$3" && exit
+new=$(number "$1") || exit
+lost=$({ serials "$1"; echo; serials "$3"; } | awk '!NF { old = 1 } !old { new[$1] } old && NF && !($1 in new)' | wc -l)
+[ "$new" -gt "$here" ] && [ "$lost" = 0 ] && exit
+echo "list $here is in its place, and this is list $new, which lacks $lost of those that are revoked there" >&2
 exit 1
 """
-"""`openssl crl -verify` ends with 0 whatever it finds. A list of before would let in whom a later one keeps out."""
+"""`openssl crl -verify` ends with 0 whatever it finds. A list of before would let in whom a later one keeps out, and so
+would one of a restored copy of the authority, which gives out the numbers of the lists that it does not know again."""
 _FOREIGN = (
     "it is not signed by this authority, or older than the one in its place: with it a revoked member would be let in. "
     "Look at `provision vpn status`, and type the same again"

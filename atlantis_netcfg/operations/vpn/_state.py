@@ -75,6 +75,7 @@ class Crl:
     ends: datetime
     signed: bool
     """By the authority whose certificate the server has."""
+    pem: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,11 +123,10 @@ def observe(link: ServerLink) -> ServerState:
     began = time.time()
     told = link.ask("look", place=dict(PLACE))
     middle = (began + time.time()) / 2
-    crl = told["list"]
     return ServerState(
         ready=told["ready"],
         files=told["files"],
-        crl=Crl(crl["number"], _moment(crl["begins"]), _moment(crl["ends"]), crl["signed"]) if crl else None,
+        crl=_crl(told["list"]),
         members=tuple(map(IPv4Network, told["members"])) if told["members"] is not None else None,
         firewall_as_file=told["as_file"],
         firewall_why=told["firewall_why"],
@@ -149,6 +149,12 @@ def sessions_of(told: Mapping[str, Any]) -> tuple[Session, ...]:
         Session(one["common_name"], one["real"], one["virtual"], _moment(one["since"]), one["received"], one["sent"])
         for one in told["sessions"]
     )
+
+
+def _crl(told: Mapping[str, Any] | None) -> Crl | None:
+    if told is None:
+        return None
+    return Crl(told["number"], _moment(told["begins"]), _moment(told["ends"]), told["signed"], told["pem"])
 
 
 def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown
 
-__all__ = ["AnswerLost", "HostKeyChanged", "ServerAway", "ServerRefused"]
+__all__ = ["AnswerLost", "HostKeyChanged", "RecordOlder", "ServerAway", "ServerRefused"]
 
 
 class ServerAway(OutcomeUnknown):
@@ -21,3 +21,16 @@ class AnswerLost(OutcomeUnknown):
 
 class ServerRefused(DeviceFailed):
     """The server has said why it does not do what it was asked for."""
+
+
+class RecordOlder(NetcfgError):
+    """The server has what this record does not know: by a restored copy a revoked member would come back."""
+
+    exit = ExitCode.FAILED
+
+    def __init__(self, why: str) -> None:
+        super().__init__(
+            f"this record is older than the server: {why}",
+            hint="work with the newest copy of the authority: `authority=FOLDER` names it, with this one nothing was "
+            "signed or sent. If that copy is lost for good: `provision vpn sync --sign --take-list`",
+        )

@@ -8,13 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown, UsageError, complete
 from atlantis_netcfg.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn._trouble import ServerAway, ServerRefused
 from atlantis_netcfg.operations.vpn.deploying import Deployed
 from atlantis_netcfg.operations.vpn.link import SshLink
 
@@ -54,9 +55,37 @@ class Connected:
     who: str
     second_look_s: float = 1.0
     """How long after a revocation one looks again: a handshake under way may have read the list of before (facts 5)."""
+    _away: list[ServerAway] = field(default_factory=list, init=False)
+    """Why the server was not reached when the record was held against it: nobody waits for it a second time."""
+
+    def hold(self, authority: Authority, notify: Subscriber = ignore) -> None:
+        """Raise RecordOlder where the server's list has what the record does not know.
+
+        A server that is away or cannot tell keeps nobody from recording a revocation: it holds every list that is
+        sent later against its own.
+        """
+        try:
+            with self.link(notify) as link:
+                state = live.observe(link)
+        except ServerAway as away:
+            self._away.append(away)
+        except NetcfgError:
+            return
+        else:
+            live.hold_record(authority, state)
+
+    def published(self, notify: Subscriber = ignore) -> bytes:
+        """The list that the server has. Raises ServerAway, AnswerLost, ServerRefused where it has none of its CA."""
+        with self.link(notify) as link:
+            crl = live.observe(link).crl
+        if crl is None or not crl.signed:
+            raise ServerRefused("the server has no list of its own authority", hint="there is nothing to take over")
+        return crl.pem.encode()
 
     def deploy(self, authority: Authority, notify: Subscriber = ignore) -> Deployed:
         """Bring it to what is recorded, and see who was there."""
+        if self._away:
+            return self._outstanding(self._away[0])
         try:
             with self.link(notify) as link:
                 queue = live.go_on(self.declaration, authority, link, self.who)
@@ -74,6 +103,8 @@ class Connected:
     def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber = ignore) -> Deployed:
         """End their sessions at once, and look; then all the rest that is recorded."""
         names = tuple(dict.fromkeys([*revoked.common_names, *authority.roll().queued]))
+        if self._away:
+            return self._outstanding(self._away[0], cut=revoked.members)
         try:
             with self.link(notify) as link:
                 self._say(notify, f"ending sessions of {', '.join(revoked.members)}", Stage.APPLYING)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, OutcomeUnknown
+from atlantis_netcfg.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -39,6 +39,12 @@ class Deployed:
 class Server(Protocol):
     """The server, as the commands ask it."""
 
+    def hold(self, authority: Authority, notify: Subscriber) -> None:
+        """Before anything is signed or sent: raise RecordOlder where the server has what the record does not know."""
+
+    def published(self, notify: Subscriber) -> bytes:
+        """The list of revoked certificates that it has, PEM."""
+
     def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:
         """Bring it to what is recorded."""
 
@@ -48,6 +54,13 @@ class Server(Protocol):
 
 class Later:
     """`--no-push`: nothing is contacted."""
+
+    def hold(self, authority: Authority, notify: Subscriber) -> None:
+        """Nobody can tell; what is sent later is held against the server then."""
+
+    def published(self, notify: Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
+        """Nobody is asked. Raises UsageError."""
+        raise UsageError("the server's list cannot be had without asking it")
 
     def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as Server has it
         """Say what is left to do."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.operations.vpn._drift import drift
 from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, Session, observe, sessions_of
-from atlantis_netcfg.operations.vpn._trouble import ServerRefused
+from atlantis_netcfg.operations.vpn._trouble import RecordOlder, ServerRefused
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 
 if TYPE_CHECKING:
@@ -30,10 +30,12 @@ __all__ = [
     "Crl",
     "Evidence",
     "Pushed",
+    "RecordOlder",
     "ServerState",
     "Session",
     "drift",
     "go_on",
+    "hold_record",
     "note_seen",
     "observe",
     "push",
@@ -104,6 +106,12 @@ def wanted(declaration: Declaration, authority: Authority, roll: Roll | None = N
     """The live files of the server, by the record."""
     ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
     return live_files(declaration, authority.roll() if roll is None else roll, authority.crl(), ca=ca)
+
+
+def hold_record(authority: Authority, state: ServerState) -> None:
+    """Raise RecordOlder where the server's list of revoked certificates has what the record does not know."""
+    if state.crl is not None and state.crl.signed and (why := authority.beyond(state.crl.pem.encode())) is not None:
+        raise RecordOlder(why)
 
 
 def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pushed:

@@ -102,6 +102,12 @@ def _record(authority: Authority) -> Iterator[Told]:
 
 def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[Told]:
     differs = live.drift(state, live.wanted(server.declaration, authority), authority.roll())
+    try:
+        live.hold_record(authority, state)
+    except live.RecordOlder as older:
+        yield Told(Verdict.FAIL, str(older), older.hint)
+        yield from (Told(Verdict.FAIL, one) for one in differs)
+        return
     for one in differs:
         yield Told(Verdict.FAIL, one, "`provision vpn sync` brings the server to what is recorded")
     if not differs:

@@ -11,6 +11,7 @@ from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _check as checks
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _founding as founding
+from atlantis_netcfg.vpn.authority import _lists as lists
 from atlantis_netcfg.vpn.authority import _sealed as sealed
 from atlantis_netcfg.vpn.authority._book import Book, new_operation
 from atlantis_netcfg.vpn.authority._desk import Desk
@@ -99,6 +100,12 @@ class Authority:
                 hint="`provision vpn sync --sign` signs a new one",
             )
         return pem
+
+    def beyond(self, pem: bytes) -> str | None:
+        """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
+        with translated("the certificate authority cannot be read"):
+            ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
+        return lists.beyond(self.folder, self._fold(), ca, pem)
 
     def check(self, now: datetime | None = None) -> list[str]:
         """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""

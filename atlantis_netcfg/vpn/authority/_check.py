@@ -109,7 +109,7 @@ def _list(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iter
     roll = fold.roll()
     if facts.sha256 != roll.crl_sha256:
         yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
-    serials = {one.serial for one in lists.revoked(roll)}
+    serials = {one.serial for one in lists.revoked(fold)}
     for lost in sorted(serials - facts.serials):
         yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):

@@ -45,9 +45,9 @@ class Desk:
             return self._shared
         return pki.client_key(self._server, f"cn={common_name}".encode())
 
-    def publish(self, operation: str) -> bytes:
-        """Put a list in place that says what the record says."""
-        return lists.publish(self.folder, self.book, self.ca, operation)
+    def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
+        """Put a list in place that says what the record says, and what a list says that is taken over."""
+        return lists.publish(self.folder, self.book, self.ca, operation, also)
 
     def serve(self, names: ServerNames) -> None:
         """Make the server a new key and certificate."""

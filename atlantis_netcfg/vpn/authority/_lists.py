@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from cryptography import x509
 
     from atlantis_netcfg.vpn.authority._book import Book
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.ledger import Fold
 
-__all__ = ["due", "publish", "revoked", "sign"]
+__all__ = ["beyond", "due", "publish", "revoked", "sign"]
 
 BACKDATED = timedelta(days=1)
 """A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
@@ -29,13 +29,14 @@ FRESH = timedelta(days=60)
 """A list with less than this until its `nextUpdate` is signed anew in passing: who works often never sees an alarm."""
 
 
-def revoked(roll: Roll) -> list[pki.RevokedSerial]:
+def revoked(fold: Fold) -> list[pki.RevokedSerial]:
     """What must be on the list."""
-    return [
+    ours = (
         pki.RevokedSerial(one.serial, one.revoked)
-        for _, one in roll.certificates()
+        for _, one in fold.roll().certificates()
         if one.standing is Standing.REVOKED and one.revoked is not None
-    ]
+    )
+    return [*ours, *(pki.RevokedSerial(serial, at) for serial, at in fold.taken.items())]
 
 
 def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime) -> tuple[bytes, Published]:
@@ -47,12 +48,15 @@ def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datet
     return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=held)
 
 
-def publish(folder: Path, book: Book, ca: pki.Ca, operation: str) -> bytes:
-    """Sign the list of the record's state, record it, and put it in place; PEM."""
+def publish(folder: Path, book: Book, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None) -> bytes:
+    """Sign the list of the record's state, record it, and put it in place; PEM. `also`: a list that is taken over."""
     path, roll, now = folder / CRL, book.fold.roll(), book.now()
-    before, lines = _in_place(path, ca.certificate), revoked(roll)
-    above = max(roll.crl_number, before.number if before else 0)
-    pem, record = sign(ca, [*lines, *_kept(before, lines)], above + 1, now)
+    before = [one for one in (_in_place(path, ca.certificate), also) if one is not None]
+    above = max(roll.crl_number, *(one.number for one in before), 0)
+    lines = {one.serial: one for one in revoked(book.fold)}
+    # What is on a list of before stays: a ledger from an older backup lets nobody back in.
+    kept = {serial: pki.RevokedSerial(serial, one.this_update) for one in before for serial in sorted(one.serials)}
+    pem, record = sign(ca, (kept | lines).values(), above + 1, now)
     book.write([record], operation)
     with translated("the revocation list cannot be written"):
         pki.publish(path, pem, ca.certificate, above=above, now=now)
@@ -66,8 +70,29 @@ def due(folder: Path, book: Book, ca: pki.Ca) -> bool:
         facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
     except (OSError, pki.CrlRefused):
         return True
-    serials = frozenset(one.serial for one in revoked(roll))
+    serials = frozenset(one.serial for one in revoked(book.fold))
     return facts.sha256 != roll.crl_sha256 or not serials <= facts.serials or facts.next_update - now < FRESH
+
+
+def beyond(folder: Path, fold: Fold, ca: x509.Certificate, pem: bytes) -> str | None:
+    """What a list that a server has says beyond the record, in words; None: nothing, or it is not of this CA."""
+    try:
+        there = pki.read_crl(pem, ca)
+    except pki.CrlRefused:
+        return None
+    roll, here = fold.roll(), _in_place(folder / CRL, ca)
+    known = {one.serial for one in revoked(fold)} | (here.serials if here is not None else frozenset())
+    lost = there.serials - known
+    if there.sha256 == roll.crl_sha256 or (there.number < roll.crl_number and not lost):
+        return None
+    good = sorted(one.common_name for _, one in roll.certificates() if one.serial in lost)
+    said = f"its list of revoked certificates is number {there.number}, and the record's last one is {roll.crl_number}"
+    if there.number == roll.crl_number:
+        said = f"its list of revoked certificates is number {there.number} as the record's last one, and another one"
+    more = [f"it revokes {', '.join(good)}"] if good else []
+    if strange := len(lost) - len(good):
+        more.append(f"it revokes {strange} that the record has never issued")
+    return "; ".join([said, *more])
 
 
 def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:
@@ -76,11 +101,3 @@ def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:
         return pki.read_crl(path.read_bytes(), ca)
     except (OSError, pki.CrlRefused):
         return None
-
-
-def _kept(before: pki.CrlFacts | None, lines: Iterable[pki.RevokedSerial]) -> list[pki.RevokedSerial]:
-    """What is on the list in place and not among these: a ledger from an older backup lets nobody back in."""
-    if before is None:
-        return []
-    more = before.serials - {one.serial for one in lines}
-    return [pki.RevokedSerial(serial, before.this_update) for serial in sorted(more)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _plan as plan
 from atlantis_netcfg.vpn.authority import _types as types
 from atlantis_netcfg.vpn.authority._book import new_operation
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Signer"]
 
 SUPERSEDED = "superseded"
+TAKEN = "revoked by the server's list, which a copy of the authority has signed that is lost"
 
 
 class Signer:
@@ -104,6 +106,23 @@ class Signer:
         self._desk.book.write([begun, *_revocations(old, SUPERSEDED)], operation)
         return self._listed(operation)
 
+    def take(self, pem: bytes) -> tuple[str, ...]:
+        """Take over the list that a server has, of a copy of this authority that is lost, and sign the next one.
+
+        Gives the common names that are revoked by that; what the record has never issued stays on the list.
+        Raises CrlRefused for a list of another CA.
+        """
+        facts = pki.read_crl(pem, self._desk.ca.certificate)
+        ours = [one for _, one in self.roll.certificates() if one.serial in facts.serials]
+        lost = [one for one in ours if one.standing is not Standing.REVOKED]
+        strange = facts.serials - {one.serial for one in ours} - self._desk.book.fold.taken.keys()
+        taken = [records.Taken(serials=tuple(sorted(strange)))] if strange else []
+        operation = new_operation()
+        begun = records.Begun(command="publish")
+        self._desk.book.write([begun, *taken, *_revocations(lost, TAKEN)], operation)
+        self._listed(operation, facts)
+        return tuple(one.common_name for one in lost)
+
     def serve(self, names: types.ServerNames) -> bool:
         """Give the server a new certificate, if the one it has is for other names, or ends within 90 days.
 
@@ -120,8 +139,8 @@ class Signer:
         self._desk.book.write([begun, *_revocations(certificates, why)], operation)
         return self._listed(operation)
 
-    def _listed(self, operation: str) -> bytes:
-        pem = self._desk.publish(operation)
+    def _listed(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
+        pem = self._desk.publish(operation, also)
         self._desk.book.write([records.Committed()], operation)
         return pem
 

@@ -52,6 +52,8 @@ class Fold:
         """Common names that were recorded and not handed out, with the operation of each."""
         self.done: dict[str, set[str]] = {}
         """Of open commands: whose certificates were handed out or revoked."""
+        self.taken: dict[int, datetime] = {}
+        """Serials of a lost copy of the authority, which stay on the list, and when they were taken over."""
         self.last: datetime | None = None
         """Time of the last entry."""
         self._holders: dict[str, _Holder] = {}
@@ -155,6 +157,9 @@ class Fold:
 
     def _published(self, _: Entry, record: records.Published) -> None:
         self.published = record
+
+    def _taken(self, entry: Entry, record: records.Taken) -> None:
+        self.taken.update(dict.fromkeys(record.serials, entry.at))
 
     def _resealed(self, _: Entry, record: records.Resealed) -> None:
         """Of interest to an audit alone."""

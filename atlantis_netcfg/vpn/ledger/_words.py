@@ -27,7 +27,7 @@ def words(record: records.Record) -> str:
     match record:
         case records.Begun() | records.Committed() | records.RolledBack():
             return _of_command(record)
-        case records.Issued() | records.Delivered() | records.Revoked():
+        case records.Issued() | records.Delivered() | records.Revoked() | records.Taken():
             return _of_certificate(record)
         case records.Seen() | records.Superseded() | records.Settled():
             return _of_server(record)
@@ -47,7 +47,7 @@ def _of_command(record: records.Begun | records.Committed | records.RolledBack) 
             return f"the command was not completed: {_listed(record.common_names)} was never handed out, and is revoked"
 
 
-def _of_certificate(record: records.Issued | records.Delivered | records.Revoked) -> str:
+def _of_certificate(record: records.Issued | records.Delivered | records.Revoked | records.Taken) -> str:
     match record:
         case records.Issued():
             whose = f"partner {record.partner}" if record.partner else "the pilot"
@@ -57,6 +57,9 @@ def _of_certificate(record: records.Issued | records.Delivered | records.Revoked
             return f"{record.common_name} handed out: {record.path} (SHA-256 {record.sha256})"
         case records.Revoked():
             return f"{record.common_name} revoked: {record.reason}"
+        case records.Taken():
+            serials = _listed(tuple(f"{one:x}" for one in record.serials))
+            return f"taken over from the server's list, issued by a copy of the authority that is lost: {serials}"
 
 
 def _of_server(record: records.Seen | records.Superseded | records.Settled) -> str:

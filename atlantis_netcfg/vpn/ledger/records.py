@@ -32,6 +32,7 @@ __all__ = [
     "ServerIssued",
     "Settled",
     "Superseded",
+    "Taken",
 ]
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
@@ -175,6 +176,14 @@ class Published:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """These are on a list that a lost copy of the authority has signed, and were not issued by this one."""
+
+    kind: Literal["taken"] = "taken"
+    serials: tuple[Serial, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Resealed:
     """The CA key is about to be put under another passphrase."""
 
@@ -204,6 +213,7 @@ Record = Annotated[
     | Superseded
     | Settled
     | Published
+    | Taken
     | Resealed
     | ClockTrusted,
     Field(discriminator="kind"),

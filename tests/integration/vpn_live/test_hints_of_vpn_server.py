@@ -123,6 +123,16 @@ def of_another_authority(at: Laptop, server: Server) -> str:
     return at.type("vpn", "sync", code=4)
 
 
+def by_an_older_copy(at: Laptop, _server: Server) -> str:
+    """Somebody was put out with the newest copy, and one of before is put back."""
+    at.type(*LAPTOP)
+    shutil.copytree(at.folder / "vpn", at.folder / "backup")
+    at.type("vpn", "revoke", "name=iqua-laptop", "--yes")
+    shutil.rmtree(at.folder / "vpn")
+    (at.folder / "backup").rename(at.folder / "vpn")
+    return at.type("vpn", "sync", code=4)
+
+
 SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
     "away": (
         away,
@@ -139,6 +149,14 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
     "revoked meanwhile": (revoked_meanwhile, "`provision vpn sync` when the server can be reached", "verified"),
     "connected and put out": (connected_and_put_out, "`provision vpn sync` ends its session", "verified"),
     "not dead": (not_dead, "`provision vpn sync` tries again, and looks", "verified"),
+    "an older copy": (
+        by_an_older_copy,
+        (
+            "work with the newest copy of the authority: `authority=FOLDER` names it, with this one nothing was signed "
+            "or sent. If that copy is lost for good: `provision vpn sync --sign --take-list`"
+        ),
+        "taken over from the server's list: iqua-laptop",
+    ),
     "never set up": (never_set_up, "`provision site=…` does that; then type the same again", "as declared"),
     "of another authority": (
         of_another_authority,
@@ -155,7 +173,7 @@ def test_what_is_advised_is_typed(name: str, laptop: Laptop, server: Server) -> 
     reached(laptop, server)
     (words,) = advised(said(printed, hint))
     assert says in laptop.type(*words)
-    if words == ["vpn", "sync"]:
+    if words[:2] == ["vpn", "sync"]:
         assert "PASS" in laptop.type("vpn", "status")
         assert (
             live.drift(live.observe(server.link), live.wanted(real(), laptop.authority), laptop.authority.roll()) == ()

@@ -11,7 +11,7 @@ from live_stand import Echo, declaration, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.vpn.identity import Standing
-from atlantis_netcfg.vpn.server import CCD, SEEN
+from atlantis_netcfg.vpn.server import CCD, FOLDER, SEEN
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,7 +40,7 @@ def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
         with Echo(old) as before:
             before.goes()
             second = made.renew(name)
-            assert (second, server.push().changes) == (f"{name}.2", (f"file {CCD}/{second}",))
+            assert (second, server.push().changes) == (f"{name}.2", (f"file {CCD}/{second}", f"file {FOLDER}/crl.pem"))
             assert seen(server) == ((), None)
             assert standings(made, name) == {name: Standing.SEEN, second: Standing.ISSUED}
             before.goes()

@@ -57,6 +57,7 @@ EVERY: tuple[records.Record, ...] = (
     records.RolledBack(common_names=("iqua-sparus2",)),
     records.Settled(common_name="iqua-sparus2"),
     records.Published(number=2, sha256="ef" * 32, next_update=YEAR, revoked=1),
+    records.Taken(serials=(2**158 + 3, 7)),
     records.Resealed(sealed_by="vault"),
     records.ClockTrusted(before=NOW),
 )

@@ -284,6 +284,12 @@ def a_list_of_another(at: Laptop) -> str:
     return "\n".join(file.hint for file in files)
 
 
+def of_an_older_copy(at: Laptop) -> str:
+    at.type(*LAPTOP)
+    new, old = (vpn_list.Crl(signed=True, number=number, begins=0, ends=10) for number in (3, 4))
+    return refused(lambda: vpn_list.accept(new, old, 5.0))
+
+
 def by_the_servers_clock(at: Laptop) -> str:
     new = vpn_list.Crl(signed=True, number=9, begins=0, ends=10)
     assert at.authority.roll().crl_number >= 1
@@ -428,6 +434,15 @@ SITUATIONS: dict[str, Situation] = {
         "`provision vpn status` tells what is wrong with the authority's own list",
         0,
         "the record is whole",
+    ),
+    "a list of an older copy": (
+        of_an_older_copy,
+        (
+            "this is not the newest copy of the authority: find the one with which list {} was made; `provision vpn "
+            "status` tells what the server knows beyond this one, and what to do if that copy is lost"
+        ),
+        0,
+        "iqua-laptop",
     ),
     "a list that has ended by the server's clock": (
         by_the_servers_clock,

@@ -6,8 +6,6 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_list
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run
@@ -21,6 +19,7 @@ NOW = datetime.now(UTC)
 CA = pki.new_ca("test-ca", NOW)
 NAMESAKE = pki.new_ca("test-ca", NOW)
 OTHER = pki.new_ca("other-ca", NOW)
+SERIAL = pki.new_serial()
 
 
 def read(folder: Path, pem: bytes) -> vpn_list.Crl | None:
@@ -30,7 +29,7 @@ def read(folder: Path, pem: bytes) -> vpn_list.Crl | None:
 
 
 def listed(number: int = 7, ca: pki.Ca = CA, at: datetime = NOW, days: int = 90) -> bytes:
-    return pki.new_crl(ca, [pki.RevokedSerial(pki.new_serial(), at)], number, at, days)
+    return pki.new_crl(ca, [pki.RevokedSerial(SERIAL, at)], number, at, days)
 
 
 def test_a_list_is_read_as_openssl_reads_it(tmp_path: Path) -> None:
@@ -55,7 +54,6 @@ def test_a_list_of_another_authority_is_known(tmp_path: Path, ca: pki.Ca) -> Non
 @pytest.mark.parametrize("pem", [b"", b"no list\n", listed()[:200]], ids=["empty", "text", "cut"])
 def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
     assert read(tmp_path, pem) is None
-    assert vpn_list.number(pem) is None
     with pytest.raises(Refused, match="cannot be read"):
         vpn_list.accept(None, None, NOW.timestamp())
 
@@ -79,7 +77,42 @@ def test_a_number_says_nothing_beside_a_list_of_another_authority(tmp_path: Path
     assert vpn_list.accept(new, old, NOW.timestamp()) == new
 
 
-@settings(max_examples=50)
-@given(st.integers(min_value=1, max_value=2**159 - 1))
-def test_the_number_is_found_without_openssl_too(number: int) -> None:
-    assert vpn_list.number(listed(number)) == number
+A, B = (pki.RevokedSerial(pki.new_serial(), NOW) for _ in range(2))
+
+
+def revoking(number: int, *some: pki.RevokedSerial) -> bytes:
+    return pki.new_crl(CA, some, number, NOW)
+
+
+def test_the_serials_are_read(tmp_path: Path) -> None:
+    found = read(tmp_path, revoking(7, A, B))
+    assert found is not None
+    assert {int(one, 16) for one in found.serials} == {A.serial, B.serial}
+    none = read(tmp_path, revoking(7))
+    assert none is not None
+    assert none.serials == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [
+        (revoking(7, B), "has number 7, as the server's, and is another one"),
+        (revoking(7, A, B), "has number 7, as the server's, and is another one"),
+        (revoking(8, B), "lacks 1 of the certificates that are revoked on the server"),
+        (revoking(8), "lacks 1 of the certificates that are revoked on the server"),
+        (revoking(6, A, B), "has number 6, and the server has number 7"),
+    ],
+    ids=["same number", "same number and more", "lacks one", "lacks all", "lower number"],
+)
+def test_a_list_of_a_restored_authority_is_refused(tmp_path: Path, new: bytes, words: str) -> None:
+    old = read(tmp_path, revoking(7, A))
+    with pytest.raises(Refused, match=words) as refused:
+        vpn_list.accept(read(tmp_path, new), old, NOW.timestamp())
+    assert "a revoked member would come back" in refused.value.message
+
+
+@pytest.mark.parametrize("more", [(), (B,)], ids=["the same", "one more"])
+def test_a_list_that_follows_is_taken(tmp_path: Path, more: tuple[pki.RevokedSerial, ...]) -> None:
+    old, new = read(tmp_path, revoking(7, A)), read(tmp_path, revoking(8, A, *more))
+    assert vpn_list.accept(new, old, NOW.timestamp()) == new
+    assert vpn_list.accept(old, old, NOW.timestamp()) == old

@@ -41,7 +41,7 @@ def accepted(declared: Declaration, folder: Path, new: bytes, here: bytes | None
     return subprocess.run(words, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize(("new", "here"), [(1, None), (10, 9), (17, 10), (9, 9), (256, 255)])
+@pytest.mark.parametrize(("new", "here"), [(1, None), (10, 9), (17, 10), (256, 255)])
 def test_a_list_that_follows_is_taken(declaration: Declaration, tmp_path: Path, new: int, here: int | None) -> None:
     before = pki.new_crl(OURS, [], here, NOW) if here is not None else None
     assert accepted(declaration, tmp_path, pki.new_crl(OURS, [], new, NOW), before).returncode == 0
@@ -52,7 +52,28 @@ def test_a_list_of_before_is_refused(declaration: Declaration, tmp_path: Path, n
     """A run that was planned before a revocation, and is applied after it."""
     said = accepted(declaration, tmp_path, pki.new_crl(OURS, [], new, NOW), pki.new_crl(OURS, [], here, NOW))
     assert said.returncode == 1
-    assert f"list {here} is in its place, and this is list {new}" in said.stderr
+    assert f"list {here} is in its place, and this is list {new}," in said.stderr
+
+
+SERIALS = [pki.RevokedSerial(pki.new_serial(), NOW) for _ in range(3)]
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_a_list_that_is_in_place_is_taken_again(declaration: Declaration, tmp_path: Path, count: int) -> None:
+    here = pki.new_crl(OURS, SERIALS[:count], 9, NOW)
+    assert accepted(declaration, tmp_path, here, here).returncode == 0
+    assert accepted(declaration, tmp_path, pki.new_crl(OURS, SERIALS, 10, NOW), here).returncode == 0
+
+
+@pytest.mark.parametrize(("number", "first"), [(9, 0), (9, 1), (10, 1), (12, 2)])
+def test_a_list_of_a_restored_authority_is_refused(
+    declaration: Declaration, tmp_path: Path, number: int, first: int
+) -> None:
+    """Its number was given out before, or it lacks somebody who is revoked on the server."""
+    here = pki.new_crl(OURS, SERIALS[:2], 9, NOW)
+    said = accepted(declaration, tmp_path, pki.new_crl(OURS, SERIALS[first:], number, NOW), here)
+    assert said.returncode == 1
+    assert f"which lacks {first} of those that are revoked there" in said.stderr
 
 
 def test_a_foreign_list_is_refused_and_replaced(declaration: Declaration, tmp_path: Path) -> None:

@@ -39,11 +39,14 @@ class _Act:
     def step(self, name: str) -> None:
         self.steps.append([name, round((time.monotonic() - self._began) * 1000, 3)])
 
-    def dare(self, act: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401 - whatever the act takes
+    def dare(self, act: Callable[..., None], *arguments: Any) -> bool:  # noqa: ANN401 - whatever the act takes
+        """Whether it was done."""
         try:
             act(*arguments)
         except Refused as refused:
             self.told.append(f"{refused.message}; {refused.hint}" if refused.hint else refused.message)
+            return False
+        return True
 
 
 def revoke(
@@ -61,11 +64,14 @@ def revoke(
             # Whoever holds it may put older files back, which the second look tells. To wait for him would be worse.
             act.told.append(busy.message)
         unheard = Unheard(server, ending.look(server))
-        ruleset = given.get(server.place.firewall)
+        listed = given.get(server.place.crl)
+        # Whose list is older than the server's has a ruleset from the same record: it would let the revoked pass.
+        held = act.dare(_hold_list, server, listed)
+        ruleset = given.get(server.place.firewall) if held else None
         closing = threading.Thread(target=act.dare, args=(_close, server, ruleset, addresses, unheard))
         closing.start()
-        act.dare(_put_list, server, given.get(server.place.crl))
-        act.step("list in place")
+        if held and act.dare(_put_list, server, listed):
+            act.step("list in place")
         for name in common_names:
             act.dare(server.tree.remove, server.place.admission(name))
         act.step("no longer admitted")
@@ -85,15 +91,21 @@ def revoke(
     return {**found, "steps": act.steps, "ended": ending.ended, "told": told}
 
 
-def _put_list(server: Server, file: Mapping[str, Any] | None) -> None:
+def _hold_list(server: Server, file: Mapping[str, Any] | None) -> None:
+    """Lay it beside its place. Raises `Refused` for one that must not get there."""
     if file is None or server.tree.read(server.place.crl) == file["content"].encode():
         return
-    beside = _stage(server, file)
     try:
-        server.hold(beside)
-        server.tree.put(server.place.crl)
-    finally:
+        server.hold(_stage(server, file))
+    except Refused:
         server.tree.unstage(server.place.crl)
+        raise
+
+
+def _put_list(server: Server, file: Mapping[str, Any] | None) -> None:
+    """Put what was laid beside it, unless it is there already."""
+    if file is not None and server.tree.read(server.place.crl) != file["content"].encode():
+        server.tree.put(server.place.crl)
 
 
 def _close(server: Server, file: Mapping[str, Any] | None, addresses: Sequence[str], unheard: Unheard) -> None:

@@ -5,7 +5,6 @@ OpenVPN fails open on a list of another authority, and locks everybody out with 
 
 from __future__ import annotations
 
-import base64
 import calendar
 import re
 import time
@@ -19,11 +18,9 @@ if TYPE_CHECKING:
 
     from .programs import Done
 
-__all__ = ["Crl", "accept", "number", "read"]
+__all__ = ["Crl", "accept", "read"]
 
-_PEM = re.compile(rb"-----BEGIN X509 CRL-----(.*?)-----END X509 CRL-----", re.DOTALL)
-_NUMBER = re.compile(rb"\x06\x03\x55\x1d\x14\x04(.)\x02(.)", re.DOTALL)
-"""The extension cRLNumber (RFC 5280, 5.2.3): its name 2.5.29.20, and an octet string that holds an integer."""
+_SERIAL = re.compile(r"^ +Serial Number: ([0-9A-F]+)$", re.MULTILINE)
 _HINT = "`provision vpn status` tells what is wrong with the authority's own list"
 
 
@@ -36,11 +33,13 @@ class Crl:
     ends: int
     signed: bool
     """By the authority that this server takes its members from."""
+    serials: frozenset[str] = frozenset()
+    """Of the revoked certificates, in hex."""
 
 
 def read(path: str, ca: str, run: Callable[[list[str]], Done]) -> Crl | None:
     """Read a list; None: it is no list, or none is there."""
-    words = ["openssl", "crl", "-in", path, "-noout", "-crlnumber", "-lastupdate", "-nextupdate"]
+    words = ["openssl", "crl", "-in", path, "-noout", "-text", "-crlnumber", "-lastupdate", "-nextupdate"]
     done = run([*words, "-verify", "-CAfile", ca])
     if done.code != 0:  # it has not even found the issuer's certificate
         done = run(words)
@@ -50,24 +49,14 @@ def read(path: str, ca: str, run: Callable[[list[str]], Done]) -> Crl | None:
         begins, ends = (_seconds(told[name]) for name in ("lastUpdate", "nextUpdate"))
     except (KeyError, ValueError):
         return None
-    return Crl(number, begins, ends, "verify OK" in done.said.splitlines())
-
-
-def number(pem: bytes) -> int | None:
-    """The number of a list without asking OpenSSL, which takes 6 ms; None: it is not found so simply."""
-    text = _PEM.search(pem)
-    try:
-        der = base64.b64decode(b"".join(text[1].split()), validate=True) if text else b""
-    except ValueError:
-        return None
-    found = _NUMBER.search(der)
-    if found is None or ord(found[1]) != ord(found[2]) + 2:
-        return None
-    return int.from_bytes(der[found.end() : found.end() + ord(found[2])], "big", signed=True)
+    return Crl(number, begins, ends, "verify OK" in done.said.splitlines(), frozenset(_SERIAL.findall(done.said)))
 
 
 def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
-    """Refuse a list that must not take the place of another one; the same number is the same list again."""
+    """Refuse a list that must not take the place of another one: it may not be older, nor of another branch.
+
+    A restored older copy of the authority gives out the numbers of the lists that it does not know a second time.
+    """
     if new is None:
         raise Refused("the new list of revoked certificates cannot be read", _HINT)
     if not new.signed:
@@ -76,12 +65,8 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
             "revoked member in",
             "the server was set up by another authority: `provision site=…` brings this one's",
         )
-    if old is not None and old.signed and new.number < old.number:
-        raise Refused(
-            f"the new list of revoked certificates has number {new.number}, and the server has number {old.number}",
-            "this is not the newest copy of the authority: find the one with which list "
-            f"{old.number} was made; with an older one a revoked member would come back",
-        )
+    if old is not None and old.signed and new != old:
+        _follow(new, old)
     if new.begins > now:
         raise Refused(
             f"by the server's clock ({_words(now)}) the new list of revoked certificates is not valid yet: nobody "
@@ -95,6 +80,22 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
             "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
         )
     return new
+
+
+def _follow(new: Crl, old: Crl) -> None:
+    lost = len(old.serials - new.serials)
+    if new.number > old.number and not lost:
+        return
+    why = f"has number {new.number}, and the server has number {old.number}"
+    if new.number == old.number:
+        why = f"has number {new.number}, as the server's, and is another one"
+    elif new.number > old.number:
+        why = f"lacks {lost} of the certificates that are revoked on the server"
+    raise Refused(
+        f"the new list of revoked certificates {why}: with it a revoked member would come back",
+        f"this is not the newest copy of the authority: find the one with which list {old.number} was made; "
+        "`provision vpn status` tells what the server knows beyond this one, and what to do if that copy is lost",
+    )
 
 
 def _seconds(told: str) -> int:

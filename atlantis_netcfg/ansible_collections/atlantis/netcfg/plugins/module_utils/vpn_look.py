@@ -7,7 +7,6 @@ import json
 import os
 import re
 import stat
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from .refused import Refused
@@ -23,12 +22,11 @@ _VERSION = re.compile(r"OpenVPN (\S+)")
 
 def look(server: Server) -> dict[str, Any]:
     """Look at all of it; what cannot be told is null. It changes nothing."""
-    crl = server.crl()
     return {
         "clock": server.now(),
         "ready": server.tree.read(server.place.ca) is not None,
         "files": _files(server),
-        "list": asdict(crl) if crl is not None else None,
+        "list": _list(server),
         **_firewall(server),
         "version": _version(server),
         "package": _package(server),
@@ -54,6 +52,15 @@ def seen(server: Server) -> dict[str, Any]:
     except ValueError:
         noted = None
     return {"seen": noted if isinstance(noted, dict) else None}
+
+
+def _list(server: Server) -> dict[str, Any] | None:
+    """The list of revoked certificates, itself as well: who asks compares it with what is recorded."""
+    crl, pem = server.crl(), server.tree.read(server.place.crl)
+    if crl is None or pem is None:
+        return None
+    told = {"number": crl.number, "begins": crl.begins, "ends": crl.ends, "signed": crl.signed}
+    return {**told, "pem": pem.decode(errors="replace")}
 
 
 def _files(server: Server) -> dict[str, str]:

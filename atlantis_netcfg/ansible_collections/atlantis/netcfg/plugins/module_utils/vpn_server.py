@@ -71,12 +71,8 @@ class Server:
 
     def hold(self, beside: str) -> None:
         """Refuse a list that must not take the place of the one that is there. Raises `Refused`."""
-        new, old = self.crl(beside), None
-        there = self.tree.read(self.place.crl)
-        if there is not None and new is not None:
-            number = vpn_list.number(there)
-            old = self.crl() if number is None or number > new.number else None
-        vpn_list.accept(new, old, self.now())
+        there = self.tree.read(self.place.crl) is not None
+        vpn_list.accept(self.crl(beside), self.crl() if there else None, self.now())
 
     @contextlib.contextmanager
     def asked(self, patience_s: float | None = None) -> Iterator[Management]:
