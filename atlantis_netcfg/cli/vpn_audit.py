@@ -1,4 +1,4 @@
-"""`provision vpn audit`: who did what, when; and whether the record is whole."""
+"""`provision vpn audit`: who did what, when; and whether the record is as it was signed."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ __all__ = ["COMMAND", "run"]
 
 COMMAND = Command(
     "vpn audit",
-    "tell who did what with the VPN's members, and whether the record is whole",
+    "tell who did what with the VPN's members, and whether the record is as the CA key signed it",
     words=(
         Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
         Word("partner", "only what concerns the devices of this partner", example="iqua"),
         AUTHORITY,
     ),
     flags=(JSON,),
-    details="Exit code 6 says that the record has been changed by something else than provision, or is damaged.",
+    details=(
+        "The record is compared with its signature, the certificates and the revocation list. Exit code 6 says that "
+        "something does not agree: it was changed by something else than provision, or is damaged, or not whole."
+    ),
 )
 
 
@@ -36,8 +39,15 @@ def run(arguments: Arguments) -> ExitCode:
     start = first_moment(since) if since is not None else None
     found = audited(_vpn.opened(arguments), start, arguments.optional("partner"))
     rows = [(f"{one.at:%Y-%m-%d %H:%M:%S}", one.who, one.words) for one in found.entries]
-    told = {"whole": not found.broken, "entries": [one.facts() for one in found.entries]}
-    lines = [*_vpn.table(rows), *([] if found.broken else [f"{found.total} entries in all; the record is whole"])]
+    checked = found.agreement
+    told = {
+        "agrees": not found.broken,
+        "lines": checked.lines if checked is not None else None,
+        "signed_lines": checked.signed if checked is not None else 0,
+        "signed_at": checked.at.isoformat() if checked is not None and checked.at is not None else None,
+        "entries": [one.facts() for one in found.entries],
+    }
+    lines = [*_vpn.table(rows), *found.words]
     return _vpn.tell(
         arguments, ExitCode.CHECKS_FAILED if found.broken else ExitCode.DONE, told, lines, errors=found.broken
     )

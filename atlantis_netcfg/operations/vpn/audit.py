@@ -1,4 +1,4 @@
-"""Who did what with the VPN, out of the record, which tells of itself whether it is whole."""
+"""Who did what with the VPN, out of the record, which is compared with what it was signed as and what it has made."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.vpn.records import of_partner, period
+from atlantis_netcfg.vpn.authority import AuthorityDamaged
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.vpn.authority import Authority, Entry
+    from atlantis_netcfg.vpn.authority import Agreement, Authority, Entry
 
 __all__ = ["Audit", "audited", "first_moment"]
 
@@ -21,24 +22,43 @@ class Audit:
     """Entries that were asked for, and what is wrong with the record."""
 
     entries: tuple[Entry, ...]
-    total: int
-    """Entries of the whole record."""
+    agreement: Agreement | None
+    """None: the ledger is damaged, and none of its entries is told as true."""
     broken: tuple[NetcfgError, ...]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What was checked and found to agree, and what was not checked."""
+        found = self.agreement
+        if found is None or found.at is None or self.broken:
+            return ()
+        later = found.lines - found.signed
+        signed = f"the first {found.signed} are as the CA key signed them on {found.at:%Y-%m-%d %H:%M} UTC"
+        return (
+            f"{found.lines} entries in all: {signed}",
+            f"the certificates and revocation list {found.number} agree with them",
+            *([f"entries after line {found.signed} are chained to them, and not signed"] if later else []),
+            "whether this is the newest copy is not checked here: `provision vpn status` asks the server",
+        )
 
 
 def audited(authority: Authority, since: datetime | None, partner: str | None) -> Audit:
-    """Read the record. One that is not whole is told as such, and none of its entries is told as true."""
+    """Read the record, and compare it. Of a damaged one no entry is told as true."""
     try:
+        found = authority.agreement()
         entries = authority.history()
         names = None if partner is None else {member.name for member in of_partner(authority.roll(), partner)}
     except LedgerDamaged as error:
-        return Audit((), 0, (error,))
+        return Audit((), None, (error,))
     asked = tuple(
         entry
         for entry in entries
         if (since is None or entry.at >= since) and (names is None or names & _concerned(entry.facts()))
     )
-    return Audit(asked, len(entries), ())
+    return Audit(asked, found, tuple(AuthorityDamaged(one, hint=_COMPARE) for one in found.problems))
+
+
+_COMPARE = "sign nothing; put the folder of the last backup beside this one, and compare them"
 
 
 def _concerned(told: object) -> set[str]:

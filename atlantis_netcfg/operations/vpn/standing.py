@@ -95,8 +95,8 @@ def _record(authority: Authority) -> Iterator[Told]:
         good = sum(1 for member in roll.members.values() if member.good)
         yield Told(
             Verdict.PASS,
-            f"the record is whole: {good} of {len(roll.members)} members are admitted,"
-            f" list {roll.crl_number} is good until {roll.crl_next_update:%Y-%m-%d}",
+            f"the record agrees with its signature, certificates and list: {good} of {len(roll.members)} members "
+            f"are admitted, list {roll.crl_number} is good until {roll.crl_next_update:%Y-%m-%d}",
         )
 
 

@@ -11,6 +11,7 @@ the ledger are copies of what it says, or are made out anew from it.
 from __future__ import annotations
 
 from atlantis_netcfg.vpn.authority._authority import Authority
+from atlantis_netcfg.vpn.authority._check import Agreement
 from atlantis_netcfg.vpn.authority._errors import (
     AddressTaken,
     AuthorityBusy,
@@ -39,6 +40,7 @@ from atlantis_netcfg.vpn.names import NameRefused, NameTaken
 __all__ = [
     "CLIENT_DAYS",
     "AddressTaken",
+    "Agreement",
     "Authority",
     "AuthorityBusy",
     "AuthorityDamaged",

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.errors import NetcfgError, UsageError
 from atlantis_netcfg.journal import Holder
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _check as checks
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _founding as founding
+from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority import _lists as lists
 from atlantis_netcfg.vpn.authority import _sealed as sealed
 from atlantis_netcfg.vpn.authority._book import Book, new_operation
@@ -111,6 +112,10 @@ class Authority:
         """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""
         return list(checks.problems(self.folder, ledger.utc_now() if now is None else now))
 
+    def agreement(self) -> checks.Agreement:
+        """Whether the record is as it was signed, and agrees with certificates and list. Raises LedgerDamaged."""
+        return checks.agreement(self.folder)
+
     @contextmanager
     def unlocked(
         self,
@@ -141,10 +146,18 @@ class Authority:
                     f"{files.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
+            heads.read(self.folder, ca.certificate).hold(book.digests)
             book.check_clock(trusted=trust_clock)
             desk = Desk(self.folder, book, ca)
             desk.recover(left=left)
-            yield Signer(desk)
+            try:
+                yield Signer(desk)
+            except BaseException:
+                # Best effort: the next command that signs does it.
+                with suppress(NetcfgError):
+                    heads.sign(self.folder, book, ca)
+                raise
+            heads.sign(self.folder, book, ca)
 
     @contextmanager
     def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[Book, bool]]:
@@ -189,7 +202,8 @@ class Authority:
     def reseal(self, old: Secret, new: Secret, who: str, sealed_by: founding.Sealing = "age") -> None:
         """Put the CA key under another passphrase. Once more after it was done: nothing is left to do."""
         with self._writing(who) as (book, _):
-            sealed.reseal(self.folder, book, (old, new), sealed_by)
+            ca = sealed.reseal(self.folder, book, (old, new), sealed_by)
+            heads.sign(self.folder, book, ca)
 
     def _fold(self) -> ledger.Fold:
         return ledger.Fold(self.history())

@@ -36,6 +36,11 @@ class Book:
         """Whether it can still be written to."""
         return self._ledger.usable
 
+    @property
+    def digests(self) -> Sequence[str]:
+        """Hash of each line."""
+        return self._ledger.digests
+
     def now(self) -> datetime:
         """The time for what is recorded and signed: this computer's, and never before the last record."""
         now = utc_now()

@@ -1,7 +1,8 @@
-"""Problems of the folder, in words, for `status`: each is looked for, whatever the others are."""
+"""Problems of the folder, in words, for `status` and `audit`: each is looked for, whatever the others are."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import timedelta
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -9,7 +10,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority import _lists as lists
+from atlantis_netcfg.vpn.authority._errors import translated
 from atlantis_netcfg.vpn.authority._lock import is_held
 from atlantis_netcfg.vpn.ledger import records
 
@@ -20,36 +23,113 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from atlantis_netcfg.vpn.ledger import Entry, Fold
+    from atlantis_netcfg.vpn.ledger import Entry, Fold, Reading
 
-__all__ = ["problems"]
+__all__ = ["Agreement", "agreement", "problems"]
 
 SOON = timedelta(days=30)
 """Before a list or a certificate ends."""
 CA_SOON = timedelta(days=365)
 """Before the CA ends: a new one means new files for everybody."""
 _PRIVATE = (*files.SEALED.values(), ledger.FILE, files.SERVER_KEY, files.TLS_CRYPT, files.TLS_CRYPT_V2)
+_WITHOUT_KEY = (records.Seen, records.Superseded, records.Settled, records.Delivered)
+"""What is recorded while the CA key is sealed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """What was compared, and what does not agree."""
+
+    lines: int
+    signed: int
+    """So many of the first lines are as they were signed; the others are chained to them."""
+    at: datetime | None
+    """When they were signed; None: nothing says that they were."""
+    number: int
+    """Of the revocation list that was recorded last."""
+    problems: tuple[str, ...]
 
 
 def problems(folder: Path, now: datetime) -> Iterator[str]:
     """What a person has to look at."""
     try:
-        reading = ledger.read(folder / ledger.FILE)
-        fold = ledger.Fold(reading.entries)
-        ca = pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
+        reading, fold, ca = _opened(folder)
     except (NetcfgError, OSError, ValueError) as error:
         yield f"the authority in {folder} cannot be read: {error}"
         return
     if reading.damage is not None:
         yield f"{reading.damage}; nothing is signed while it is so"
-    yield from _times(reading.entries)
-    yield from _unfinished(folder, fold)
-    yield from _ca(fold, ca, now)
-    yield from _server(folder, fold, now)
-    yield from _copies(folder, fold)
-    yield from _list(folder, fold, ca, now)
+    yield from _disagreements(folder, reading, fold, ca)
+    yield from _ends(folder, fold, ca, now)
     yield from _members(fold, now)
     yield from _modes(folder)
+
+
+def agreement(folder: Path) -> Agreement:
+    """Compare the record with its signature, the certificates and the list. Raises LedgerDamaged, AuthorityFailed."""
+    with translated("the authority cannot be read"):
+        reading, fold, ca = _opened(folder)
+    reading.sound()
+    try:
+        head = heads.read(folder, ca)
+        head.hold(reading.digests)
+        signed, at = head.line, head.at
+    except NetcfgError:
+        signed, at = 0, None
+    found = tuple(_disagreements(folder, reading, fold, ca))
+    return Agreement(len(reading.entries), signed, at, fold.roll().crl_number, found)
+
+
+def _opened(folder: Path) -> tuple[Reading, Fold, x509.Certificate]:
+    reading = ledger.read(folder / ledger.FILE)
+    return reading, ledger.Fold(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
+
+
+def _disagreements(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
+    """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
+    if fold.founded is None or fold.founded.ca_sha256 != pki.sha256(ca):
+        yield f"{files.CA} is not the certificate authority of the ledger"
+        return
+    if reading.damage is None:
+        yield from _head(folder, reading, fold, ca)
+    yield from _unfinished(folder, fold)
+    yield from _times(reading.entries)
+    yield from _server(folder, fold)
+    yield from _certificates(fold, ca)
+    yield from _copies(folder, fold)
+    yield from _list(folder, fold, ca)
+
+
+def _head(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
+    try:
+        head = heads.read(folder, ca)
+        head.hold(reading.digests)
+    except NetcfgError as error:
+        yield str(error)
+        return
+    # A command that runs, or was killed, has lines of its own there.
+    if fold.open or is_held(folder):
+        return
+    for entry in reading.entries[head.line :]:
+        if not isinstance(entry.record, _WITHOUT_KEY):
+            yield (
+                f"line {entry.number} of the ledger needs the CA key, and is not signed by it: a command was killed at "
+                "its end, or something else has written it"
+            )
+
+
+def _certificates(fold: Fold, ca: x509.Certificate) -> Iterator[str]:
+    for one in fold.issued.values():
+        try:
+            made = pki.load_cert(files.copy_of(one).decode("ascii"))
+        except NetcfgError:
+            yield f"the certificate of {one.common_name} in the ledger is none"
+            continue
+        said = (one.serial, one.sha256, one.not_before, one.not_after, f"CN={one.common_name}")
+        dates = (made.not_valid_before_utc, made.not_valid_after_utc)
+        has = (made.serial_number, pki.sha256(made), *dates, made.subject.rfc4514_string())
+        if said != has or not pki.issued_by(made, ca):
+            yield f"the certificate of {one.common_name} in the ledger is not one that this authority has signed so"
 
 
 def _times(entries: Sequence[Entry]) -> Iterator[str]:
@@ -64,14 +144,26 @@ def _unfinished(folder: Path, fold: Fold) -> Iterator[str]:
         yield f"a command did not end ({commands}): the next one that signs puts it in order"
 
 
-def _ca(fold: Fold, ca: x509.Certificate, now: datetime) -> Iterator[str]:
-    if fold.founded is None or fold.founded.ca_sha256 != pki.sha256(ca):
-        yield f"{files.CA} is not the certificate authority of the ledger"
+def _ends(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iterator[str]:
     if ca.not_valid_after_utc - now < CA_SOON:
         yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
+    if fold.server is not None and fold.server.not_after - now < SOON:
+        yield f"the server's certificate ends on {fold.server.not_after:%Y-%m-%d}"
+    try:
+        pem = (folder / files.CRL).read_bytes()
+        following = pki.read_crl(pem, ca).next_update
+    except (OSError, pki.CrlRefused):
+        return  # which is told as what does not agree
+    try:
+        pki.check_crl(pem, ca, above=None, now=now)
+    except pki.CrlRefused as error:
+        yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
+        return
+    if following - now < SOON:
+        yield f"{files.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
-def _server(folder: Path, fold: Fold, now: datetime) -> Iterator[str]:
+def _server(folder: Path, fold: Fold) -> Iterator[str]:
     if fold.server is None:
         return
     try:
@@ -81,8 +173,6 @@ def _server(folder: Path, fold: Fold, now: datetime) -> Iterator[str]:
         return
     if pki.sha256(certificate) != fold.server.sha256:
         yield f"{files.SERVER_CERT} is not the certificate that was recorded"
-    if fold.server.not_after - now < SOON:
-        yield f"the server's certificate ends on {fold.server.not_after:%Y-%m-%d}"
 
 
 def _copies(folder: Path, fold: Fold) -> Iterator[str]:
@@ -97,9 +187,9 @@ def _copies(folder: Path, fold: Fold) -> Iterator[str]:
         yield f"{files.CERTS}/{name} is missing; the next command that signs writes it again"
 
 
-def _list(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+def _list(folder: Path, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
     try:
-        facts = pki.check_crl((folder / files.CRL).read_bytes(), ca, above=None, now=now)
+        facts = pki.read_crl((folder / files.CRL).read_bytes(), ca)
     except OSError as error:
         yield f"{files.CRL} cannot be read: {error.strerror}"
         return
@@ -114,8 +204,6 @@ def _list(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iter
         yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):
         yield f"{files.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
-    if facts.next_update - now < SOON:
-        yield f"{files.CRL} ends on {facts.next_update:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
 def _members(fold: Fold, now: datetime) -> Iterator[str]:

@@ -14,6 +14,7 @@ from atlantis_netcfg.journal import sync_directory, write_atomically
 from atlantis_netcfg.paths import hold_own
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority._book import new_operation
 from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, NoAuthority, translated
 from atlantis_netcfg.vpn.authority._lists import sign
@@ -99,6 +100,8 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
         sealed_by=sealing,
     )
     lines = ledger.first_lines([founded, issued, published], who, new_operation(), now)
+    digests = [ledger.digest(line) for line in lines.splitlines()]
+    written[heads.FILE] = heads.made(ca, len(digests), digests[-1], now)
     with translated("the authority cannot be made"):
         write_atomically(folder / MARK, b"provision vpn init was not completed here: run it again\n")
         for other in files.SEALED.values():

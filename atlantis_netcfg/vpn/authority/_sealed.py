@@ -8,6 +8,7 @@ from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _files as files
+from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority._book import new_operation
 from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
 from atlantis_netcfg.vpn.authority._founding import Sealing, require, seal
@@ -44,8 +45,8 @@ def unseal(folder: Path, passphrase: Secret) -> pki.Ca:
     raise wrong
 
 
-def reseal(folder: Path, book: Book, passphrases: tuple[Secret, Secret], sealing: Sealing) -> None:
-    """Old passphrase and new; recorded, then replaced at once."""
+def reseal(folder: Path, book: Book, passphrases: tuple[Secret, Secret], sealing: Sealing) -> pki.Ca:
+    """Old passphrase and new; recorded, then replaced at once. Gives the CA that was opened for it."""
     old, new = passphrases
     try:
         ca = unseal(folder, old)
@@ -54,6 +55,7 @@ def reseal(folder: Path, book: Book, passphrases: tuple[Secret, Secret], sealing
         if not (folder / files.SEALED[sealing]).exists():
             raise
         ca = unseal(folder, new)
+    heads.read(folder, ca.certificate).hold(book.digests)
     data = seal(pki.key_pem(ca.key), new, sealing)
     book.write([Resealed(sealed_by=sealing)], new_operation())
     with translated("the CA key cannot be written"):
@@ -61,3 +63,4 @@ def reseal(folder: Path, book: Book, passphrases: tuple[Secret, Secret], sealing
         for other, name in files.SEALED.items():
             if other != sealing:
                 files.forget(folder / name)
+    return ca

@@ -7,7 +7,7 @@ a pure fold over the entries.
 
 from __future__ import annotations
 
-from atlantis_netcfg.vpn.ledger._entry import Entry
+from atlantis_netcfg.vpn.ledger._entry import Entry, digest
 from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged, LedgerFailed
 from atlantis_netcfg.vpn.ledger._file import FILE, Ledger, Reading, first_lines, read, utc_now
 from atlantis_netcfg.vpn.ledger._fold import NEVER_HANDED_OUT, Fold, roll
@@ -23,6 +23,7 @@ __all__ = [
     "LedgerFailed",
     "Reading",
     "Record",
+    "digest",
     "first_lines",
     "read",
     "roll",

@@ -37,12 +37,17 @@ class Reading:
     entries: tuple[Entry, ...]
     size: int
     """Bytes up to the end of the last good line."""
-    last: str
-    """Hash of that line."""
+    digests: tuple[str, ...]
+    """Hash of each of these lines."""
     torn: bool
     """A line without its end follows: it was being written, or its writer was killed."""
     damage: str | None
     """What is wrong with the first line that is not what was written; nothing after it was read."""
+
+    @property
+    def last(self) -> str:
+        """Hash of the last good line."""
+        return self.digests[-1] if self.digests else GENESIS
 
     def sound(self) -> Self:
         """Itself, if nothing is damaged. Raises LedgerDamaged."""
@@ -62,15 +67,17 @@ def read(path: Path) -> Reading:
         raise _failed("read", path, error) from error
     torn = lines.pop()
     entries: list[Entry] = []
-    last, size, damage = GENESIS, 0, None
+    digests: list[str] = []
+    size, damage = 0, None
     for number, line in enumerate(lines, start=1):
         try:
-            entries.append(parse(line, number, last))
+            entries.append(parse(line, number, digests[-1] if digests else GENESIS))
         except Misread as misread:
             damage = f"line {number} of the ledger is damaged: {misread}"
             break
-        last, size = digest(line), size + len(line) + 1
-    return Reading(path, tuple(entries), size, last, bool(torn), damage)
+        digests.append(digest(line))
+        size += len(line) + 1
+    return Reading(path, tuple(entries), size, tuple(digests), bool(torn), damage)
 
 
 def first_lines(records: Sequence[Record], who: str, operation: str, now: datetime) -> bytes:
@@ -88,8 +95,9 @@ class Ledger:
         """Read it, and cut off a torn line. Raises LedgerDamaged, LedgerFailed."""
         reading = read(path).sound()
         self.entries = list(reading.entries)
+        self.digests = list(reading.digests)
+        """Hash of each line."""
         self._path = path
-        self._last = reading.last
         self._failure: LedgerFailed | None = None
         try:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
@@ -107,7 +115,8 @@ class Ledger:
         """Put records on disk: one write, one fsync, for however many. Raises LedgerFailed, and from then on always."""
         if self._failure is not None:
             raise self._failure
-        lines = _lines(records, (len(self.entries), self._last), (now, who, operation))
+        last = self.digests[-1] if self.digests else GENESIS
+        lines = _lines(records, (len(self.entries), last), (now, who, operation))
         if not lines:
             return ()
         size = os.fstat(self._descriptor).st_size
@@ -118,7 +127,7 @@ class Ledger:
             self._fail(error, size)
         entries = tuple(entry for entry, _ in lines)
         self.entries.extend(entries)
-        self._last = digest(lines[-1][1])
+        self.digests.extend(digest(line) for _, line in lines)
         return entries
 
     def close(self) -> None:

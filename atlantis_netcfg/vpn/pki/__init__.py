@@ -31,7 +31,7 @@ from atlantis_netcfg.vpn.pki.certificates import (
     sha256,
 )
 from atlantis_netcfg.vpn.pki.crl import CRL_DAYS, CrlFacts, RevokedSerial, check_crl, new_crl, publish, read_crl
-from atlantis_netcfg.vpn.pki.keys import PrivateKey, PublicKey, key_pem, load_key, new_key
+from atlantis_netcfg.vpn.pki.keys import PrivateKey, PublicKey, is_signed, key_pem, load_key, new_key, sign
 from atlantis_netcfg.vpn.pki.seal import (
     PASSPHRASE_MIN,
     VAULT_PASSPHRASE_MIN,
@@ -68,6 +68,7 @@ __all__ = [
     "check_crl",
     "check_recipient",
     "client_key",
+    "is_signed",
     "issued_by",
     "key_pem",
     "load_ca",
@@ -86,6 +87,7 @@ __all__ = [
     "server_key",
     "sha256",
     "shared_key",
+    "sign",
     "unseal",
     "unseal_with",
     "vault_seal",

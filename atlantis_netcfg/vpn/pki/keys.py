@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from cryptography.hazmat.primitives.asymmetric import ec, rsa
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric import ec, padding, rsa
+from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import (
     Encoding,
     NoEncryption,
@@ -14,7 +16,7 @@ from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.pki._errors import KeyDamaged
 
-__all__ = ["PrivateKey", "PublicKey", "key_pem", "load_key", "new_key"]
+__all__ = ["PrivateKey", "PublicKey", "is_signed", "key_pem", "load_key", "new_key", "sign"]
 
 PrivateKey = ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey
 PublicKey = ec.EllipticCurvePublicKey | rsa.RSAPublicKey
@@ -30,6 +32,25 @@ def new_key(kind: KeyType) -> PrivateKey:
 def key_pem(key: PrivateKey) -> Secret:
     """PKCS #8, not encrypted: an OpenVPN that starts with the computer has nobody to ask for a passphrase."""
     return Secret(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()).decode("ascii"))
+
+
+def sign(key: PrivateKey, text: bytes) -> bytes:
+    """Sign a text of ours, which must begin with words that say what it is: a CA key also signs certificates."""
+    if isinstance(key, rsa.RSAPrivateKey):
+        return key.sign(text, padding.PKCS1v15(), SHA256())
+    return key.sign(text, ec.ECDSA(SHA256()))
+
+
+def is_signed(key: PublicKey, text: bytes, signature: bytes) -> bool:
+    """Whether the holder of the private half has signed that text."""
+    try:
+        if isinstance(key, rsa.RSAPublicKey):
+            key.verify(signature, text, padding.PKCS1v15(), SHA256())
+        else:
+            key.verify(signature, text, ec.ECDSA(SHA256()))
+    except InvalidSignature:
+        return False
+    return True
 
 
 def load_key(pem: Secret) -> PrivateKey:

@@ -34,6 +34,7 @@ def test_what_lies_in_the_folder(tmp_path: Path) -> None:
         "ca.crt",
         "ca.key.vault",
         "crl.pem",
+        "ledger.head",
         "ledger.jsonl",
         "lock",
         "server/server.crt",

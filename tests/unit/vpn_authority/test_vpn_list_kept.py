@@ -25,10 +25,11 @@ def revoked_and_forgotten(tmp_path: Path) -> tuple[Stand, int]:
     """An authority that has revoked a device, and whose ledger is the one of before; with that device's serial."""
     stand = authority_stand.stand(tmp_path)
     stand.issue("sparus2", "girona")
-    before = (stand.folder / "ledger.jsonl").read_bytes()
+    before = {name: (stand.folder / name).read_bytes() for name in ("ledger.jsonl", "ledger.head")}
     with stand.signing() as signer:
         signer.revoke(["iqua-sparus2"], "lost")
-    (stand.folder / "ledger.jsonl").write_bytes(before)
+    for name, data in before.items():
+        (stand.folder / name).write_bytes(data)
     return stand, stand.identities[0].certificate.serial
 
 

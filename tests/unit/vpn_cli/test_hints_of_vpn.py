@@ -427,13 +427,19 @@ SITUATIONS: dict[str, Situation] = {
             "let in. Look at `provision vpn status`, and type the same again"
         ),
         0,
-        "the record is whole",
+        "the record agrees with its signature",
     ),
     "a list that cannot be read": (
         lambda _: refused(lambda: vpn_list.accept(None, None, 0.0)),
         "`provision vpn status` tells what is wrong with the authority's own list",
         0,
-        "the record is whole",
+        "the record agrees with its signature",
+    ),
+    "what an audit does not check": (
+        lambda at: at.type(*LAPTOP) and at.type("vpn", "audit"),
+        "whether this is the newest copy is not checked here: `provision vpn status` asks the server",
+        0,
+        "the record agrees with its signature",
     ),
     "a list of an older copy": (
         of_an_older_copy,

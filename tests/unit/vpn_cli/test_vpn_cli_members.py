@@ -224,7 +224,8 @@ def test_all_that_is_told_of_members(desk: Desk) -> None:
     assert renewed["common_name"] == "eca-rov.2"
     entries = desk.told("audit", "partner=eca")["entries"]
     assert not any("iqua-laptop" in json.dumps(one) for one in entries)
-    assert desk.told("audit", "since=1d")["whole"] is True
+    told = desk.told("audit", "since=1d")
+    assert (told["agrees"], told["signed_lines"]) == (True, told["lines"])
     assert desk.told("status", "--no-push")["told"][0]["verdict"] == "PASS"
 
 
@@ -246,7 +247,7 @@ def test_a_record_that_somebody_has_changed_is_told(desk: Desk) -> None:
     ledger = desk.authority / "ledger.jsonl"
     ledger.write_bytes(ledger.read_bytes().replace(b"iqua-laptop", b"iqua-lapdog", 1))
     told: dict[str, Any] = desk.told("audit", code=6)
-    assert (told["whole"], told["entries"]) == (False, [])
+    assert (told["agrees"], told["entries"], told["signed_lines"]) == (False, [], 0)
     assert told["errors"]
     assert desk.told(*LAPTOP, passphrase=PASSPHRASE, code=4)["errors"]
 

@@ -1,0 +1,96 @@
+"""The signed head of the record: its last line, as it was when a command had the CA key open.
+
+The chain of the ledger's lines needs no key: whoever may write the file can make the chain anew, or leave its end away.
+A head cannot be made without the key. After it stand lines that are written without one: who was seen, who is out.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from cryptography import x509
+
+    from atlantis_netcfg.vpn.authority._book import Book
+
+__all__ = ["FILE", "Head", "made", "read", "sign"]
+
+FILE = "ledger.head"
+_RESTORE = "sign nothing; restore ledger.jsonl and ledger.head from the newest backup of the authority, both of one"
+_WHAT = b"head of the record of an ATLANTIS VPN authority\n"
+"""Before what is signed: nobody can take it for a certificate or a list."""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What was signed last."""
+
+    line: int
+    digest: str
+    """SHA-256 of that line, and by the chain of all before it."""
+    at: datetime
+
+    def hold(self, digests: Sequence[str]) -> None:
+        """Raise AuthorityDamaged unless these lines begin with those that were signed."""
+        on = f"{self.at:%Y-%m-%d %H:%M} UTC"
+        if len(digests) < self.line:
+            raise AuthorityDamaged(
+                f"the ledger has {len(digests)} lines, and {self.line} were signed on {on}: its end is missing, or it "
+                "is an old copy",
+                hint=_RESTORE,
+            )
+        if digests[self.line - 1] != self.digest:
+            raise AuthorityDamaged(
+                f"the first {self.line} lines of the ledger are not those that were signed on {on}", hint=_RESTORE
+            )
+
+
+def made(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
+    """The file of such a head."""
+    told = {"line": line, "sha256": digest, "at": at.isoformat()}
+    signature = base64.b64encode(pki.sign(ca.key, _text(told))).decode("ascii")
+    return json.dumps({**told, "signature": signature}).encode() + b"\n"
+
+
+def sign(folder: Path, book: Book, ca: pki.Ca) -> None:
+    """Sign the last line, unless that was done. Raises AuthorityFailed."""
+    line = len(book.digests)
+    if read(folder, ca.certificate).line < line:
+        with translated("the head of the record cannot be written"):
+            write_atomically(folder / FILE, made(ca, line, book.digests[-1], book.now()))
+
+
+def read(folder: Path, ca: x509.Certificate) -> Head:
+    """The head of a folder. Raises AuthorityDamaged, AuthorityFailed."""
+    with translated("the head of the record cannot be read"):
+        try:
+            data = (folder / FILE).read_bytes()
+        except FileNotFoundError:
+            raise AuthorityDamaged(f"{FILE} is missing: nothing says how long the ledger was", hint=_RESTORE) from None
+    key = ca.public_key()
+    assert isinstance(key, pki.PublicKey)  # noqa: S101 - there is no CA of ours with another kind
+    try:
+        told = json.loads(data)
+        signature = base64.b64decode(told.pop("signature"), validate=True)
+        head = Head(int(told["line"]), str(told["sha256"]), datetime.fromisoformat(told["at"]))
+        signed = pki.is_signed(key, _text(told), signature) and head.line > 0
+    except (ValueError, KeyError, TypeError, AttributeError):
+        signed = False
+    if not signed:
+        raise AuthorityDamaged(f"{FILE} is not signed by this authority: it was changed", hint=_RESTORE)
+    return head
+
+
+def _text(told: dict[str, object]) -> bytes:
+    return _WHAT + json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
