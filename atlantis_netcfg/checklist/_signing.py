@@ -59,8 +59,11 @@ def sealed(data: dict[str, Any], key: Key) -> dict[str, Any]:
     return whole | {"signature": key.sign(canonical(whole))}
 
 
-def broken_seal(data: dict[str, Any], known: Collection[str]) -> Iterator[tuple[str, str]]:
-    """What is wrong with such a signature, and what to do; `known`: fingerprints of keys that are trusted."""
+def broken_seal(data: dict[str, Any], known: Collection[str], *, demanded: bool = False) -> Iterator[tuple[str, str]]:
+    """What is wrong with such a signature, and what to do.
+
+    `known`: fingerprints of keys that are trusted; `demanded`: a person has named them, and no other will do.
+    """
     rest = {name: value for name, value in data.items() if name != "signature"}
     public, signature = str(data.get("public", "")), str(data.get("signature", ""))
     if not fits(public, signature, canonical(rest)):
@@ -70,7 +73,9 @@ def broken_seal(data: dict[str, Any], known: Collection[str]) -> Iterator[tuple[
         yield "the fingerprint is not that of the key which has signed", "do not rely on it"
     elif data["key"] not in known:
         yield (
-            f"this computer does not know the key {data['key']} that has signed it",
+            f"the key {data['key']} has signed it, and another one was asked for"
+            if demanded
+            else f"this computer does not know the key {data['key']} that has signed it",
             "compare the fingerprint with whoever signed, by telephone or on paper, never with the file itself",
         )
 
@@ -83,7 +88,7 @@ def _goes_on(document: dict[str, Any]) -> str:
     )
 
 
-def check_report(data: bytes, known: Collection[str]) -> Iterator[Trouble]:
+def check_report(data: bytes, known: Collection[str], *, demanded: bool = False) -> Iterator[Trouble]:
     """Everything in a `report.json` that is not as it was signed."""
     try:
         document = parsed(data)
@@ -100,5 +105,5 @@ def check_report(data: bytes, known: Collection[str]) -> Iterator[Trouble]:
         yield Trouble(REPORT, "was changed after it was signed", "do not rely on it; ask for the original")
     elif not same:
         yield Trouble(REPORT, "says what was signed, but not byte for byte as it was written", "ask for the original")
-    for what, hint in broken_seal(block, known):
+    for what, hint in broken_seal(block, known, demanded=demanded):
         yield Trouble(REPORT, what, hint)

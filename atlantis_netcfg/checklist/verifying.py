@@ -34,25 +34,27 @@ def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()
     """Everything that is not as it was signed, in the folder of one checklist; nothing: it is as it was signed.
 
     `key`: the key of this computer, else the one of the state directory that the folder is in; `known`: fingerprints of
-    other computers' keys that are trusted. Raises KeyDamaged.
+    which one has to have signed, also in the place of that key. Raises KeyDamaged.
     """
     path = folder.absolute()
     own = key or (path.parents[3] / KEY if len(path.parents) > 3 else path / KEY)  # noqa: PLR2004 - see `book`
-    trusted = _trusted(own, known)
-    return tuple(dict.fromkeys((*_manifest(folder, trusted), *_report(folder, trusted), *_records(folder))))
+    trusted, demanded = _trusted(own, known), bool(known)
+    sealed = (*_manifest(folder, trusted, demanded=demanded), *_report(folder, trusted, demanded=demanded))
+    return tuple(dict.fromkeys((*sealed, *_records(folder))))
 
 
 def verify_report(data: bytes, *, key: Path, known: Collection[str] = ()) -> tuple[Trouble, ...]:
     """The same for a `report.json` alone, as it comes by mail: what is not as it was signed. Raises KeyDamaged."""
-    return tuple(check_report(data, _trusted(key, known)))
+    return tuple(check_report(data, _trusted(key, known), demanded=bool(known)))
 
 
 def _trusted(key: Path, known: Collection[str]) -> set[str]:
-    own = Key.known(key)
-    return {*known, own.fingerprint} if own is not None else set(known)
+    """Who names keys asks for one of these, and not for the one of this computer."""
+    own = Key.known(key) if not known else None
+    return {own.fingerprint} if own is not None else set(known)
 
 
-def _manifest(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
+def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[Trouble]:
     try:
         data = content(folder / MANIFEST)
     except OSError:
@@ -63,7 +65,7 @@ def _manifest(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
     if manifest is None:
         yield Trouble(MANIFEST, "is damaged", _ORIGINAL)
         return
-    for what, hint in broken_seal(manifest, trusted):
+    for what, hint in broken_seal(manifest, trusted, demanded=demanded):
         yield Trouble(MANIFEST, what, hint)
     yield from _files(folder, manifest["files"])
 
@@ -97,7 +99,7 @@ def _hash(path: Path) -> str:
         return ""
 
 
-def _report(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
+def _report(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[Trouble]:
     try:
         data = content(folder / REPORT)
     except OSError:
@@ -105,7 +107,7 @@ def _report(folder: Path, trusted: Collection[str]) -> Iterator[Trouble]:
             return  # it was never signed, and that is told
         yield Trouble(REPORT, "is missing", _ORIGINAL)
         return
-    yield from check_report(data, trusted)
+    yield from check_report(data, trusted, demanded=demanded)
 
 
 def _records(folder: Path) -> Iterator[Trouble]:

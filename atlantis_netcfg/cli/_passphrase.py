@@ -44,13 +44,16 @@ def asked(arguments: Arguments, what: str = _WORDS) -> Callable[[], Secret]:
     return ask
 
 
-def chosen(arguments: Arguments, least: int) -> Secret:
-    """A new passphrase, typed twice or read once. Raises UsageError for one with less than `least` characters."""
+def chosen(arguments: Arguments, check: Callable[[Secret], None]) -> Secret:
+    """A new passphrase, typed twice or read once. Raises UsageError, and what `check` raises for a weak one."""
     number = _number(arguments)
     if number is not None:
-        return _long_enough(_read(number), least)
+        only = _read(number)
+        check(only)
+        return only
     _require_person(_WORDS)
-    first = _long_enough(_typed(f"Choose {_WORDS} ({least} characters or more): "), least)
+    first = _typed(f"Choose {_WORDS} (six words that a die has chosen, for instance): ")
+    check(first)
     if _typed("The same again: ") != first:
         raise UsageError("the two are not the same, so nothing was made", hint="type the command again")
     return first
@@ -130,13 +133,3 @@ def _whole(text: str) -> Secret:
     if not text:
         raise UsageError("the passphrase is empty", hint="type the command again")
     return Secret(text)
-
-
-def _long_enough(secret: Secret, least: int) -> Secret:
-    length = len(secret.reveal())
-    if length < least:
-        raise UsageError(
-            f"the passphrase has {length} characters and needs {least}: nobody counts the guesses at a file",
-            hint="choose four or five words that nobody would put together",
-        )
-    return secret

@@ -24,7 +24,12 @@ COMMAND = Command(
         Word("site", "only those of this site", example="coastal"),
         Word("run", "only this one", example="20260504T093000Z"),
         Word("file", "a report.json that came by mail, in place of what is kept here", example="report.json"),
-        Word("key", "fingerprints of other computers' keys that you trust", many=True, example="SHA256:…"),
+        Word(
+            "key",
+            "one of these keys must have signed, by fingerprint; this computer's if left out",
+            many=True,
+            example="SHA256:…",
+        ),
     ),
     flags=(JSON,),
     details=(

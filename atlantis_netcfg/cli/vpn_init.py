@@ -39,7 +39,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.errors import ExitCode
     from atlantis_netcfg.operations.vpn.founding import founded, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.authority import Authority
-    from atlantis_netcfg.vpn.pki import PASSPHRASE_MIN, VAULT_PASSPHRASE_MIN
+    from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 
     declaration, folder = _vpn.declared(arguments), _vpn.folder(arguments)
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
@@ -47,7 +47,8 @@ def run(arguments: Arguments) -> ExitCode:
     authority = there
     if authority is None:
         vault = arguments.optional("sealed") == "vault"
-        passphrase = chosen(arguments, VAULT_PASSPHRASE_MIN if vault else PASSPHRASE_MIN)
+        guesses = VAULT_GUESSES if vault else SEAL_GUESSES
+        passphrase = chosen(arguments, lambda typed: check_passphrase(typed, guesses))
         authority = Authority.init(
             folder, passphrase, server_names(declaration), _vpn.who(), "vault" if vault else "age"
         )
@@ -64,6 +65,11 @@ def run(arguments: Arguments) -> ExitCode:
     lines = [
         f"{'already so' if there else 'made'}: the authority of the VPN, in {folder}",
         f"  its server is {names.common_name}, reached as {', '.join([*names.dns, *map(str, names.addresses)])}",
-        "  copy the folder to a second place, and write the passphrase down in a third: nobody can make them again",
     ]
-    return _vpn.tell(arguments, ExitCode.DONE, told, lines[: 2 if there else 3])
+    if there is None:
+        lines.append(
+            "  copy the folder to a second place, and write the passphrase down in a third: nobody can make them again"
+        )
+    if there is None and (memory := authority.opening_bytes()):
+        lines.append(f"  opening its key takes about a second and {memory >> 20} MiB of memory, wherever that is done")
+    return _vpn.tell(arguments, ExitCode.DONE, told, lines)

@@ -40,14 +40,22 @@ _GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
 _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
 _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
-STEPS = (Step("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),)
+_NO_REDIRECTS = 'for one in /proc/sys/net/ipv4/conf/*/send_redirects; do echo 0 > "$one" || exit; done'
+STEPS = (
+    Step("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
+    Step("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
+)
 
 
 def files() -> Iterator[File]:
     """All of it but the configuration of OpenVPN itself; the same for every pilot."""
     yield File(
         _SYSCTL,
-        "# The VPN server routes between its members, as far as its firewall lets it.\nnet.ipv4.ip_forward = 1\n",
+        "# The VPN server routes between its members, as far as its firewall lets it.\nnet.ipv4.ip_forward = 1\n"
+        "# Nobody is told of a way past it: an ICMP redirect would send members to each other.\n"
+        "net.ipv4.conf.all.send_redirects = 0\nnet.ipv4.conf.default.send_redirects = 0\n"
+        "# Of interfaces that are there before this is read; a program that knows no pattern leaves it out.\n"
+        "-net.ipv4.conf.*.send_redirects = 0\n",
     )
     yield File(_DROP_IN, _render("hardening.conf.j2"))
     yield File(f"{_UNITS}/{_FIREWALL_UNIT}", _render("firewall.service.j2", firewall=FIREWALL))

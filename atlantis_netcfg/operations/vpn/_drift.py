@@ -84,6 +84,8 @@ def _firewall(state: ServerState, wanted: Sequence[File]) -> Iterator[str]:
         yield "the firewall of the VPN is not loaded"
     elif state.firewall_as_file is False:
         yield "the firewall that is loaded is not what its file says: somebody has changed it with nft"
+    if state.redirects:
+        yield f"the server's kernel may send ICMP redirects, by {', '.join(state.redirects)}: members would go past it"
 
 
 def _running(state: ServerState) -> Iterator[str]:

@@ -93,6 +93,8 @@ class ServerState:
     firewall_as_file: bool | None
     """Whether the kernel's firewall is what its file says; None: that cannot be told."""
     firewall_why: str
+    redirects: tuple[str, ...]
+    """Interfaces by which the server's kernel may tell members of a way past it."""
     version: str | None
     """Of OpenVPN."""
     package: str | None
@@ -130,6 +132,7 @@ def observe(link: ServerLink) -> ServerState:
         members=tuple(map(IPv4Network, told["members"])) if told["members"] is not None else None,
         firewall_as_file=told["as_file"],
         firewall_why=told["firewall_why"],
+        redirects=tuple(told["redirects"]),
         version=told["version"],
         package=told["package"],
         unit=told["unit"],

@@ -82,6 +82,12 @@ class Authority:
             raise AuthorityDamaged("the ledger names no server", hint="restore the ledger from a backup")
         return names_of(server)
 
+    def opening_bytes(self) -> int:
+        """Memory that opening the CA key takes; 0: none to speak of."""
+        with translated("the CA key cannot be read"):
+            path = self.folder / files.SEALED["age"]
+            return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
+
     def handed_out(self, common_name: str) -> records.Delivered | None:
         """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""
         return self._fold().delivered.get(common_name)

@@ -37,7 +37,7 @@ def unseal(folder: Path, passphrase: Secret) -> pki.Ca:
     for sealing, data in found.items():
         try:
             opened = pki.unseal(data, passphrase) if sealing == "age" else pki.vault_unseal(data, passphrase)
-        except (pki.WrongPassphrase, pki.SealDamaged) as error:
+        except (pki.WrongPassphrase, pki.SealDamaged, pki.SealTooLarge) as error:
             wrong = error
         else:
             return pki.load_ca(certificate, Secret(opened.decode("ascii")))

@@ -10,6 +10,7 @@ __all__ = [
     "KeyDamaged",
     "RecipientRefused",
     "SealDamaged",
+    "SealTooLarge",
     "WeakPassphrase",
     "WrongPassphrase",
 ]
@@ -36,11 +37,17 @@ class WrongPassphrase(UsageError):
 
 
 class WeakPassphrase(UsageError):
-    """Too short to seal anything with; nothing was written."""
+    """Too easy to guess to seal anything with; nothing was written."""
 
 
 class SealDamaged(NetcfgError):
     """A sealed file that is cut, changed, or nothing of the kind: no passphrase would open it."""
+
+    exit = ExitCode.FAILED
+
+
+class SealTooLarge(NetcfgError):
+    """Opening it takes more than this computer has; nothing is wrong with the file."""
 
     exit = ExitCode.FAILED
 

@@ -1,27 +1,33 @@
 """Files that only a passphrase or a recipient's key opens: age, which everybody can install, or ansible-vault.
 
-The CA's key is sealed by age with scrypt: a guess costs over a second and 256 MiB. PKCS #8's own encryption costs a
-third of a millisecond, and ansible-vault's 10 000 rounds a few (facts 12): its passphrase must therefore be long.
+The CA's key is sealed by age with scrypt: a guess costs over a second, and 256 MiB to 1 GiB of memory, by the speed of
+the computer that has sealed it. PKCS #8's own encryption costs a third of a millisecond, and ansible-vault's 10 000
+rounds a few (facts 12): its passphrase must be stronger. How strong one is, zxcvbn estimates: it knows words, names,
+dates and keyboards.
 """
 
 from __future__ import annotations
 
 import base64
+import math
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyrage
 
-from atlantis_netcfg.vpn.pki._errors import RecipientRefused, SealDamaged, WeakPassphrase, WrongPassphrase
+from atlantis_netcfg.vpn.pki._errors import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
 
 if TYPE_CHECKING:
     from atlantis_netcfg.secret import Secret
 
 __all__ = [
-    "PASSPHRASE_MIN",
-    "VAULT_PASSPHRASE_MIN",
+    "SEAL_GUESSES",
+    "VAULT_GUESSES",
+    "check_passphrase",
     "check_recipient",
+    "opening_bytes",
     "seal",
     "seal_for",
     "unseal",
@@ -30,9 +36,14 @@ __all__ = [
     "vault_unseal",
 ]
 
-PASSPHRASE_MIN = 12
-"""Characters; NIST SP 800-63B asks for 8 where guesses are counted. Nobody counts guesses at a file."""
-VAULT_PASSPHRASE_MIN = 20
+SEAL_GUESSES = 10**12
+"""So many a thousand computers try in thirty years, at a second each. Nobody counts guesses at a file."""
+VAULT_GUESSES = 10**16
+"""The same for ten thousand rounds of SHA-256."""
+_ESTIMATED = 72
+"""Characters that zxcvbn takes; what comes after them makes a passphrase no weaker."""
+_SCRYPT = re.compile(rb"-> scrypt \S+ ([0-9]{1,2})\n")
+_MEMORY = Path("/proc/meminfo")
 _ARMOR = re.compile(
     rb"\s*-----BEGIN AGE ENCRYPTED FILE-----\r?\n([A-Za-z0-9+/=\r\n]+)-----END AGE ENCRYPTED FILE-----\s*"
 )
@@ -42,14 +53,15 @@ _X25519 = re.compile(r"age1[02-9ac-hj-np-z]{58}")
 
 def seal(data: bytes, passphrase: Secret) -> bytes:
     """Encrypt; text that `age --decrypt` opens as well. Takes over a second by intent. Raises WeakPassphrase."""
-    _check_length(passphrase, PASSPHRASE_MIN)
+    check_passphrase(passphrase, SEAL_GUESSES)
     return bytes(pyrage.passphrase.encrypt(data, passphrase.reveal(), armored=True))
 
 
 def unseal(sealed: bytes, passphrase: Secret) -> bytes:
-    """What `seal` or `age --passphrase` has encrypted. Raises WrongPassphrase, SealDamaged."""
+    """What `seal` or `age --passphrase` has encrypted. Raises WrongPassphrase, SealDamaged, SealTooLarge."""
     if not _binary(sealed).startswith(_BY_PASSPHRASE):
         raise SealDamaged("this is no file that age has sealed with a passphrase", hint=_RESTORE)
+    _check_memory(opening_bytes(sealed))
     try:
         return bytes(pyrage.passphrase.decrypt(sealed, passphrase.reveal()))
     except pyrage.DecryptError as error:
@@ -64,6 +76,29 @@ def check_recipient(recipient: str) -> None:
 def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
     """Encrypt to whoever holds one of these keys; `age --decrypt --identity` opens it. Raises RecipientRefused."""
     return bytes(pyrage.encrypt(data, [_recipient(one) for one in (recipient, *others)], armored=True))
+
+
+def opening_bytes(sealed: bytes) -> int:
+    """Memory that scrypt takes to open what age has sealed by a passphrase: 128 bytes, 8 times, 2^N (RFC 7914)."""
+    found = _SCRYPT.search(_binary(sealed))
+    return 128 * 8 << int(found[1]) if found is not None else 0
+
+
+def check_passphrase(passphrase: Secret, guesses: int) -> None:
+    """Raise WeakPassphrase for one that a guesser finds with fewer."""
+    from zxcvbn import zxcvbn  # noqa: PLC0415 - its lists of words are read when it is imported
+
+    text = passphrase.reveal()
+    if not text:
+        raise WeakPassphrase("the passphrase is empty", hint=_STRONGER)
+    found = zxcvbn(text[:_ESTIMATED], user_inputs=["atlantis", "netcfg", "provision", "openvpn"])
+    if found["guesses"] < guesses:
+        why = found["feedback"]["warning"].rstrip(".").lower()
+        raise WeakPassphrase(
+            f"the passphrase is too weak: about {_power(found['guesses_log10'])} guesses find it, and "
+            f"{_power(math.log10(guesses))} are needed" + (f" ({why})" if why else ""),
+            hint=_STRONGER,
+        )
 
 
 def unseal_with(sealed: bytes, identity: Secret) -> bytes:
@@ -86,7 +121,7 @@ def unseal_with(sealed: bytes, identity: Secret) -> bytes:
 
 def vault_seal(data: bytes, passphrase: Secret) -> bytes:
     """Encrypt as ansible-vault does. Raises WeakPassphrase: its guesses are cheap, so the passphrase must be long."""
-    _check_length(passphrase, VAULT_PASSPHRASE_MIN)
+    check_passphrase(passphrase, VAULT_GUESSES)
     return bytes(_vault(passphrase).encrypt(data, salt=os.urandom(32)))  # type: ignore[attr-defined] # no types
 
 
@@ -108,14 +143,30 @@ def vault_unseal(sealed: bytes, passphrase: Secret) -> bytes:
 _SHOWN = 30
 """Letters of what is no recipient: enough to know it again, in case that it was meant to be kept."""
 _RESTORE = "restore it from your backup of the authority"
+_STRONGER = "take six words that a die has chosen, and keep them where the authority's folder is not"
 
 
-def _check_length(passphrase: Secret, least: int) -> None:
-    if len(passphrase.reveal()) < least:
-        raise WeakPassphrase(
-            f"the passphrase is too short: {least} characters at least",
-            hint="take six words that a die has chosen, and keep them where the authority's folder is not",
+def _check_memory(needed: int) -> None:
+    """Before scrypt takes it: on a small computer the kernel would end somebody without a word."""
+    free = _free_bytes()
+    if free is not None and free < needed:
+        raise SealTooLarge(
+            f"opening it takes {needed >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
+            hint="end other programs, or do this on a larger computer",
         )
+
+
+def _free_bytes() -> int | None:
+    """What programs may still take, as the kernel estimates it; None: it does not tell."""
+    try:
+        found = re.search(r"^MemAvailable: +([0-9]+) kB$", _MEMORY.read_text(encoding="ascii"), re.MULTILINE)
+    except (OSError, ValueError):
+        return None
+    return int(found[1]) << 10 if found is not None else None
+
+
+def _power(number: float) -> str:
+    return f"10^{number:.0f}"
 
 
 def _binary(sealed: bytes) -> bytes:
@@ -130,10 +181,15 @@ def _binary(sealed: bytes) -> bytes:
     return data
 
 
-def _opening(error: pyrage.DecryptError) -> WrongPassphrase | SealDamaged:
+def _opening(error: pyrage.DecryptError) -> WrongPassphrase | SealDamaged | SealTooLarge:
     """The same is said by age of a wrong passphrase and of a change in the one line that it opens."""
     if str(error) == "Decryption failed":
         return _wrong()
+    if str(error).startswith("Excessive work"):
+        return SealTooLarge(
+            "it was sealed on a much faster computer, and opening it would take this one too long",
+            hint="open it on a faster computer",
+        )
     return SealDamaged("the sealed file is cut or damaged", hint=_RESTORE)
 
 

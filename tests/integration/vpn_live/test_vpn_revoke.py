@@ -18,6 +18,7 @@ from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn._state import PLACE
 from atlantis_netcfg.operations.vpn._trouble import ServerRefused
 from atlantis_netcfg.operations.vpn.link import LocalLink
+from atlantis_netcfg.render import template_folder
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
 
 if TYPE_CHECKING:
@@ -290,6 +291,37 @@ def test_a_firewall_that_cannot_be_loaded_lets_no_revoked_one_pass(server: Serve
     evidence = server.go_on()
     assert evidence is not None
     assert evidence.confirmed
+
+
+def test_redirects_that_somebody_switches_on_are_told_and_taken_back(server: Server) -> None:
+    server.run("sysctl", "-qw", "net.ipv4.conf.all.send_redirects=1", "net.ipv4.conf.tun0.send_redirects=1")
+    assert server.drift() == ("the server's kernel may send ICMP redirects, by all, tun0: members would go past it",)
+    assert server.push().changes == ("ICMP redirects switched off",)
+    assert server.drift() == ()
+    assert server.push().changes == ()
+
+
+def test_routes_that_a_server_pushes_and_nobody_declared_are_not_taken(server: Server) -> None:
+    """By hand into the member's file on the server; the words of the client are those of both profiles."""
+    (name,) = server.record.onboard()
+    server.push()
+    own = server.at(f"{CCD}/{name}").read_text()
+    more = ("route 10.99.99.0 255.255.255.0", "redirect-gateway def1", "dhcp-option DNS 192.0.2.9")
+    server.put(f"{CCD}/{name}", own + "".join(f'push "{line}"\n' for line in more), 0o640)
+    lines = {}
+    for template in ("openvpn/client.conf.j2", "handout/profile.ovpn.j2"):
+        text = (template_folder() / template).read_text()
+        lines[template] = tuple(line for line in text.splitlines() if line.startswith("pull-filter "))
+    assert len(set(lines.values())) == 1
+    for words, taken in (((), True), (lines["openvpn/client.conf.j2"], False)):
+        client = server.client(name)
+        client.become(server.record.identities[name], *words)
+        client.start()
+        routes = client.run("ip", "route")
+        assert ("10.99.99.0/24" in routes, "0.0.0.0/1" in routes) == (taken, taken), routes
+        assert "10.80.0.0/16 dev tun0" in routes
+        client.stop()
+    assert server.push().changes == (f"file {CCD}/{name}",)
 
 
 def test_a_list_of_another_authority_is_refused(server: Server, tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -196,6 +196,10 @@ def test_another_computers_checklist(signed: Path, desk: Desk, tmp_path: Path) -
             f"this computer does not know the key {whose} that has signed it"
         ] * 2
     assert verify(copy, key=here, known=[whose]) == ()
+    for own in (desk.key, here):
+        assert [one.what for one in verify(copy, key=own, known=["SHA256:other"])] == [
+            f"the key {whose} has signed it, and another one was asked for"
+        ] * 2, "who asks for a key gets no other, not this computer's own either"
     assert verify(copy, key=desk.key) == ()
 
 

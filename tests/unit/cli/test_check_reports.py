@@ -96,6 +96,8 @@ def test_a_report_that_came_by_mail(state: Path, tmp_path: Path, capsys: pytest.
     assert main(["report", "verify", "file=report.json"]) == 0
     assert capsys.readouterr().out.startswith("report.json: as A. Technician signed it")
     key = json.loads(report.read_bytes())["signed"]["key"]
+    (row,) = told(capsys, "verify", "file=report.json", "key=SHA256:other", code=6)["verified"]
+    assert [one["what"] for one in row["troubles"]] == [f"the key {key} has signed it, and another one was asked for"]
     (state / "checklist.key").unlink()
     (row,) = told(capsys, "verify", "file=report.json", code=6)["verified"]
     assert [one["what"] for one in row["troubles"]] == [f"this computer does not know the key {key} that has signed it"]

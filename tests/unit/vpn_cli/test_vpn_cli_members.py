@@ -65,7 +65,8 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
 @pytest.mark.parametrize(
     ("answers", "said"),
     [
-        (("short",), "the passphrase has 5 characters and needs 20: nobody counts the guesses at a file"),
+        (("short",), "guesses find it, and 10^16 are needed"),
+        (("Password1234Password1234",), "the passphrase is too weak: about 10^"),
         (("",), "the passphrase is empty"),
         ((PASSPHRASE, PASSPHRASE[:-1]), "the two are not the same, so nothing was made"),
     ],
@@ -88,7 +89,7 @@ def test_on_a_terminal_it_is_asked_for_twice_to_make_and_once_to_use(
     assert new.told(*LAPTOP)["members"][0]["name"] == "iqua-laptop"
     assert new.told("init")["already"] is True
     assert asked == [
-        "Choose the passphrase of the CA key (20 characters or more): ",
+        "Choose the passphrase of the CA key (six words that a die has chosen, for instance): ",
         "The same again: ",
         "The passphrase of the CA key: ",
     ]

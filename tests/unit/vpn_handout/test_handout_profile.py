@@ -30,6 +30,10 @@ def options(text: Secret) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
+PULLED = ("route ", "route-ipv6 ", "redirect-", "dhcp-option ", "ifconfig-ipv6 ")
+"""What a server may push in vain."""
+
+
 def test_a_laptop(declaration: Declaration) -> None:
     assert options(profile(declaration, identity())) == [
         "client",
@@ -44,6 +48,10 @@ def test_a_laptop(declaration: Declaration) -> None:
         "verify-x509-name scc-vpn name",
         "tls-version-min 1.2",
         "data-ciphers AES-256-GCM:CHACHA20-POLY1305:AES-128-GCM",
+        *(
+            f'pull-filter ignore "{word}"'
+            for word in ("route ", "route-ipv6 ", "redirect-", "dhcp-option ", "ifconfig-ipv6 ")
+        ),
         "connect-retry 5 300",
         "verb 3",
     ]

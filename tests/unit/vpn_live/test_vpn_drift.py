@@ -32,6 +32,7 @@ SOUND = ServerState(
     members=(),
     firewall_as_file=True,
     firewall_why="",
+    redirects=(),
     version="2.6.14",
     package="2.6.14-0+deb12u2",
     unit={"ActiveState": "active", "SubState": "running"},
@@ -107,6 +108,10 @@ CASES: dict[str, tuple[dict[str, Any], str | None]] = {
         "the firewall that is loaded is not what its file says: somebody has changed it with nft",
     ),
     "cannot be told": ({"firewall_as_file": None}, None),
+    "redirects": (
+        {"redirects": ("all", "eth0")},
+        "the server's kernel may send ICMP redirects, by all, eth0: members would go past it",
+    ),
     "down": (
         {"unit": {"ActiveState": "failed", "SubState": "failed"}, "asked": False},
         "the server does not run: openvpn-server@atlantis.service is failed (failed)",
@@ -157,7 +162,8 @@ class Told:
 def test_what_a_server_has_noted_is_read_with_care(seen: Any, names: set[str]) -> None:  # noqa: ANN401 - JSON
     told = Told(
         clock=1795330618.5, ready=True, files={}, list=None, members=["10.80.17.1/32"], as_file=True, firewall_why="",
-        version=None, package=None, unit={}, management="held", sessions=[], at=0, why="silent", seen=seen,
+        redirects=[], version=None, package=None, unit={}, management="held", sessions=[], at=0, why="silent",
+        seen=seen,
     )  # fmt: skip
     state = observe(told)
     assert state.seen.keys() == names

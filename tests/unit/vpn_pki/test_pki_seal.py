@@ -17,6 +17,7 @@ from atlantis_netcfg.vpn import pki
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from atlantis_netcfg.errors import NetcfgError
 
@@ -74,11 +75,47 @@ def test_a_file_for_a_key_is_opened_by_no_passphrase() -> None:
 @pytest.mark.parametrize("seal", [pki.seal, pki.vault_seal])
 @pytest.mark.parametrize("short", ["", "canary"])
 def test_a_short_passphrase_seals_nothing(seal: Callable[[bytes, Secret], bytes], short: str) -> None:
-    assert "too short" in told(lambda: seal(DATA, Secret(short)), pki.WeakPassphrase)
+    assert ("too weak" if short else "is empty") in told(lambda: seal(DATA, Secret(short)), pki.WeakPassphrase)
 
 
-def test_a_vault_needs_a_longer_one() -> None:
-    assert "20 characters" in told(lambda: pki.vault_seal(DATA, Secret("canary-canary-12")), pki.WeakPassphrase)
+@pytest.mark.parametrize(
+    "weak",
+    ["correct horse", "Passw0rd!Passw0rd!", "12345678901234567890", "qwertyuiop asdfghjkl", "canary-canary-canary-12"],
+)
+def test_a_long_passphrase_that_is_easy_to_guess_seals_nothing(weak: str) -> None:
+    assert "guesses find it" in told(lambda: pki.check_passphrase(Secret(weak), pki.SEAL_GUESSES), pki.WeakPassphrase)
+
+
+@pytest.mark.parametrize(
+    "strong", ["mackerel lantern orbit velvet", "xK4-uW9-pQ2-rT7-mN", "vermelho barco cinco ondas " * 4]
+)
+def test_one_that_is_hard_to_guess_is_taken(strong: str) -> None:
+    pki.check_passphrase(Secret(strong), pki.VAULT_GUESSES)
+
+
+def test_a_vault_needs_a_stronger_one() -> None:
+    """Its guesses are a thousand times cheaper."""
+    middling = Secret("lantern velvet mackerel"[:18])
+    pki.check_passphrase(middling, pki.SEAL_GUESSES)
+    with pytest.raises(pki.WeakPassphrase, match=r"10\^16 are needed"):
+        pki.check_passphrase(middling, pki.VAULT_GUESSES)
+
+
+def test_what_opening_takes_is_known_and_a_computer_without_that_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needed = pki.opening_bytes(sealed())
+    assert needed.bit_count() == 1
+    assert needed >= 1 << 24
+    memory = tmp_path / "meminfo"
+    monkeypatch.setattr(sys.modules["atlantis_netcfg.vpn.pki.seal"], "_MEMORY", memory)
+    memory.write_text(f"MemTotal: 99 kB\nMemAvailable:   {(needed >> 10) - 1} kB\n")
+    said = told(lambda: pki.unseal(sealed(), RIGHT), pki.SealTooLarge)
+    assert said.startswith(f"opening it takes {needed >> 20} MiB of memory, and this computer has ")
+    for enough in (f"MemAvailable:   {needed >> 10} kB\n", "nothing of it"):
+        memory.write_text(enough)
+        assert pki.unseal(sealed(), RIGHT) == DATA
+    assert pki.opening_bytes(pki.seal_for(DATA, str(IDENTITY.to_public()))) == 0
 
 
 def test_a_recipient_opens_what_was_sealed_for_it() -> None:

@@ -28,6 +28,7 @@ def look(server: Server) -> dict[str, Any]:
         "files": _files(server),
         "list": _list(server),
         **_firewall(server),
+        "redirects": server.redirecting(),
         "version": _version(server),
         "package": _package(server),
         "unit": server.unit(),

@@ -6,6 +6,7 @@ finds nothing to do. Whoever is admitted no longer has his session ended.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from typing import TYPE_CHECKING, Any
@@ -46,7 +47,7 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
         placing = Placing(server.tree, wishes, server.run)
         placing.place()
         clear(server.tree, wishes, left)
-        changes = [*placing.changes(), *_load(server, contents.get(server.place.firewall))]
+        changes = [*placing.changes(), *_load(server, contents.get(server.place.firewall)), *_redirects(server)]
         gone = before - set(server.admitted())
         ending = Ending(gone)
         if gone:
@@ -75,6 +76,14 @@ def _hold_list(server: Server, new: bytes | None) -> None:
         server.hold(beside)
     finally:
         server.tree.unstage(path)
+
+
+def _redirects(server: Server) -> list[str]:
+    """Switch ICMP redirects off; that they are on after all is seen by who looks."""
+    with contextlib.suppress(OSError):
+        if server.stop_redirects():
+            return ["ICMP redirects switched off"]
+    return []
 
 
 def _load(server: Server, ruleset: bytes | None) -> list[str]:

@@ -30,6 +30,7 @@ __all__ = ["ANSWERS", "DOWN", "HELD", "Server"]
 ANSWERS, HELD, DOWN = "answers", "held", "down"
 """What the management socket does; `held`: another client has it, or the server hangs."""
 _SILENT = (Held, Closed, Torn)
+_CONF = "/proc/sys/net/ipv4/conf"
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,23 @@ class Server:
         """Refuse a list that must not take the place of the one that is there. Raises `Refused`."""
         there = self.tree.read(self.place.crl) is not None
         vpn_list.accept(self.crl(beside), self.crl() if there else None, self.now())
+
+    def redirecting(self) -> list[str]:
+        """Interfaces by which the kernel may tell members of a way past this server; `default`: those to come."""
+        folder = self.tree.at(_CONF)
+        try:
+            names = sorted(os.listdir(folder))  # noqa: PTH208 - names are wanted
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        return [name for name in names if (self.tree.read(f"{_CONF}/{name}/send_redirects") or b"0").strip() != b"0"]
+
+    def stop_redirects(self) -> bool:
+        """See that it tells nobody; whether anything had to be done."""
+        names = self.redirecting()
+        for name in names:
+            with open(self.tree.at(f"{_CONF}/{name}/send_redirects"), "w") as file:  # noqa: PTH123 - as in `tree`
+                file.write("0\n")
+        return bool(names)
 
     @contextlib.contextmanager
     def asked(self, patience_s: float | None = None) -> Iterator[Management]:
