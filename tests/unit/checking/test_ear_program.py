@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,11 +117,16 @@ def test_a_program_that_hangs_is_ended_with_all_that_it_has_started(tmp_path: Pa
 
 
 def ended(pid: int) -> bool:
-    """Whether a process has ended: a zombie has, even if nobody has asked for it."""
-    try:
-        return ") Z " in Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return True
+    """Whether a process ends that was killed: a zombie has, even if nobody has asked for it."""
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        try:
+            if ") Z " in Path(f"/proc/{pid}/stat").read_text():
+                return True
+        except OSError:
+            return True
+        time.sleep(0.01)
+    return False
 
 
 def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
