@@ -42,7 +42,8 @@ _READ = ("JPEG", "PNG", "GIF", "WEBP")
 """What every Pillow decodes."""
 _MAX_PIXELS = 120_000_000
 """A telephone has up to 108 million."""
-_QUALITY = 90
+_SAVED: dict[str, dict[str, Any]] = {"JPEG": {"quality": 90}, "WEBP": {"lossless": True}}
+"""How a picture is encoded, where the encoder would choose something else."""
 _AS_JPEG = "give it as JPEG or PNG: a telephone has that in its settings, and every viewer exports it"
 _HASH_DIGITS = 12
 _NAME_LENGTH = 80
@@ -124,10 +125,7 @@ def _encoded(image: Any, kind: str) -> bytes:  # noqa: ANN401 - Pillow is import
     pixels = image.convert(mode)
     bare = Image.frombytes(mode, pixels.size, pixels.tobytes())
     kept = io.BytesIO()
-    if kind == "JPEG":
-        bare.save(kept, kind, quality=_QUALITY)
-    else:
-        bare.save(kept, kind, **({"lossless": True} if kind == "WEBP" else {}))
+    bare.save(kept, kind, **_SAVED.get(kind, {}))
     return kept.getvalue()
 
 

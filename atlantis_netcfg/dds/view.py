@@ -108,7 +108,7 @@ def _release(name: str) -> Release:
 def _participants(declaration: Declaration, dds: Dds) -> list[_Participant]:
     """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
     found = [
-        _Participant(name, _address(host.device, dds), host.site, isinstance(host.device, ControlCentre))
+        _Participant(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
         for name, host in declaration.hosts.items()
         if isinstance(host.device, _SPEAKERS)
     ]
@@ -122,12 +122,3 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_Participant]:
             if one.name in declaration.vehicles and str(one.address) not in known
         ]
     return found
-
-
-def _address(device: Gateway | ControlCentre, dds: Dds) -> str:
-    """Where it is reached on the declared way; that there is one is a rule of the declaration."""
-    if dds.over is DdsPath.LAN:
-        return str(device.address)
-    if device.vpn_address is None:
-        raise ValueError("a participant over the VPN without an address in it has passed validation")
-    return str(device.vpn_address)

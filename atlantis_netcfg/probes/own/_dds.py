@@ -39,7 +39,7 @@ from atlantis_netcfg.probes.own._words import (
 )
 from atlantis_netcfg.probes.questions import Discover, Place
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.site.model import ControlCentre, DdsPath
+from atlantis_netcfg.site.model import ControlCentre
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -166,10 +166,9 @@ class _Seen:
 
     @property
     def _address(self) -> str:
-        """Where the others of the pilot look for it; that there is one is a rule of the declaration."""
+        """Where the others of the pilot look for it."""
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
-        device = self.site.gateway.device
-        return str(device.address if self._wanted.over is DdsPath.LAN else device.vpn_address)
+        return self._wanted.address_of(self.site.gateway.device)
 
     def asks(self) -> tuple[Question, ...]:
         first = _BASE + _DOMAIN * self._wanted.domain + _UNICAST

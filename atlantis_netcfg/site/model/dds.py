@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, StrictInt
 
 from atlantis_netcfg.site.model._base import Address, Model, Name
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.site.model.device import ControlCentre
+    from atlantis_netcfg.site.model.gateway import Gateway
 
 __all__ = ["Dds", "DdsPath", "DdsPeer", "RosDistribution", "RosMiddleware"]
 
@@ -61,3 +65,11 @@ class Dds(Model):
     """After so long a silence a participant counts as gone, the same for all; a satellite may be silent for 70 s."""
     peers: tuple[DdsPeer, ...] = ()
     """Besides the gateways and control centres, which are peers by themselves."""
+
+    def address_of(self, device: Gateway | ControlCentre) -> str:
+        """Where a computer is reached on the declared way; that there is one is a rule of the declaration."""
+        if self.over is DdsPath.LAN:
+            return str(device.address)
+        if device.vpn_address is None:
+            raise ValueError("a participant over the VPN without an address in it has passed validation")
+        return str(device.vpn_address)

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.gateway.network import gateway_network
-from atlantis_netcfg.site.model import DdsPath, Gateway, VpnServer, WifiRole
+from atlantis_netcfg.site.model import Gateway, VpnServer, WifiRole
 from atlantis_netcfg.twin.computer import (
     AddressSpec,
     AssociationSpec,
@@ -84,9 +84,8 @@ def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
 def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
     """The same process, which says that it is reached where the others of the pilot look for it."""
     dds = declaration.pilot.dds
-    address = device.address if dds is None or dds.over is DdsPath.LAN else device.vpn_address
-    if dds is not None and address is not None:
-        yield DdsSpec(domain=dds.domain, addresses=(str(address),))
+    if dds is not None:
+        yield DdsSpec(domain=dds.domain, addresses=(dds.address_of(device),))
 
 
 def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
