@@ -21,7 +21,7 @@ _ALTERED: Mapping[tuple[str, str], Mapping[str, str]] = {
     ("output", "atlantis: satellite, allow-list"): {"out-interface": "ether2"},
     ("forward", "atlantis: answers"): {"connection-state": "established,related"},
     ("forward", "atlantis: LAN by the best link"): {"src-address": "10.64.9.0/24"},
-    ("forward", "atlantis: LAN to the VPN"): {"dst-address-list": "management"},
+    ("forward", "atlantis: our hosts to the VPN"): {"dst-address-list": "management"},
 }
 """Chain and comment of the rules that have another value."""
 

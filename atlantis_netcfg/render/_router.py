@@ -10,6 +10,7 @@ from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render._remote import forwards, remotes, server_in_lan, tunnel
 from atlantis_netcfg.render.view import BRIDGE, LanView, ManagementView, Named, Prerequisite, RouterView
+from atlantis_netcfg.site.model import LanBox
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.site.model import Lan, Router, Site
+    from atlantis_netcfg.site.model import Pilot, Router, Site
 
 __all__ = ["prerequisites", "router", "router_view"]
 
@@ -47,13 +48,15 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
         bridge=BRIDGE,
         ports=ports(device),
-        lan=_lan(site.lan, device),
+        lan=_lan(declaration, host, device),
         management=_management(host.name, site, device),
         uplinks=uplinks(host.name, device, site, declaration.pilot),
         served=served(host.name, device, site),
         tunnel=own_tunnel,
         server_in_lan=server_in_lan(declaration, host),
         remotes=remotes(declaration, host, own_tunnel.interface if own_tunnel else None),
+        vpn_network=str(declaration.pilot.vpn.network),
+        dds_ports=_dds_ports(declaration.pilot),
         names=tuple(_names(declaration, host.site)),
         forwards=forwards(declaration, host, device),
     )
@@ -76,12 +79,22 @@ def prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisi
     )
 
 
-def _lan(lan: Lan, device: Router) -> LanView:
+def _dds_ports(pilot: Pilot) -> str | None:
+    return None if pilot.dds is None else f"{pilot.dds.ports[0]}-{pilot.dds.ports[-1]}"
+
+
+def _lan(declaration: Declared, here: DeclaredHost, device: Router) -> LanView:
+    lan = declaration.sites[here.site].lan
     return LanView(
         address=in_network(lan.gateway, lan.network),
         network=str(lan.network),
         gateway=str(lan.gateway),
         domain=lan.domain,
+        hosts=tuple(
+            Named(host.name, str(host.device.address))
+            for host in hosts_of(declaration, here.site)
+            if isinstance(host.device, LanBox)
+        ),
         ports=tuple(port.name for port in device.ports if port.use == "lan"),
         pool=f"{lan.dhcp.first}-{lan.dhcp.last}",
         lease_time_s=lan.dhcp.lease_minutes * 60,

@@ -73,6 +73,8 @@ class LanView:
     network: str
     gateway: str
     domain: str
+    hosts: tuple[Named, ...]
+    """The declared computers in it; whatever else is plugged in may be a partner's."""
     ports: tuple[str, ...]
     pool: str
     """First and last address, like 10.64.1.100-10.64.1.199."""
@@ -248,6 +250,10 @@ class RouterView:
     server_in_lan: bool
     """The VPN server is a host of this LAN, so traffic to other sites enters and leaves by the same bridge."""
     remotes: tuple[Remote, ...]
+    vpn_network: str
+    """Tunnel addresses."""
+    dds_ports: str | None
+    """Unicast ports of the pilot's DDS, like 7410-7429."""
     names: tuple[Named, ...]
     forwards: tuple[Forwarded, ...]
 

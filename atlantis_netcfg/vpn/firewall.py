@@ -10,7 +10,7 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.policy import Protocol, policy
+from atlantis_netcfg.vpn.policy import ANYTHING, Protocol, policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,6 +56,8 @@ def _forward(one: Permission) -> Iterator[str]:
     if one.traffic.ports is not None:
         answer = f"{one.traffic.protocol} sport {_ports(one.traffic.ports)} {_ANSWER}"
         yield f"ip saddr @{destination} ip daddr @{source} {answer} accept {_comment('its answers')}"
+    elif one.traffic == ANYTHING and source != destination:
+        yield f"ip saddr @{destination} ip daddr @{source} {_ANSWER} accept {_comment('its answers')}"
 
 
 def _input(one: Permission) -> Iterator[str]:

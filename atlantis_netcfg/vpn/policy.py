@@ -1,7 +1,8 @@
 """Who may reach whom through the VPN: one list of permissions, from the declaration and the roll. All else is denied.
 
-`Policy.allows` answers for any two addresses, and the firewall is the same list in nftables' words. What does not pass
-the server, such as two computers of one LAN, is nobody's to forbid here and is answered as for hosts.
+`Policy.allows` answers for any two addresses, and the firewall is the same list in nftables' words. In a site's LAN the
+declared hosts are ours, and everything else is a guest: a robot may be a partner's, whoever has plugged it in. What
+does not pass the server, such as two computers of one LAN, is nobody's to forbid here.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site.model import ControlCentre, DdsPath, Gateway, Router, VpnServer
+from atlantis_netcfg.site.model import ControlCentre, DdsPath, Gateway, LanBox, Router
 from atlantis_netcfg.vpn._matrix import (
     ANYTHING,
     PING,
@@ -25,7 +26,7 @@ from atlantis_netcfg.vpn._matrix import (
 from atlantis_netcfg.vpn.identity import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.site import Declaration, Host
@@ -52,6 +53,7 @@ class _Draft:
         self._partners = declaration.partners
         self._sites = declaration.sites
         self._hosts = declaration.hosts
+        self._all_vehicles = declaration.vehicles
         self._members = [one for one in roll.members.values() if one.good and self._declared(one)]
         self._behind = {one.name: self._networks(one) for one in self._members}
 
@@ -89,15 +91,16 @@ class _Draft:
         )
 
     def _of_hosts(self) -> Iterator[Permission]:
-        networks = [network for name in self._sites for network in self._of_site(name)]
         own = [IPv4Network(one.address) for one in self._members if _ours(one)]
-        hosts = zone_of("p_site_hosts", (*own, *networks))
-        yield Permission(hosts, hosts, ANYTHING, "our hosts and sites")
+        declared = [IPv4Network(address) for host in self._hosts.values() for address in self._in_lan(host)]
+        hosts = zone_of("p_site_hosts", (*own, *declared, *self._management()))
+        yield Permission(hosts, hosts, ANYTHING, "our hosts and technicians")
+        yield Permission(self._managers(), zone_of("p_site_lans", self._lans()), ANYTHING, "technicians to the LANs")
 
     def _of_guests(self) -> Iterator[Permission]:
-        """What others' devices share."""
-        guests = self._among("p_guest_devices", lambda one: not _ours(one))
-        robots = self._among("p_all_robots", lambda one: one.kind is Kind.ROBOT)
+        """What others' devices share, in the VPN and in the LANs."""
+        guests = self._among("p_guest_devices", lambda one: not _ours(one), self._lans())
+        robots = self._among("p_all_robots", lambda one: one.kind is Kind.ROBOT, self._vehicles(self._all_vehicles))
         yield from self._both_ways(guests, self._speaking("p_control_centres", ControlCentre), "control centres")
         yield from self._both_ways(robots, self._speaking("p_site_gateways", Gateway), "robots and gateways")
         for service in self._pilot.vpn.services:
@@ -110,7 +113,12 @@ class _Draft:
             yield Permission(own, own, ANYTHING, f"{name} among itself")
             if partner.sees:
                 robots = [IPv4Network(one.address) for one in self._members if one.vehicle in partner.sees]
-                yield from self._both_ways(own, zone_of(f"p_{name}_sees", robots), f"what {name} sees")
+                seen = zone_of(f"p_{name}_sees", (*robots, *self._vehicles(partner.sees)))
+                yield from self._both_ways(own, seen, f"what {name} sees")
+            # In a LAN nobody proves who he is: an address there is worth less than one in the VPN.
+            theirs = self._vehicles([key for key, one in self._all_vehicles.items() if one.partner == name])
+            if theirs:
+                yield from self._both_ways(own, zone_of(f"p_{name}_lan", theirs), f"robots of {name} in LANs")
 
     def _of_server(self) -> Iterator[Permission]:
         """Into the server itself only technicians come: a site's LAN also has robots of partners in it.
@@ -118,10 +126,8 @@ class _Draft:
         Of its own LAN nothing is said: what arrives there without the tunnel is not this firewall's business.
         """
         everybody = zone_of("p_members", (network for networks in self._behind.values() for network in networks))
-        managers = [site.management.network for site in self._sites.values()]
-        managers += [IPv4Network(one.address) for one in self._members if _ours(one) and one.kind is Kind.LAPTOP]
         yield Permission(everybody, None, PING, "is the server there?")
-        yield Permission(zone_of("p_all_managers", managers), None, ANYTHING, "technicians")
+        yield Permission(self._managers(), None, ANYTHING, "technicians")
         yield Permission(None, everybody, ANYTHING, "the server's own")
 
     def _both_ways(self, one: Zone, other: Zone, why: str) -> Iterator[Permission]:
@@ -130,8 +136,27 @@ class _Draft:
             yield Permission(one, other, traffic, why)
             yield Permission(other, one, traffic, why)
 
-    def _among(self, name: str, chosen: Callable[[Member], bool]) -> Zone:
-        return zone_of(name, (IPv4Network(one.address) for one in self._members if chosen(one)))
+    def _among(self, name: str, chosen: Callable[[Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
+        return zone_of(name, (*(IPv4Network(one.address) for one in self._members if chosen(one)), *more))
+
+    def _managers(self) -> Zone:
+        return self._among("p_all_managers", lambda one: _ours(one) and one.kind is Kind.LAPTOP, self._management())
+
+    def _management(self) -> tuple[IPv4Network, ...]:
+        return tuple(site.management.network for site in self._sites.values())
+
+    def _lans(self) -> tuple[IPv4Network, ...]:
+        return tuple(site.lan.network for site in self._sites.values())
+
+    def _in_lan(self, host: Host) -> tuple[IPv4Address, ...]:
+        if isinstance(host.device, Router):
+            return (self._sites[host.site].lan.gateway,)
+        return (host.device.address,) if isinstance(host.device, LanBox) else ()
+
+    def _vehicles(self, keys: Collection[str]) -> tuple[IPv4Network, ...]:
+        """Of vehicles: their reserved addresses in the LANs."""
+        found = (row for site in self._sites.values() for row in site.lan.reservations if row.name in keys)
+        return tuple(IPv4Network(row.address) for row in found)
 
     def _speaking(self, name: str, kind: type[ControlCentre | Gateway]) -> Zone:
         """Where the DDS of our computers is: in the VPN, and in the LANs if the pilot's DDS goes there."""
@@ -152,14 +177,8 @@ def _ours(member: Member) -> bool:
 
 
 def _dds(dds: Dds | None) -> tuple[Traffic, ...]:
-    """Unicast ports of every participant that is found: DDSI-RTPS 2.5, 9.6.2.3, with its default numbers.
-
-    Discovery at 7410 and data at 7411 for the first, two more for each; multicast has no way through the tunnel.
-    """
-    if dds is None:
-        return ()
-    first = 7400 + 250 * dds.domain + 10
-    return (Traffic(Protocol.UDP, range(first, first + 2 * dds.participants)),)
+    """Unicast ports of every participant that is found; multicast has no way through the tunnel."""
+    return () if dds is None else (Traffic(Protocol.UDP, dds.ports),)
 
 
 def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
@@ -167,7 +186,7 @@ def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
     device = host.device
     if isinstance(device, Router):
         return () if device.vpn_client is None else (device.vpn_client.address,)
-    if not isinstance(device, Gateway | VpnServer | ControlCentre):
+    if not isinstance(device, LanBox):
         return ()
     own = () if device.vpn_address is None else (device.vpn_address,)
     return (*own, device.address) if lan else own

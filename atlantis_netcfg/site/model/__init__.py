@@ -20,6 +20,7 @@ from atlantis_netcfg.site.model._base import (
 )
 from atlantis_netcfg.site.model._box import (
     Access,
+    LanBox,
     PowerSource,
 )
 from atlantis_netcfg.site.model.dds import (
@@ -165,6 +166,7 @@ __all__ = [
     "Interop",
     "InteropService",
     "Lan",
+    "LanBox",
     "LinkRate",
     "LocationRow",
     "LteAccess",

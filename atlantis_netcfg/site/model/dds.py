@@ -66,6 +66,15 @@ class Dds(Model):
     peers: tuple[DdsPeer, ...] = ()
     """Besides the gateways and control centres, which are peers by themselves."""
 
+    @property
+    def ports(self) -> range:
+        """Unicast ports of every participant that is found: DDSI-RTPS 2.5, 9.6.2.3, with its default numbers.
+
+        Discovery at 7410 and data at 7411 for the first, two more for each.
+        """
+        first = 7400 + 250 * self.domain + 10
+        return range(first, first + 2 * self.participants)
+
     def address_of(self, device: Gateway | ControlCentre) -> str:
         """Where a computer is reached on the declared way; that there is one is a rule of the declaration."""
         if self.over is DdsPath.LAN:

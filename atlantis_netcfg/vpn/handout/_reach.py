@@ -26,7 +26,10 @@ _OURS = "p_site_hosts"
 _NAMES = {
     "p_control_centres": "the control centre",
     "p_site_gateways": "the gateways of the sites",
-    _OURS: "the pilot's own computers and the networks of its sites",
+    _OURS: "the pilot's own computers and its technicians",
+    "p_site_lans": "whatever stands in the LANs of the sites",
+    "p_guest_devices": "the devices of partners, and whatever stands in the LANs of the sites",
+    "p_all_robots": "the robots, in the VPN and in the LANs of the sites",
 }
 """The others, by their set in the firewall; what is not here offers services."""
 
@@ -105,6 +108,8 @@ def _who(declaration: Declaration, member: Member, zone: Zone) -> str:
     whose = declaration.partners.get(member.partner or "")
     if whose is not None and zone.name == f"p_{member.partner}_sees":
         return "the robots " + ", ".join(declaration.vehicles[name].name for name in whose.sees)
+    if whose is not None and zone.name == f"p_{member.partner}_lan":
+        return f"the robots of {whose.full_name} in the LANs of the sites"
     if whose is not None and zone.name == f"p_{member.partner}":
         return f"all other devices of {whose.full_name}"
     return _NAMES.get(zone.name, "services") if zone.networks else ""

@@ -1,7 +1,7 @@
 """The pilot's VPN in network namespaces: real OpenVPN with the product's files, and the product's firewall.
 
     members -- [192.0.2.0/24] -- net -- [10.64.0.0/24, the server's LAN] -- server, scc-control, a bystander
-    coastal-router also has a LAN and a technician behind it
+    coastal-router also has a LAN behind it, with two robots, a gateway and something unknown, and a technician
 
 `net` is the internet and the router of the server's site at once: it leads the public port to the server. What a member
 sends there may pass a slow link with outages. Keys are from an authority of its own; nothing here is installed.
@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Roll
 
 NET, SERVER = "net", "server"
-BESIDE, BEHIND, TECHNICIAN = "beside", "behind", "technician"
+BESIDE, BEHIND, TECHNICIAN, ENGINEER = "beside", "behind", "technician", "engineer"
+LAN_ZARCO, LAN_GATEWAY, LAN_STRANGER = "lan-zarco", "lan-gateway", "lan-stranger"
 ROUTER, CENTRE = "coastal-router", "scc-control"
 _NUMBERS = itertools.count()
 
@@ -158,13 +159,18 @@ def _ground(made: Vpn) -> None:
         NET,
         *("link add wan type bridge", "link set wan up", "address add 192.0.2.1/24 dev wan"),
         *("link add lan type bridge", "link set lan up", "address add 10.64.0.1/24 dev lan"),
+        *("link add mgmt type bridge", "link set mgmt up", "address add 10.64.100.1/24 dev mgmt"),
         f"address add {made.declaration.pilot.vpn.endpoint}/32 dev lo",
         *(f"route add {network} via 10.64.0.10" for network in ("10.80.0.0/16", "10.64.1.0/24", "10.64.101.0/24")),
     )
     made.run(NET, "nft", "-f", "-", text=_FORWARD)
-    for who, address in ((SERVER, "10.64.0.10"), (BESIDE, "10.64.0.77")):
+    for who, bridge, address in (
+        (SERVER, "lan", "10.64.0.10"),
+        (BESIDE, "lan", "10.64.0.77"),
+        (ENGINEER, "mgmt", "10.64.100.10"),
+    ):
         _namespace(made, who)
-        _cable(made, who, "lan", f"{address}/24", "10.64.0.1")
+        _cable(made, who, bridge, f"{address}/24", f"{address.rpartition('.')[0]}.1")
 
 
 _FORWARD = """\
@@ -179,12 +185,12 @@ table ip nat {
 """
 
 
-def _cable(made: Vpn, who: str, bridge: str, address: str, gateway: str) -> None:
-    near, far = made.name(who), made.name(NET)
+def _cable(made: Vpn, who: str, bridge: str, address: str, gateway: str, at: str = NET) -> None:  # noqa: PLR0913, PLR0917
+    near, far = made.name(who), made.name(at)
     port = f"{bridge}{next(_NUMBERS)}"
     add = ["ip", "link", "add", "eth0", "netns", near, "type", "veth", "peer", "name", port, "netns", far]
     subprocess.run(add, check=True)
-    _ip(made, NET, f"link set {port} master {bridge}", f"link set {port} up")
+    _ip(made, at, f"link set {port} master {bridge}", f"link set {port} up")
     _ip(made, who, f"address add {address} dev eth0", "link set eth0 up", f"route add default via {gateway}")
 
 
@@ -206,15 +212,21 @@ def _behind(made: Vpn) -> None:
     """What the router of a site has behind it."""
     if ROUTER not in made.members:
         return
-    for who, address in ((BEHIND, "10.64.1.22"), (TECHNICIAN, "10.64.101.10")):
-        _namespace(made, who)
-        gateway = f"{address.rpartition('.')[0]}.1"
-        near, far = made.name(who), made.name(ROUTER)
-        subprocess.run(
-            ["ip", "link", "add", "eth0", "netns", near, "type", "veth", "peer", who, "netns", far], check=True
+    for bridge, network in (("lan", "10.64.1"), ("mgmt", "10.64.101")):
+        _ip(
+            made,
+            ROUTER,
+            *(f"link add {bridge} type bridge", f"link set {bridge} up", f"address add {network}.1/24 dev {bridge}"),
         )
-        _ip(made, ROUTER, f"address add {gateway}/24 dev {who}", f"link set {who} up")
-        _ip(made, who, f"address add {address}/24 dev eth0", "link set eth0 up", f"route add default via {gateway}")
+    for who, bridge, address in (
+        (BEHIND, "lan", "10.64.1.22"),
+        (LAN_ZARCO, "lan", "10.64.1.23"),
+        (LAN_GATEWAY, "lan", "10.64.1.10"),
+        (LAN_STRANGER, "lan", "10.64.1.150"),
+        (TECHNICIAN, "mgmt", "10.64.101.10"),
+    ):
+        _namespace(made, who)
+        _cable(made, who, bridge, f"{address}/24", f"{address.rpartition('.')[0]}.1", at=ROUTER)
 
 
 def _connect(made: Vpn) -> None:

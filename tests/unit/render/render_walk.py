@@ -29,6 +29,8 @@ class Packet:
     state: str = "new"
     nat_state: frozenset[str] = frozenset()
     src_port: int = 0
+    flags: frozenset[str] = frozenset({"syn"})
+    """Of TCP; of an answer `ack` is among them."""
 
 
 class Walk:
@@ -90,8 +92,9 @@ class Walk:
             "in-interface-list": lambda: packet.in_interface in self._members.get(wanted, ()),
             "out-interface-list": lambda: packet.out_interface in self._members.get(wanted, ()),
             "protocol": lambda: packet.protocol == wanted,
-            "dst-port": lambda: packet.protocol in ("tcp", "udp") and str(packet.dst_port) in wanted.split(","),
-            "src-port": lambda: packet.protocol in ("tcp", "udp") and str(packet.src_port) in wanted.split(","),
+            "dst-port": lambda: packet.protocol in ("tcp", "udp") and _among(packet.dst_port, wanted),
+            "src-port": lambda: packet.protocol in ("tcp", "udp") and _among(packet.src_port, wanted),
+            "tcp-flags": lambda: packet.flags.issuperset(wanted.split(",")),
             "connection-state": lambda: packet.state in wanted.split(","),
             "connection-nat-state": lambda: wanted in packet.nat_state,
         }
@@ -100,6 +103,12 @@ class Walk:
 
     def _listed(self, address: str, name: str) -> bool:
         return any(_inside(address, entry) for entry in self._addresses.get(name, ()))
+
+
+def _among(port: int, ports: str) -> bool:
+    """Whether a port is one of a list of ports and ranges."""
+    ends = [one.partition("-") for one in ports.split(",")]
+    return any(int(first) <= port <= int(last or first) for first, _, last in ends)
 
 
 def _inside(address: str, network: str) -> bool:

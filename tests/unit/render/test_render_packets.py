@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from ipaddress import IPv4Address
+from ipaddress import IPv4Address, IPv4Network
 
 import pytest
 from hypothesis import given as drawn
@@ -261,11 +261,58 @@ def test_a_flow_that_lost_its_translation_does_not_leave() -> None:
 @pytest.mark.parametrize("site", WITH_SATELLITE)
 def test_sites_meet_inside_the_vpn_with_their_own_addresses(site: str) -> None:
     robot = str(DECLARED.sites[site].lan.network[21])
-    there = Packet(robot, "10.64.0.11", "bridge-lan", "ovpn-scc", "udp", 7400)
-    back = Packet("10.64.0.11", robot, "ovpn-scc", "bridge-lan", "udp", 7400)
+    there = Packet(robot, "10.64.0.11", "bridge-lan", "ovpn-scc", "udp", 7410)
+    back = Packet("10.64.0.11", robot, "ovpn-scc", "bridge-lan", "udp", 7410)
     assert WALKS[site].accepts("forward", there)
     assert WALKS[site].accepts("forward", back)
     assert WALKS[site].translation("srcnat", there) is None
+
+
+OF_OTHERS = (
+    "10.64.0.1",
+    "10.64.0.11",
+    "10.64.1.1",
+    "10.64.1.10",
+    "10.64.2.1",
+    "10.64.2.10",
+    "10.64.100.10",
+    "10.64.102.10",
+)
+BEGUN = (("tcp", 22), ("tcp", 445), ("tcp", 8729), ("tcp", 80))
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_a_robot_in_the_lan_opens_nothing_at_another_site_and_our_hosts_do(site: str) -> None:
+    """Robot 22 is a partner's and has a reservation, 150 is of DHCP; the gateway, or the control centre, is ours."""
+    lan, out = DECLARED.sites[site].lan.network, "bridge-lan" if site == "scc" else "ovpn-scc"
+    others = [one for one in OF_OTHERS if IPv4Address(one) not in lan and not one.startswith(f"10.64.10{str(lan)[6]}.")]
+    ours = str(lan[11] if site == "scc" else lan[10])
+    reached = {str(network) for network in parsed_remotes(site)}
+    for there in others:
+        for protocol, port in BEGUN:
+            ways = [Packet(str(lan[last]), there, "bridge-lan", out, protocol, port) for last in (22, 150)]
+            assert not any(WALKS[site].accepts("forward", packet) for packet in ways), there
+            own = WALKS[site].accepts("forward", Packet(ours, there, "bridge-lan", out, protocol, port))
+            assert own is any(IPv4Address(there) in IPv4Network(network) for network in reached)
+
+
+def parsed_remotes(site: str) -> list[str]:
+    rows = parsed(site).statements
+    return [str(row.get("address")) for row in rows if row.get("list") == "remote"]
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_a_robot_in_the_lan_reaches_the_vpn_and_answers(site: str) -> None:
+    """The VPN server decides which addresses of the tunnel it may speak to."""
+    robot, out = str(DECLARED.sites[site].lan.network[22]), "bridge-lan" if site == "scc" else "ovpn-scc"
+    for protocol, port in (("udp", 7410), ("tcp", 8443), ("icmp", 0)):
+        assert WALKS[site].accepts("forward", Packet(robot, "10.80.0.2", "bridge-lan", out, protocol, port))
+    other = "10.64.2.10" if site == "coastal" else "10.64.1.10"
+    assert WALKS[site].accepts("forward", Packet(robot, other, "bridge-lan", out, "icmp"))
+    assert WALKS[site].accepts("forward", Packet(robot, other, "bridge-lan", out, "udp", 7410))
+    state = "invalid" if site == "scc" else "established"
+    answer = Packet(robot, other, "bridge-lan", out, "tcp", 40000, state, flags=frozenset({"syn", "ack"}))
+    assert WALKS[site].accepts("forward", answer)
 
 
 def test_control_centre_forwards_the_vpn_from_every_side() -> None:

@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 SERVER = "10.80.0.1"
 TUNNEL = {
     **{one.name: str(one.address) for one in MEMBERS},
-    "behind": "10.64.1.22",
+    "sparus in the LAN": "10.64.1.22",
+    "zarco in the LAN": "10.64.1.23",
+    "gateway in the LAN": "10.64.1.10",
+    "unknown in the LAN": "10.64.1.150",
     "technician": "10.64.101.10",
     "nobody": "10.80.99.9",
     "site without router": "10.64.2.22",
 }
-LAN = {"beside": "10.64.0.77", "internet": "198.51.100.7"}
+LAN = {"beside": "10.64.0.77", "technician beside": "10.64.100.10", "internet": "198.51.100.7"}
 FLOWS = (
     Flow(Protocol.ICMP),
     *(Flow(Protocol.TCP, port) for port in (22, 8080, 8443, 7410)),

@@ -30,29 +30,39 @@ WHO = {
     "L": "10.64.1.22",
     "T": "10.64.101.10",
     "E": "10.64.0.77",
+    "V": "10.64.100.10",
+    "K": "10.64.1.10",
+    "B": "10.64.1.23",
+    "U": "10.64.1.150",
     "X": "10.80.17.3",
     "Y": "10.80.30.1",
     "W": "198.51.100.7",
 }
-"""Server, router, gateway, centre, inesc's laptop and Zarco, iqua's laptop and Sparus, our Mares; in the LAN behind the
-router and its technician; in the server's own LAN; revoked, undeclared, the internet."""
+"""Server, router, gateway, centre, inesc's laptop and Zarco, iqua's laptop and Sparus, our Mares; Sparus plugged into
+the LAN behind the router, its technician; something in the server's own LAN, and its technician; in the LAN behind the
+router the gateway, inesc's Zarco, and something that nobody has declared; revoked, undeclared, the internet."""
 ALL = "pdws"
 TABLE = {
-    # from: to S     R    G    C    A     Z     I    P    M    L    T    E
-    "S": (ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL),
-    "R": ("p", ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
-    "G": ("p", ALL, ALL, ALL, "", "pd", "", "pd", "pd", ALL, ALL, ALL),
-    "C": ("p", ALL, ALL, ALL, "pd", "pd", "pd", "pd", "pd", ALL, ALL, ALL),
-    "A": ("p", "", "", "pdw", ALL, ALL, "", "pd", "", "", "", ""),
-    "Z": ("p", "", "pd", "pdw", ALL, ALL, "", "pd", "", "", "", ""),
-    "I": ("p", "", "", "pdw", "", "", ALL, ALL, "", "", "", ""),
-    "P": ("p", "", "pd", "pdw", "pd", "pd", ALL, ALL, "", "", "", ""),
-    "M": ("p", "", "pd", "pdw", "", "", "", "", "", "", "", ""),
-    "L": ("p", ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
-    "T": (ALL, ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
-    "E": (ALL, ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL),
+    # from: to S     R    G    C    A     Z     I    P    M    L    T    E    V    K    B    U
+    "S": (ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL, ALL),
+    "R": ("p", ALL, ALL, ALL, "", "", "", "", "", "", ALL, "", ALL, ALL, "", ""),
+    "G": ("p", ALL, ALL, ALL, "", "pd", "", "pd", "pd", "pd", ALL, "", ALL, ALL, "pd", ""),
+    "C": ("p", ALL, ALL, ALL, "pd", "pd", "pd", "pd", "pd", "pd", ALL, "pd", ALL, ALL, "pd", "pd"),
+    "A": ("p", "", "", "pdw", ALL, ALL, "", "pd", "", "pd", "", "", "", "", "pd", ""),
+    "Z": ("p", "", "pd", "pdw", ALL, ALL, "", "pd", "", "pd", "", "", "", "", "pd", ""),
+    "I": ("p", "", "", "pdw", "", "", ALL, ALL, "", "", "", "", "", "", "", ""),
+    "P": ("p", "", "pd", "pdw", "pd", "pd", ALL, ALL, "", "", "", "", "", "", "", ""),
+    "M": ("p", "", "pd", "pdw", "", "", "", "", "", "", "", "", "", "", "", ""),
+    "L": ("p", "", "pd", "pdw", "pd", "pd", "", "", "", ALL, "", "", "", "", "", ""),
+    "T": (ALL, ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL, ALL, ALL, ALL, ALL),
+    "E": (ALL, "", "", "pdw", "", "", "", "", "", "", "", ALL, ALL, "", "", ""),
+    "V": (ALL, ALL, ALL, ALL, "", "", "", "", "", ALL, ALL, ALL, ALL, ALL, ALL, ALL),
+    "K": ("p", ALL, ALL, ALL, "", "", "", "", "", "", ALL, "", ALL, ALL, "", ""),
+    "B": ("p", "", "pd", "pdw", "pd", "pd", "", "", "", "", "", "", "", "", ALL, ""),
+    "U": ("p", "", "", "pdw", "", "", "", "", "", "", "", "", "", "", "", ALL),
 }
-"""inesc sees Sparus; who stands in no line and in no column reaches nobody and is reached by nobody."""
+"""inesc sees Sparus; who stands in no line and in no column reaches nobody and is reached by nobody. A robot in a LAN
+is no host of ours: it reaches what it reaches in the VPN, but of its partner's devices only pings and DDS."""
 
 
 def party(letter: str) -> Party:
@@ -73,6 +83,31 @@ def test_table(matrix: Policy, source: str) -> None:
                 key for key, flow in FLOWS.items() if matrix.allows(party(source), party(destination), flow)
             )
             assert found == told.get(destination, ""), f"{source} to {destination}"
+
+
+BEGUN = (SSH, Flow(Protocol.TCP, 445), Flow(Protocol.TCP, 8729), Flow(Protocol.TCP, 8443), Flow(Protocol.UDP, 161))
+
+
+@pytest.mark.parametrize("robot", ["10.64.1.22", "10.64.1.23", "10.64.1.150", "10.64.2.26", "10.64.0.77"])
+@pytest.mark.parametrize("there", ["10.64.0.1", "10.64.0.11", "10.64.2.1", "10.64.2.10", "10.64.1.1", "10.64.1.10"])
+def test_a_robot_in_a_lan_opens_nothing_at_another_site(matrix: Policy, robot: str, there: str) -> None:
+    """As by a partner's, plugged in on the quay: SSH, SMB, the routers' API."""
+    members = (*MEMBERS, member("te4sea-router", "10.80.0.31"))
+    found = policy(pilot({"inesc": ("sparus",)}), roll(*members))
+    one, other = Party("robot", IPv4Address(robot)), Party("host", IPv4Address(there))
+    if robot.rpartition(".")[0] != there.rpartition(".")[0]:
+        assert not any(found.allows(one, other, flow) for flow in (*BEGUN, PING, *DDS))
+        assert not any(found.allows(other, one, flow) for flow in BEGUN)
+    assert not matrix.permissions[0].source.holds(one.address)  # type: ignore[union-attr] # our hosts
+
+
+def test_our_own_hosts_meet_wherever_they_are(matrix: Policy) -> None:
+    """The neighbour of the case above."""
+    hosts = [
+        Party(name, IPv4Address(address)) for name, address in (("gateway", "10.64.1.10"), ("centre", "10.64.0.11"))
+    ]
+    for one, other in (hosts, hosts[::-1]):
+        assert all(matrix.allows(one, other, flow) for flow in (*BEGUN, PING, *DDS))
 
 
 def test_the_server_is_itself_by_its_address_in_the_lan(matrix: Policy) -> None:

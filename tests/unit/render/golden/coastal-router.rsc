@@ -104,6 +104,7 @@ add address=10.64.1.26 comment="atlantis: eca-rov" mac-address=02:00:5E:00:01:26
 /ip firewall address-list
 add address=10.64.101.0/24 comment="atlantis: may manage this router" list=management
 add address=10.80.0.0/24 comment="atlantis: may manage this router" list=management
+add address=10.64.1.10 comment="atlantis: coastal-gateway, ours, in the LAN" list=hosts
 add address=10.80.0.0/16 comment="atlantis: tunnel addresses, behind the VPN" list=remote
 add address=10.64.0.0/24 comment="atlantis: scc LAN, behind the VPN" list=remote
 add address=10.64.2.0/24 comment="atlantis: te4sea LAN, behind the VPN" list=remote
@@ -160,8 +161,12 @@ add action=accept chain=forward comment="atlantis: answers" connection-state=est
 add action=accept chain=forward comment="atlantis: LAN by the best link" in-interface-list=LAN out-interface-list=WAN src-address=10.64.1.0/24
 add action=accept chain=forward comment="atlantis: technician to the LAN" in-interface-list=MGMT out-interface-list=LAN src-address=10.64.101.0/24
 add action=accept chain=forward comment="atlantis: technician by the best link" in-interface-list=MGMT out-interface-list=WAN src-address=10.64.101.0/24
-# Which partner may reach which site is decided where all of them meet, on the VPN server.
-add action=accept chain=forward comment="atlantis: LAN to the VPN" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN src-address=10.64.1.0/24
+# Ours reach everything behind the VPN. What else is plugged in may be a partner's robot: of other sites it reaches pings and
+# DDS, of the tunnel's addresses what the VPN server lets it. Who may reach this site is decided where all meet, on that server.
+add action=accept chain=forward comment="atlantis: our hosts to the VPN" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN src-address-list=hosts
+add action=accept chain=forward comment="atlantis: LAN to the VPN" dst-address=10.80.0.0/16 in-interface-list=LAN out-interface-list=VPN src-address=10.64.1.0/24
+add action=accept chain=forward comment="atlantis: LAN to other sites, pings" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN protocol=icmp src-address=10.64.1.0/24
+add action=accept chain=forward comment="atlantis: LAN to other sites, DDS" dst-address-list=remote dst-port=7410-7429 in-interface-list=LAN out-interface-list=VPN protocol=udp src-address=10.64.1.0/24
 add action=accept chain=forward comment="atlantis: VPN to the LAN" dst-address=10.64.1.0/24 in-interface-list=VPN out-interface-list=LAN src-address-list=remote
 add action=log chain=forward comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop forward"
 add action=drop chain=forward comment="atlantis: everything else"

@@ -81,6 +81,8 @@ add address=10.64.0.11 comment="atlantis: scc-control" mac-address=02:00:5E:00:0
 /ip firewall address-list
 add address=10.64.100.0/24 comment="atlantis: may manage this router" list=management
 add address=10.80.0.0/24 comment="atlantis: may manage this router" list=management
+add address=10.64.0.11 comment="atlantis: scc-control, ours, in the LAN" list=hosts
+add address=10.64.0.10 comment="atlantis: scc-vpn, ours, in the LAN" list=hosts
 add address=10.80.0.0/16 comment="atlantis: tunnel addresses, behind the VPN" list=remote
 add address=10.64.1.0/24 comment="atlantis: coastal LAN, behind the VPN" list=remote
 add address=10.64.2.0/24 comment="atlantis: te4sea LAN, behind the VPN" list=remote
@@ -102,8 +104,13 @@ add action=log chain=input comment="atlantis: what is dropped, a sample" limit=1
 add action=drop chain=input comment="atlantis: everything else"
 # Forward: what may pass through.
 # The VPN server stands in this LAN: to other sites and back, packets turn round on the bridge, and the router sees one
-# direction only. Its connection tracking would call that invalid.
-add action=accept chain=forward comment="atlantis: LAN to the VPN by its server" dst-address-list=remote in-interface-list=LAN out-interface-list=LAN
+# direction only. Its connection tracking would call that invalid. Ours reach everything behind the VPN. What else is plugged
+# in may be a partner's robot: it opens no TCP connection to another site, and the VPN server forbids more.
+add action=accept chain=forward comment="atlantis: our hosts to the VPN by its server" dst-address-list=remote in-interface-list=LAN out-interface-list=LAN src-address-list=hosts
+add action=accept chain=forward comment="atlantis: LAN to tunnel addresses by the VPN's server" dst-address=10.80.0.0/16 in-interface-list=LAN out-interface-list=LAN src-address=10.64.0.0/24
+add action=accept chain=forward comment="atlantis: pings to other sites by the VPN's server" dst-address-list=remote in-interface-list=LAN out-interface-list=LAN protocol=icmp src-address=10.64.0.0/24
+add action=accept chain=forward comment="atlantis: datagrams to other sites by the VPN's server" dst-address-list=remote in-interface-list=LAN out-interface-list=LAN protocol=udp src-address=10.64.0.0/24
+add action=accept chain=forward comment="atlantis: answers to other sites by the VPN's server" dst-address-list=remote in-interface-list=LAN out-interface-list=LAN protocol=tcp src-address=10.64.0.0/24 tcp-flags=ack
 add action=drop chain=forward comment="atlantis: invalid" connection-state=invalid
 add action=accept chain=forward comment="atlantis: answers of forwarded services" connection-nat-state=dstnat connection-state=established,related
 # After a change of link, flows of before may go out with the addresses of the LAN: nobody could answer them. New connections
