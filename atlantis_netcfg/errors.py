@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 __all__ = [
+    "TRUST",
     "WORST_FIRST",
     "DeviceFailed",
     "ExitCode",
@@ -38,6 +39,9 @@ class ExitCode(IntEnum):
         """The code of what ended so, where that could not be proved or recorded: never a green one."""
         return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
 
+
+TRUST = "`provision trust site=…` on a terminal shows who answers, and asks you"
+"""What to type where it is not known how a device is told from an impostor: the only command that agrees to one."""
 
 WORST_FIRST = (
     ExitCode.OUR_FAULT,

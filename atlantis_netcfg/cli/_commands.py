@@ -22,6 +22,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.run",
     "validate": "atlantis_netcfg.cli.validate",
     "adopt": "atlantis_netcfg.cli.adopt",
+    "trust": "atlantis_netcfg.cli.trust",
     "backup": "atlantis_netcfg.cli.backup",
     "drift": "atlantis_netcfg.cli.drift",
     "links": "atlantis_netcfg.cli.links",

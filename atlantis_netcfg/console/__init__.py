@@ -13,7 +13,7 @@ from atlantis_netcfg.console._errors import (
     SafeModeHeld,
     UnknownHostKey,
 )
-from atlantis_netcfg.console._exec import CommandEnd, Commands, open_commands
+from atlantis_netcfg.console._exec import CommandEnd, Commands, host_key_of, open_commands
 from atlantis_netcfg.console._keys import fingerprint
 from atlantis_netcfg.console._rows import parse_rows
 from atlantis_netcfg.console._serial import open_serial
@@ -35,6 +35,7 @@ __all__ = [
     "SafeModeHeld",
     "UnknownHostKey",
     "fingerprint",
+    "host_key_of",
     "open_commands",
     "open_serial",
     "open_ssh",

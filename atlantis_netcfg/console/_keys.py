@@ -8,6 +8,7 @@ import hashlib
 import paramiko
 
 from atlantis_netcfg.console._errors import HostKeyChanged, UnknownHostKey
+from atlantis_netcfg.errors import TRUST
 
 __all__ = ["PinnedKey", "fingerprint"]
 
@@ -30,9 +31,9 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
         self.seen = fingerprint(key)
         if self._pin is None:
             raise UnknownHostKey(
-                f"{hostname}: this device was never met over SSH; it shows the host key {self.seen}",
+                f"{hostname}: its SSH host key is not known here, so it was told no password; it showed {self.seen}",
                 fingerprint=self.seen,
-                hint="`provision adopt site=… device=…` records it, over a cable that leads to nothing but the device",
+                hint=TRUST,
             )
         if self._pin != self.seen:
             raise HostKeyChanged(

@@ -8,7 +8,7 @@ import paramiko
 
 from atlantis_netcfg.console._errors import ConsoleLost
 from atlantis_netcfg.console._keys import PinnedKey
-from atlantis_netcfg.console._ssh import connected
+from atlantis_netcfg.console._ssh import TcpSocket, connected, ended_after
 from atlantis_netcfg.console._types import CONNECT_S
 
 if TYPE_CHECKING:
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.secret import Secret
 
 __all__ = ["upload"]
+
+_SLOWEST_S, _SLOWEST_BYTES = 600.0, 2_000
+"""A copy that is slower than 16 kbit/s on top of ten minutes is none."""
 
 
 def upload(  # noqa: PLR0913 - all of it is one address and one file
@@ -40,13 +43,16 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
     client = paramiko.SSHClient()
     client.set_missing_host_key_policy(PinnedKey(pin))
     size = source.stat().st_size
+    sock: TcpSocket | None = None
     try:
-        with connected(address, port):
+        with connected(address, port), ended_after(client.close, 2 * timeout_s):
+            sock = TcpSocket.connect_to(address, port, timeout_s)
             client.connect(
                 address,
                 port,
                 user,
                 password.reveal(),
+                sock=sock,
                 timeout=timeout_s,
                 banner_timeout=timeout_s,
                 auth_timeout=timeout_s,
@@ -54,7 +60,11 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
                 look_for_keys=False,
             )
         try:
-            with client.open_sftp() as sftp, source.open("rb") as file:
+            with (
+                ended_after(client.close, _SLOWEST_S + size / _SLOWEST_BYTES),
+                client.open_sftp() as sftp,
+                source.open("rb") as file,
+            ):
                 channel = sftp.get_channel()
                 if channel is not None:
                     channel.settimeout(timeout_s)
@@ -67,3 +77,5 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
             ) from error
     finally:
         client.close()
+        if sock is not None:
+            sock.close()

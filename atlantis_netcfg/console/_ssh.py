@@ -7,8 +7,10 @@ channel is taken over as soon as it is open.
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import socket
+import threading
 from typing import TYPE_CHECKING
 
 import paramiko
@@ -23,19 +25,21 @@ from atlantis_netcfg.console._wire import WireLost
 from atlantis_netcfg.errors import NetcfgError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from _typeshed import ReadableBuffer
 
     from atlantis_netcfg.console._types import Console, Tally
     from atlantis_netcfg.secret import Secret
 
-__all__ = ["connected", "open_ssh"]
+__all__ = ["TcpSocket", "connected", "ended_after", "open_ssh"]
 
 # Without a handler Python prints paramiko's tracebacks on the technician's screen; what failed is said by our errors.
 logging.getLogger("paramiko").addHandler(logging.NullHandler())
 
 _CHUNK = 65536
+_MOST = 64 * 1024 * 1024
+"""Bytes of one connection: nothing that is read of a device comes near."""
 _GONE = (OSError, EOFError, paramiko.SSHException)
 
 
@@ -49,28 +53,42 @@ class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # ne
         """Type nothing: an Enter would answer the first of those questions."""
 
 
-class _CountedSocket(socket.socket):
-    """A TCP connection that tells what it carries."""
+class TcpSocket(socket.socket):
+    """A TCP connection that tells what it carries, and ends one that sends without an end.
 
-    tally: Tally
+    paramiko keeps whatever comes, before the login as well: a packet may name any size.
+    """
+
+    tally: Tally | None = None
+    received = 0
 
     @classmethod
-    def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally) -> _CountedSocket:
+    def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally | None = None) -> TcpSocket:
         """Connect. Raises OSError."""
         made = cls(fileno=socket.create_connection((address, port), timeout_s).detach())
         made.settimeout(timeout_s)
         made.tally = tally
-        tally.connect()
+        if tally is not None:
+            tally.connect()
         return made
+
+    def hang_up(self) -> None:
+        """End it for whoever waits on it, in any thread."""
+        with contextlib.suppress(OSError):
+            self.shutdown(socket.SHUT_RDWR)
 
     def send(self, data: ReadableBuffer, flags: int = 0, /) -> int:
         size = super().send(data, flags)
-        self.tally.send(size)
+        if self.tally is not None:
+            self.tally.send(size)
         return size
 
     def recv(self, size: int, flags: int = 0, /) -> bytes:
         data = super().recv(size, flags)
-        if data:
+        self.received += len(data)
+        if self.received > _MOST:
+            raise OSError(errno.EMSGSIZE, f"more than {_MOST} bytes came")
+        if data and self.tally is not None:
             self.tally.receive(len(data))
         return data
 
@@ -135,6 +153,18 @@ def connected(address: str, port: int) -> Iterator[None]:
         ) from error
 
 
+@contextlib.contextmanager
+def ended_after(close: Callable[[], object], seconds: float) -> Iterator[None]:
+    """Close a connection on which we still wait then: time-outs of paramiko begin anew with each byte."""
+    clock = threading.Timer(seconds, close)
+    clock.daemon = True
+    clock.start()
+    try:
+        yield
+    finally:
+        clock.cancel()
+
+
 def open_ssh(  # noqa: PLR0913 - all of it is one address
     address: str,
     port: int,
@@ -152,7 +182,7 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
     """
     policy = PinnedKey(pin)
     with connected(address, port):
-        sock = None if tally is None else _CountedSocket.connect_to(address, port, timeout_s, tally)
+        sock = TcpSocket.connect_to(address, port, timeout_s, tally)
         connection = _Connection(
             sock=sock,
             host=address,
@@ -168,11 +198,11 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
         )
         connection.key_policy = policy
         try:
-            connection._open()  # noqa: SLF001 - the step that `auto_connect` leaves out
+            with ended_after(sock.hang_up, 2 * timeout_s):
+                connection._open()  # noqa: SLF001 - the step that `auto_connect` leaves out
         except BaseException:
             connection.paramiko_cleanup()
-            if sock is not None:
-                sock.close()
+            sock.close()
             raise
     terminal = Terminal(SshWire(connection), user=user, name=f"{address} port {port}", host_key=policy.seen)
     terminal.settle(timeout_s)

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import ConsoleUnreachable, LoginFailed
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.errors import TRUST, NetcfgError
 from atlantis_netcfg.events import Event, Stage, Subscriber
 from atlantis_netcfg.firstcontact._adopted import Adopted, Status
 from atlantis_netcfg.firstcontact._errors import PreflightRefused, Unfinished
@@ -33,6 +33,12 @@ if TYPE_CHECKING:
 __all__ = ["FirstContact"]
 
 _PAUSE_S = 0.5
+_STICKER = (
+    f"the password of {FACTORY_USER} is on the device's sticker, and empty on older devices; "
+    "type it when asked, or name a file with it: password-file=FILE\n"
+    "if nobody knows it: hold the reset button while the power comes on, until the light blinks, "
+    "then let go"
+)
 
 
 @dataclass(slots=True)
@@ -50,6 +56,8 @@ class FirstContact:
     wait_s: float = 600.0
     """How long to wait for the laptop on the management port."""
     now: Callable[[], datetime] = field(default=lambda: datetime.now(UTC))
+    _agreed: bool = False
+    """Whether the SSH host key that the device has to show was known before this run."""
 
     @property
     def _typist(self) -> Typist:
@@ -77,6 +85,8 @@ class FirstContact:
             self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {standing}")
             if standing is Standing.ADOPTED:
                 return self._already(console, facts)
+            if not way.serial and not self._agreed:
+                self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.doorway.host_key}")
             planned = Adopted(Status.PLANNED, standing, self._titles(facts), facts=facts)
             agree(planned)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
@@ -140,6 +150,7 @@ class FirstContact:
     def _entered(self) -> tuple[Console, Way]:
         """Where the technician says; a device that was met before may be at its management address by now."""
         first, final = self.doorway.first, self.doorway.final
+        self._agreed = self.doorway.host_key is not None
         met = self.pins.get(self.wish.name) is not None
         if met and not first.serial:
             with suppress(ConsoleUnreachable, LoginFailed):
@@ -162,21 +173,26 @@ class FirstContact:
         return final.open(self.wish.user, self.wish.password)
 
     def _tried(self, way: Way, *, ours_first: bool) -> Console:
-        if ours_first:
+        """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
+        agreed = way.serial or self._agreed
+        if ours_first and agreed:
             with suppress(LoginFailed):
                 return way.open(self.wish.user, self.wish.password)
         for password in self.factory_passwords():
             with suppress(LoginFailed):
                 return way.open(FACTORY_USER, password)
+        if not agreed:
+            raise LoginFailed(
+                f"{way.shown}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
+                f"password of {self.wish.user} was not tried",
+                hint=f"if it was adopted on another computer: {TRUST}, then type the same again\n{_STICKER}",
+            )
         try:
             return way.open(self.wish.user, self.wish.password)
         except LoginFailed as failed:
             raise LoginFailed(
                 f"{way.shown}: the device let in neither {FACTORY_USER} nor {self.wish.user}",
-                hint=f"the password of {FACTORY_USER} is on the device's sticker, and empty on older devices; "
-                "type it when asked, or name a file with it: password-file=FILE\n"
-                "if nobody knows it: hold the reset button while the power comes on, until the light blinks, "
-                "then let go",
+                hint=_STICKER,
             ) from failed
 
     def _let_in(self, way: Way) -> None:

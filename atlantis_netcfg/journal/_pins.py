@@ -55,10 +55,6 @@ class Pins:
         """The pinned SSH host key as OpenSSH prints it, or None before the first contact by SSH. Raises PinsDamaged."""
         return self._read().get(_HOST_KEY + device)
 
-    def pin_host_key(self, device: str, host_key: str) -> str:
-        """Pin at first contact and return what is pinned: an earlier pin stays."""
-        return self.pin(_HOST_KEY + device, host_key)
-
     def change_host_key(self, device: str, host_key: str | None) -> None:
         """Trust another host key from now on, or (None) none; only on a person's word."""
         self.change(_HOST_KEY + device, host_key)

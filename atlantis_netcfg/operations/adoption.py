@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal.records import Record
     from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.site.model import Access
 
 __all__ = ["SERIAL", "SSH", "Adoption", "AdoptionResult", "wish_of"]
 
@@ -132,7 +133,7 @@ class Adoption:
         pins = Store(self.state, rehearsed=self.rehearsed).pins
         return FirstContact(
             wish=self.wish,
-            doorway=self._ways(None if self.replaced else pins.host_key(self.host.name)),
+            doorway=self._ways(None if self.replaced else self._access.host_key or pins.host_key(self.host.name)),
             pins=pins,
             journal=journal,
             notify=self.notify,
@@ -140,6 +141,10 @@ class Adoption:
             take_over=self.take_over,
             wait_s=self.wait_s,
         )
+
+    @property
+    def _access(self) -> Access:
+        return managed(self.declaration, self.host).access
 
     def _ways(self, pinned: str | None) -> Ways:
         key = HostKey(pinned)
@@ -155,7 +160,7 @@ class Adoption:
         return SshWay(address, self.wish, key, lambda port: self.locate(address, port))
 
     def _result(self, found: Adopted, code: ExitCode, message: str, run: str) -> AdoptionResult:
-        notes = (*(complete(one, site=self.host.site) for one in found.notes), *self._missing(found))
+        notes = (*(complete(one, site=self.host.site) for one in found.notes), *self._missing(found), *self._stale())
         standing = found.standing.value
         return AdoptionResult(self.host.name, found.status.value, code, message, standing, found.steps, notes, run)
 
@@ -168,6 +173,16 @@ class Adoption:
         for one in managed(self.declaration, self.host).prerequisites():
             if one.menu == "/certificate" and one.name not in there and found.status is not Status.PLANNED:
                 yield f"certificate {one.name} is not on the device yet ({one.reason}): import it before you provision"
+
+    def _stale(self) -> Iterator[str]:
+        """What the inventory still says of another certificate, or of another SSH server."""
+        pins, name = Store(self.state, rehearsed=self.rehearsed).pins, self.host.name
+        for key, declared, pinned in (
+            ("fingerprint", self._access.fingerprint, pins.get(name)),
+            ("host_key", self._access.host_key, pins.host_key(name)),
+        ):
+            if declared and pinned and declared != pinned:
+                yield f"the inventory declares `{key}: {declared}`: until it says {pinned}, the device is refused"
 
     def _started(self) -> RunStarted:
         return RunStarted(

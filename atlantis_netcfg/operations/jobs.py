@@ -7,8 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError, NothingMatched
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.journal import Journal, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.kinds import managed
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Access
 
-__all__ = ["device_job", "narrow"]
+__all__ = ["device_job", "endpoint_of"]
 
 _SSH = 22
 
@@ -43,21 +42,20 @@ def device_job(
     known = managed(declaration, host)
     access = known.access
     store = Store(request.state, rehearsed=request.rehearsed)
-    pins, states = store.pins, _states(known, request, store)
+    states = _states(known, request, store)
     bearer = bearer_of(declaration, host, request.via.get(host.name))
     return DeviceJob(
         name=host.name,
         site=host.site,
         address=str(access.address),
-        endpoint=patient(_endpoint(host, access, request, pins), bearer),
+        endpoint=patient(endpoint_of(host, access, request), bearer),
         desired=next(iter(states.values())),
         fitting=None if "" in states else Fitting(states, known.unfit),
         bearer=bearer,
         events=notify,
         journal=_minding_the_sim(host, request, store, journal),
-        pin=partial(_first_contact, pins, notify),
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
-        ssh=_console(host, access, request, pins),
+        ssh=_console(host, access, request, store.pins),
         run=journal.run if isinstance(journal, Journal) else "",
         unprotected=request.unprotected,
         history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
@@ -68,12 +66,6 @@ def _history(host: Host, request: Request, store: Store, journal: Recorder) -> H
     """What earlier runs have left there; in `resume` a person has named the run that has died."""
     current = journal.run if isinstance(journal, Journal) else ""
     return store.history(host.site, host.name, current=current, dead=request.run)
-
-
-def _first_contact(pins: Pins, notify: Subscriber, name: str, certificate: str) -> None:
-    """Pin the certificate of a device that was never met, and say so: a person may compare it with the device's own."""
-    pins.pin(name, certificate)
-    notify(Event(name, Stage.CONNECTING, f"first contact: its certificate is pinned, SHA-256 {certificate}"))
 
 
 def _states(known: Managed, request: Request, store: Store) -> Mapping[str, Desired]:
@@ -105,14 +97,22 @@ def _desired(host: Host, text: str, request: Request, store: Store) -> Desired:
 def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEndpoint:
     """Where its SSH is: the template leaves it on, for those who may manage the device."""
     if not request.rehearsed:
-        return SshEndpoint(str(access.address), _SSH, access.user, access.password, pins.host_key(host.name))
+        key = access.host_key or pins.host_key(host.name)
+        return SshEndpoint(str(access.address), _SSH, access.user, access.password, key)
     target = request.targets[host.name]
     return SshEndpoint(target.host, target.ssh or _SSH, access.user, access.password, target.host_key)
 
 
-def _endpoint(host: Host, access: Access, request: Request, pins: Pins) -> Endpoint:
-    address, port, pin = str(access.address), access.port, pins.get(host.name)
+def endpoint_of(host: Host, access: Access, request: Request) -> Endpoint:
+    """Where its API is, and by which certificate it is known: the declared one, else that which a person has agreed to.
+
+    Raises UsageError for a device that a rehearsal has no twin of.
+    """
+    pins = Store(request.state, rehearsed=request.rehearsed).pins
+    address, port, pin = str(access.address), access.port, access.fingerprint or pins.get(host.name)
     if request.rehearsed:
+        if host.name not in request.targets:
+            raise UsageError(f"{host.name} is not emulated in this rehearsal")
         target = request.targets[host.name]
         address, port, pin = target.host, target.port, target.pin
     return Endpoint(
@@ -122,11 +122,11 @@ def _endpoint(host: Host, access: Access, request: Request, pins: Pins) -> Endpo
         access.password,
         pin,
         window=pins.window(host.name) or READING_WINDOW,
-        narrowed=partial(narrow, pins, host.name),
+        narrowed=partial(_narrow, pins, host.name),
     )
 
 
-def narrow(pins: Pins, name: str) -> None:
+def _narrow(pins: Pins, name: str) -> None:
     """Remember that the device does not bear many questions at once; where that fails it is found out again."""
     with suppress(NetcfgError):
         pins.narrow(name, WINDOW)

@@ -7,15 +7,15 @@ import socket
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.console import ConsoleUnreachable, UnknownHostKey, open_serial, open_ssh
+from atlantis_netcfg.console import ConsoleUnreachable, host_key_of, open_serial, open_ssh
 from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
-from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.console import Console
     from atlantis_netcfg.firstcontact import Way, Wish
+    from atlantis_netcfg.secret import Secret
 
 __all__ = ["SSH_PORT", "HostKey", "SerialWay", "SshWay", "Ways"]
 
@@ -54,10 +54,7 @@ class SshWay:
         address, port = self._knock()
         if self.key.known is not None:
             return
-        try:
-            open_ssh(address, port, self.wish.user, Secret(""), pin=None, timeout_s=_CABLE_S)
-        except UnknownHostKey as unknown:
-            self.key.known = unknown.fingerprint
+        self.key.known = host_key_of(address, port, _CABLE_S)
 
     def prove(self, pin: str) -> None:
         """Log in by api-ssl as our user under this certificate."""

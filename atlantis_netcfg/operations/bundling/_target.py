@@ -13,6 +13,7 @@ from atlantis_netcfg.bundle.programs import run
 from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
 from atlantis_netcfg.image.ext4 import Ext4, require
 from atlantis_netcfg.image.layouts import find
+from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.site.model import Gateway, ImageLayout
 
@@ -68,11 +69,9 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Target
     words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
     done = run(["ssh", *words])
     if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise BundleRefused(
-            f"{host.name} was asked what is installed on it, and did not answer: {said[-1] if said else 'no word'}",
-            hint=others,
-        )
+        said = done.stderr.decode(errors="replace").strip()
+        why, hint = key_trouble(host.name, said) or (said.splitlines()[-1] if said else "no word", others)
+        raise BundleRefused(f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint)
     try:
         status = gzip.decompress(done.stdout)
     except (OSError, EOFError, zlib.error) as error:

@@ -75,7 +75,7 @@ class Routers:
 
     async def _session(self, host: Host, questions: Asked) -> Mapping[str, Answer]:
         gate(self.declaration, [host], self._reading)
-        door = door_to(self.declaration, self.site, host, self.request, self.notify)
+        door = door_to(self.declaration, self.site, host, self.request)
         asked = time.time()
         async with door.opened() as session:
             replies = await session.flight([command(one.query) for _, one in questions if isinstance(one, Ask)])

@@ -12,6 +12,7 @@ from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # a
 from atlantis_netcfg.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.checking._carrier import Carrier, Ended
+from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.examples import refuse_examples
 
@@ -24,7 +25,7 @@ __all__ = ["NotReached", "WayIn", "way_in"]
 _OPTIONS = (
     "BatchMode=yes",
     "Compression=yes",
-    # A key that is not pinned is refused, and one that has changed: `provision` pins it at first contact.
+    # A key that is not known is refused, and one that has changed: see `provision trust`.
     "StrictHostKeyChecking=yes",
     # As long as a satellite may be silent, and longer: see ansible.cfg.
     "ServerAliveInterval=20",
@@ -33,7 +34,6 @@ _OPTIONS = (
 _CONNECT_S, _CONNECT_SLOWLY_S = 15, 120
 _GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
 """To connect, to send and to hear the last answer; over a slow way a gap of 70 s may come in each of these."""
-_KEYS = ("Host key verification failed", "host key is known", "IDENTIFICATION HAS CHANGED")
 
 
 class NotReached(NetcfgError):
@@ -96,10 +96,8 @@ class WayIn:
         hint = "look at its power and its cable, then type the same again"
         if "Permission denied" in said:
             hint = f"bring your key there: `ssh-copy-id {self.login}`"
-        elif any(word in said for word in _KEYS):
-            hint = (
-                f"if it is a new computer or a new card: `ssh-keygen -R {self.name}`, then let `provision` pin its key"
-            )
+        elif (trouble := key_trouble(self.name, said)) is not None:
+            said, hint = trouble
         silent = "it did not answer in time" if ended is not None and ended.overdue else "ssh said nothing"
         return NotReached(f"{self.name} was not reached: {said.splitlines()[-1] if said else silent}", hint=hint)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.journal import make_private, translated, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.site.model import Gateway, VpnServer
 
@@ -13,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
 
-__all__ = ["computer_access", "is_computer", "is_gateway", "is_server"]
+__all__ = ["computer_access", "is_computer", "is_gateway", "is_server", "key_trouble"]
 
 
 def is_gateway(host: Host) -> bool:
@@ -34,8 +37,9 @@ def is_computer(host: Host) -> bool:
 def computer_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """Give the variables of a connection: `host`, `port`, `user`, `become`, `ssh_args`, `metered`.
 
-    The host key is kept in the technician's own known_hosts under the name of the host, whatever address it is reached
-    by: taken at first contact, compared ever after. Raises UsageError if the site has no such bearer as `via=` names.
+    Its host key is the declared one, else the one that the technician's own known_hosts has under the name of the host,
+    whatever address it is reached by: any other is refused. Raises UsageError if the site has no such bearer as
+    `via=` names.
     """
     device = host.device
     assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - callers ask `is_computer`
@@ -58,6 +62,32 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
         "port": device.ssh.port,
         "user": device.account,
         "become": device.account != "root",
-        "ssh_args": f"{alias} -o StrictHostKeyChecking=accept-new",
+        "ssh_args": f"{alias} -o StrictHostKeyChecking=yes{_declared_key(host, request)}",
         "metered": bearer.name if bearer.metered else "",
     }
+
+
+def _declared_key(host: Host, request: Request) -> str:
+    """The option that names the file with the declared host key, which alone counts then; empty without one."""
+    device = host.device
+    assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - the caller has asked
+    if device.ssh.host_key is None:
+        return ""
+    path = request.state / "known_hosts" / host.name
+    line = f"{host.name} {device.ssh.host_key}\n".encode()
+    with translated("the declared host key", path):
+        if not path.is_file() or path.read_bytes() != line:
+            make_private(path.parent)
+            write_atomically(path, line)
+    only = (f'UserKnownHostsFile="{path}"', "GlobalKnownHostsFile=/dev/null", "UpdateHostKeys=no")
+    return "".join(f" -o {shlex.quote(option)}" for option in only)
+
+
+def key_trouble(name: str, said: str) -> tuple[str, str] | None:
+    """What OpenSSH has refused of the host key that a computer shows, and what to do about it; None: nothing."""
+    if "IDENTIFICATION HAS CHANGED" in said:
+        told = "it shows another SSH host key than before, so nothing was told to it"
+        return told, f"only if it was set up anew: `ssh-keygen -R {name}`, then {TRUST}"
+    if "Host key verification failed" in said or "host key is known" in said:
+        return "its SSH host key is not the declared one, or is not known here, so nothing was told to it", TRUST
+    return None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.errors import complete
 from atlantis_netcfg.journal import NOT_RECORDED
+from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 
@@ -74,8 +75,10 @@ class ComputerResult:
     def not_reached(self, told: Mapping[str, Any]) -> None:
         """Take why it could not be connected to: it is as it was. Of Ansible's words the reason alone is told."""
         words = str(told.get("msg") or "it does not answer").strip()
-        self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
         self.hint = str(told["hint"]) if told.get("hint") else None
+        if (trouble := key_trouble(self.name, words)) is not None:
+            words, self.hint = trouble
+        self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
         self.status = Status.LEFT_AS_FOUND
 
     def rescued(self) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError, UsageError, complete
+from atlantis_netcfg.errors import NetcfgError, complete
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import FAST_S, PATIENCE_S, bearer_of
-from atlantis_netcfg.operations.jobs import narrow
+from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links._door import Door
 from atlantis_netcfg.operations.links._own import Silent
@@ -19,11 +18,10 @@ from atlantis_netcfg.operations.links._radio import read_radio
 from atlantis_netcfg.operations.links._router import read_router
 from atlantis_netcfg.operations.links._unit import UnitLook, read_by_driver, read_routeros
 from atlantis_netcfg.operations.lte import Unit
-from atlantis_netcfg.routeros.api import READING_WINDOW, Endpoint
 from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Iterator, Sequence
+    from collections.abc import Awaitable, Iterator, Sequence
 
     from atlantis_netcfg.bearers.policy import Way
     from atlantis_netcfg.events import Subscriber
@@ -118,7 +116,7 @@ class Round:
 
     def _door(self, host: Host) -> Door:
         """Raises UsageError for a link that its site does not have."""
-        made = door_to(self.declaration, self.router.site, host, self.request, self.notify, self.patience_s)
+        made = door_to(self.declaration, self.router.site, host, self.request, self.patience_s)
         self.doors[host.name] = made
         return made
 
@@ -130,52 +128,22 @@ class Round:
         return f"read in {answer.requests} requests" if isinstance(answer, UnitLook) else "read"
 
 
-def door_to(  # noqa: PLR0913, PLR0917 - all that a look knows
-    declaration: Declaration,
-    site: str,
-    host: Host,
-    request: Request,
-    notify: Subscriber,
-    patience_s: float = PATIENCE_S,
-) -> Door:
+def door_to(declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = PATIENCE_S) -> Door:
     """The way to a RouterOS device for one who is at a site, or looks at it from afar; nothing is opened yet.
 
     `patience_s`: for a connection over a fast link. Raises NothingMatched for a device of another kind, UsageError for
     a link that its site does not have, and for one that a rehearsal has no twin of.
     """
-    access = managed(declaration, host).access
-    pins = Store(request.state, rehearsed=request.rehearsed).pins
-    endpoint = Endpoint(
-        str(access.address),
-        access.port,
-        access.user,
-        access.password,
-        pins.get(host.name),
-        window=pins.window(host.name) or READING_WINDOW,
-        narrowed=partial(narrow, pins, host.name),
-    )
-    if request.rehearsed:
-        if host.name not in request.targets:
-            raise UsageError(f"{host.name} is not emulated in this rehearsal")
-        target = request.targets[host.name]
-        endpoint = replace(endpoint, host=target.host, port=target.port, pin=target.pin)
+    endpoint = endpoint_of(host, managed(declaration, host).access, request)
     router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), host)
     if _carrier(declaration, router, host, request).rtt_s < FAST_S:
         endpoint = replace(endpoint, connect_timeout_s=patience_s)
-    return Door(host.name, endpoint, _first_contact(pins.pin, notify))
+    return Door(host.name, endpoint)
 
 
 def _carrier(declaration: Declaration, router: Host, host: Host, request: Request) -> Bearer:
     here = host if host.site == router.site else router
     return bearer_of(declaration, here, request.via.get(here.name))
-
-
-def _first_contact(pin: Callable[[str, str], object], notify: Subscriber) -> Callable[[str, str], None]:
-    def pinned(name: str, certificate: str) -> None:
-        pin(name, certificate)
-        notify(Event(name, Stage.CONNECTING, f"first contact: its certificate is pinned, SHA-256 {certificate}"))
-
-    return pinned
 
 
 def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:

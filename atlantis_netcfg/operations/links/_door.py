@@ -1,4 +1,4 @@
-"""The way to one device that is only read: its endpoint, the pin of a first contact, and what the reading has cost."""
+"""The way to one device that is only read: its endpoint, and what the reading has cost."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.api import CertificateUnknown, Command, Session, Traffic
+from atlantis_netcfg.routeros.api import Command, Session, Traffic
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator
 
     from atlantis_netcfg.bearers.query import Query
     from atlantis_netcfg.routeros._types import Row
@@ -24,29 +24,16 @@ class Door:
 
     name: str
     endpoint: Endpoint
-    pin: Callable[[str, str], None]
-    """Called with name and certificate of a device that was never met, before the login is sent."""
     spent: list[Traffic] = field(default_factory=list)
 
     @asynccontextmanager
     async def opened(self) -> AsyncIterator[Session]:
         """A session that is closed at the end. Raises what `Session.open` raises, all of it a DeviceFailed."""
-        session = await self._open()
+        session = await Session.open(replace(self.endpoint, opening=self.spent.append))
         try:
             yield session
         finally:
             await session.close(wait=False)
-
-    async def _open(self) -> Session:
-        try:
-            return await self._logged_in()
-        except CertificateUnknown as unknown:
-            self.pin(self.name, unknown.fingerprint)
-            self.endpoint = replace(self.endpoint, pin=unknown.fingerprint)
-            return await self._logged_in()
-
-    async def _logged_in(self) -> Session:
-        return await Session.open(replace(self.endpoint, opening=self.spent.append))
 
     @property
     def connections(self) -> int:

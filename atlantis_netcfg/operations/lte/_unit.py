@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte import Registration, at, manual, modemmanager, rutos
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
-from atlantis_netcfg.console import UnknownHostKey, open_commands
+from atlantis_netcfg.console import open_commands
 from atlantis_netcfg.errors import DeviceFailed, NetcfgError
-from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.operations.simcard import TriedPin
 from atlantis_netcfg.site.model import LteDriver, LteRouter
 
@@ -19,12 +17,13 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.bearers.lte.rutos import LteSettings
+    from atlantis_netcfg.bearers.lte.rutos import LteSettings, RutosEndpoint
     from atlantis_netcfg.console import Commands
     from atlantis_netcfg.events import Subscriber
     from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.operations.request import Target
     from atlantis_netcfg.site import Host
+    from atlantis_netcfg.site.model import LteAccess
 
 __all__ = ["Look", "NotRehearsed", "Unit"]
 
@@ -105,24 +104,33 @@ class Unit:
         return readers[self.device.driver]()
 
     def shell(self) -> Commands:
-        """Log in to set things; the host key is pinned at first contact, before the password is sent.
-
-        Raises DeviceFailed.
-        """
-        access = self.device.access
-        assert access is not None  # noqa: S101 - `may_set` has said so
-        assert access.admin_user is not None  # noqa: S101 - as above
+        """Log in to set things. Raises DeviceFailed, before the password is sent where the host key is not known."""
+        access = self._access
+        assert access.admin_user is not None  # noqa: S101 - `may_set` has said so
         assert access.admin_password is not None  # noqa: S101 - as above
-        host, port, key = str(self.device.address), _SSH, self.pins.host_key(self.name)
-        if self.target is not None:
-            host, port, key = self.target.host, self.target.ssh or _SSH, self.target.host_key
-        opened = partial(open_commands, host, port, access.admin_user, access.admin_password)
-        try:
-            return opened(pin=key)
-        except UnknownHostKey as unknown:
-            self.pins.pin_host_key(self.name, unknown.fingerprint)
-            self._tell(f"first contact: its SSH host key is pinned, {unknown.fingerprint}")
-            return opened(pin=unknown.fingerprint)
+        (host, port), key = self.ssh, access.host_key or self.pins.host_key(self.name)
+        key = key if self.target is None else self.target.host_key
+        return open_commands(host, port, access.admin_user, access.admin_password, pin=key)
+
+    @property
+    def _access(self) -> LteAccess:
+        assert self.device.access is not None  # noqa: S101 - site/rules/lte.py
+        return self.device.access
+
+    @property
+    def endpoint(self) -> RutosEndpoint:
+        """Driver `rutos`: where its own interface is, and by which certificate it is known."""
+        access, target = self._access, self.target
+        host, port = str(self.device.address), access.port or _HTTPS
+        pin = access.fingerprint or self.pins.get(self.name)
+        if target is not None:
+            host, port, pin = target.host, target.port, target.pin
+        return rutos.RutosEndpoint(host, port, access.user, access.password, pin)
+
+    @property
+    def ssh(self) -> tuple[str, int]:
+        """Driver `rutos`: where its SSH server is."""
+        return (str(self.device.address), _SSH) if self.target is None else (self.target.host, self.target.ssh or _SSH)
 
     @property
     def pins(self) -> Pins:
@@ -140,18 +148,7 @@ class Unit:
         return bool(self.tried.why_not)
 
     def _rutos(self) -> Look:
-        access, target = self.device.access, self.target
-        assert access is not None  # noqa: S101 - site/rules/lte.py
-        host, port, pin = str(self.device.address), access.port or _HTTPS, self.pins.get(self.name)
-        if target is not None:
-            host, port, pin = target.host, target.port, target.pin
-        endpoint = rutos.RutosEndpoint(host, port, access.user, access.password, pin)
-        try:
-            found = rutos.read(endpoint)
-        except rutos.CertificateUnknown as unknown:
-            self.pins.pin(self.name, unknown.fingerprint)
-            self._tell(f"first contact: its certificate is pinned, SHA-256 {unknown.fingerprint}")
-            found = rutos.read(replace(endpoint, pin=unknown.fingerprint))
+        found = rutos.read(self.endpoint)
         self._identify(found.serial)
         reading = found.reading
         if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
@@ -182,6 +179,3 @@ class Unit:
 
     def _manual(self) -> Look:
         return Look(manual.read(), (manual.finding(str(self.device.address)),))
-
-    def _tell(self, message: str) -> None:
-        self.notify(Event(self.name, Stage.CONNECTING, message))

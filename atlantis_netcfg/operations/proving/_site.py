@@ -15,7 +15,7 @@ from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.proving._errors import NothingToProve
 from atlantis_netcfg.operations.proving._names import named_targets, resolve
 from atlantis_netcfg.operations.proving._prove import Pace, Proving
-from atlantis_netcfg.routeros.api import CertificateUnknown, Session, Traffic
+from atlantis_netcfg.routeros.api import Session, Traffic
 from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.site.model import BearerKind, Router
 
@@ -113,22 +113,9 @@ def try_out(declaration: Declaration, router: Host, request: Request, proving: P
 async def _try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
     job = device_job(declaration, router, request, NoJournal(), proving.notify)
     spent: list[Traffic] = []
-    endpoint = replace(job.endpoint, opening=spent.append)
-    try:
-        session = await Session.open(endpoint)
-    except CertificateUnknown as unknown:
-        if job.pin is not None:
-            job.pin(job.name, unknown.fingerprint)
-        session = await Session.open(replace(endpoint, pin=unknown.fingerprint))
-    async with session:
+    async with await Session.open(replace(job.endpoint, opening=spent.append)) as session:
         proof = await proving.run(session)
-    before = Traffic.total(spent[:-1]).bytes
-    return replace(
-        proof,
-        opening_bytes=proof.opening_bytes + before,
-        session_bytes=proof.session_bytes + before,
-        sessions=Traffic.total(spent).connections,
-    )
+    return replace(proof, sessions=Traffic.total(spent).connections)
 
 
 def previews(declaration: Declaration, proving: Proving) -> tuple[Preview, ...]:

@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.vpn._trouble import HostKeyChanged, ServerAway
 
 if TYPE_CHECKING:
@@ -20,13 +21,12 @@ _KEPT: Final = "-o ControlMaster=auto -o ControlPersist=30m -o ServerAliveInterv
 _CONNECT_S: Final = 120
 """Ansible's `timeout` there."""
 _NOT_FOUND: Final = 127
-_CHANGED: Final = ("REMOTE HOST IDENTIFICATION HAS CHANGED", "Host key verification failed")
 
 
 def ssh_words(access: Mapping[str, Any]) -> Sequence[str]:
     """Program and options up to the host; a command follows them. Ansible's own variables of the environment count."""
     kept = os.environ.get("ANSIBLE_SSH_ARGS", _KEPT)
-    words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(kept), *shlex.split(access["ssh_args"])]
+    words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(access["ssh_args"]), *shlex.split(kept)]
     if "ControlPersist" in kept:
         words += ["-o", f"ControlPath={control_path(access['host'], access['port'], access['user'])}"]
     if key := os.environ.get("ANSIBLE_PRIVATE_KEY_FILE"):
@@ -47,12 +47,8 @@ def in_words(name: str, access: Mapping[str, Any], code: int | None, said: str) 
     """What ssh has said last, for a person."""
     where = f"{access['user']}@{access['host']}, port {access['port']}"
     last = next((line.strip() for line in reversed(said.splitlines()) if line.strip()), f"exit {code}")
-    if any(words in said for words in _CHANGED):
-        return HostKeyChanged(
-            f"{name}: whoever answers at {access['host']} has another SSH host key than {name} had: nothing was told "
-            "to it",
-            hint=f"if {name} was set up anew: `ssh-keygen -R {name}`, then type the same again",
-        )
+    if (trouble := key_trouble(name, said)) is not None:
+        return HostKeyChanged(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
     if "Permission denied" in said:
         return ServerAway(
             f"{name} was reached, and does not let you in as {access['user']}: {last}",

@@ -18,7 +18,7 @@ from atlantis_netcfg.routeros.api._errors import (
     SessionLost,
     Unreachable,
 )
-from atlantis_netcfg.routeros.api._session import WINDOW, Session
+from atlantis_netcfg.routeros.api._session import WINDOW, Session, certificate_of
 from atlantis_netcfg.routeros.api._values import READING_WINDOW, Command, Endpoint, Reply, Traffic, Trap
 
 __all__ = [
@@ -38,4 +38,5 @@ __all__ = [
     "Traffic",
     "Trap",
     "Unreachable",
+    "certificate_of",
 ]

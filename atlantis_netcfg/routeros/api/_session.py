@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros.api._values import Command, Endpoint, Reply
 
-__all__ = ["WINDOW", "Session"]
+__all__ = ["WINDOW", "Session", "certificate_of"]
 
 WINDOW: Final = 24
 """Commands in flight at once, unless all of them read (`print`): for those `Endpoint.window` holds.
@@ -115,6 +115,16 @@ class Session:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self.close()
+
+
+async def certificate_of(endpoint: Endpoint) -> str:
+    """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises Unreachable."""
+    wire = await _connect(endpoint, Traffic())
+    try:
+        return fingerprint_of(endpoint, wire.transport)
+    finally:
+        wire.abort()
+        await wire.closed.wait()
 
 
 def _reads(command: Command) -> bool:

@@ -12,6 +12,7 @@ import ssl
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
+from atlantis_netcfg.errors import TRUST
 from atlantis_netcfg.routeros.api._errors import CertificateChanged, CertificateUnknown, Unreachable
 
 if TYPE_CHECKING:
@@ -142,7 +143,9 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
             self._traffic.send(len(data))
 
 
-_COMPARE = "compare it with `fingerprint` in  /certificate print detail  on the device's own console (cable, Winbox)"
+_COMPARE = (
+    "first compare it with `fingerprint` in  /certificate print detail  on the device's own console (cable, Winbox)"
+)
 
 
 def client_context() -> ssl.SSLContext:
@@ -167,9 +170,9 @@ def check_pin(endpoint: Endpoint, seen: str) -> None:
     """Compare certificate and pin. Raises CertificateUnknown without a pin, CertificateChanged if they differ."""
     if endpoint.pin is None:
         raise CertificateUnknown(
-            f"{endpoint}: this device was never met before, so its certificate is not known; it showed {seen}",
+            f"{endpoint}: its certificate is not known here, so it was told no password; it showed {seen}",
             fingerprint=seen,
-            hint=f"{_COMPARE}; if they are equal, pin {seen}",
+            hint=f"{TRUST}; or declare `fingerprint: {seen}` under its `access`, but {_COMPARE}",
         )
     pinned = endpoint.pin.replace(":", "").lower()
     if pinned != seen:
@@ -177,8 +180,9 @@ def check_pin(endpoint: Endpoint, seen: str) -> None:
             f"{endpoint}: the certificate is not the one of this device; pinned is {pinned}, it showed {seen}",
             pinned=pinned,
             seen=seen,
-            hint=f"{_COMPARE}; only if they are equal and the certificate was renewed on purpose, pin {seen} instead;"
-            " a device that stands in for another one is met by `provision adopt site=… device=… --replaced`",
+            hint=f"{_COMPARE}; only if they are equal and it was renewed on purpose: `provision trust site=…` asks"
+            " you to agree to it; a device that stands in for another one is met by"
+            " `provision adopt site=… device=… --replaced`",
         )
 
 

@@ -46,28 +46,19 @@ class Contact:
         return Traffic.total(self._traffic)
 
     async def open(self) -> Channel:
-        """Open a session; the certificate of a device that was never met is pinned before the login is sent.
-
-        Raises what `api.Session.open` raises.
-        """
-        try:
-            session = await self._job.connect(self._endpoint)
-        except CertificateUnknown as unknown:
-            if self._job.pin is None:
-                raise
-            self._job.pin(self._job.name, unknown.fingerprint)
-            self._endpoint = replace(self._endpoint, pin=unknown.fingerprint)
-            session = await self._job.connect(self._endpoint)
+        """Open a session. Raises what `api.Session.open` raises: one with whom nobody has agreed is told nothing."""
+        session = await self._job.connect(self._endpoint)
         self._open.append(session)
         return session
 
     async def reach(self, patience_s: float, why: str, *, insist: bool = True) -> Channel:
         """Open a session with a device that may be away, again and again. Raises the last failure.
 
-        A certificate that has changed meanwhile ends it at once, for that is another device; so does a refused login,
+        A certificate that is not the pinned one ends it at once, for that is another device; so does a refused login,
         unless we `insist`.
         """
-        final = (CertificateChanged,) if insist else (CertificateChanged, LoginRefused)
+        another = (CertificateChanged, CertificateUnknown)
+        final = another if insist else (*another, LoginRefused)
         failure = DeviceFailed(f"{self._job.name} was given no time to answer")
         for pause_s in self._pauses(patience_s):
             try:

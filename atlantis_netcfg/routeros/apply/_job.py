@@ -186,8 +186,6 @@ class DeviceJob:
     """What the session runs over, for the estimate; None: no estimate."""
     events: Subscriber = ignore
     journal: Recorder = field(default_factory=NoJournal)
-    pin: Callable[[str, str], object] | None = None
-    """Told name and certificate of a device that was never met; None: such a device is refused."""
     agreed: str | None = None
     """Hash of the plan that a person has agreed to: another one is not applied."""
     confirmed: Confirmed | None = None

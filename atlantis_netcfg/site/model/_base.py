@@ -23,6 +23,8 @@ __all__ = [
     "Currency",
     "Day",
     "DnsName",
+    "Fingerprint",
+    "HostKey",
     "HostName",
     "MacAddress",
     "Model",
@@ -170,6 +172,23 @@ def _sha256(value: object) -> str:
     return text
 
 
+def _fingerprint(value: object) -> str:
+    text = plain(value).replace(":", "").lower()
+    if not re.fullmatch(r"[0-9a-f]{64}", text):
+        raise wrong(
+            f"`{value}` is no fingerprint of a certificate: a SHA-256 has 64 hex digits",
+            "copy `fingerprint` of  /certificate print detail  on the device",
+        )
+    return text
+
+
+def _host_key(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"SHA256:[A-Za-z0-9+/]{43}", text):
+        raise wrong(f"`{text}` is no fingerprint of an SSH host key", "copy what `ssh-keygen -l` prints: SHA256:…")
+    return text
+
+
 def _day(value: object) -> str:
     text = value.isoformat() if type(value) is date else plain(value)
     try:
@@ -205,6 +224,10 @@ PortName = Annotated[str, BeforeValidator(_port)]
 """The factory name of a port (`default-name`)."""
 Sha256 = Annotated[str, BeforeValidator(_sha256)]
 """Of a file, in hex."""
+Fingerprint = Annotated[str, BeforeValidator(_fingerprint)]
+"""SHA-256 of a certificate, in hex."""
+HostKey = Annotated[str, BeforeValidator(_host_key)]
+"""SHA-256 of an SSH host key, as `ssh-keygen -l` prints it."""
 Day = Annotated[str, BeforeValidator(_day)]
 """As ISO 8601 has it."""
 Currency = Annotated[str, BeforeValidator(_currency)]

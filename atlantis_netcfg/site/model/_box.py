@@ -6,7 +6,18 @@ from typing import Annotated
 
 from pydantic import Field, StrictInt
 
-from atlantis_netcfg.site.model._base import Address, HostName, MacAddress, Model, Name, PortName, SecretText, Text
+from atlantis_netcfg.site.model._base import (
+    Address,
+    Fingerprint,
+    HostKey,
+    HostName,
+    MacAddress,
+    Model,
+    Name,
+    PortName,
+    SecretText,
+    Text,
+)
 
 __all__ = ["Access", "Box", "LanBox", "PowerSource"]
 
@@ -50,5 +61,9 @@ class Access(Model):
     """In group `full`."""
     password: SecretText
     """Vaulted, or EXAMPLE-…."""
+    fingerprint: Fingerprint | None = None
+    """Of its certificate; None: it is known on this computer alone, by `provision adopt` or `provision trust`."""
+    host_key: HostKey | None = None
+    """Of its SSH server; None: it is known on this computer alone, by `provision adopt`."""
     via: Name = "lan"
     """`lan` from the management port, or the bearer over which the technician works."""

@@ -132,6 +132,8 @@ class Ssh(Model):
     user: Account | None = None
     """None: the account of the image, else root; any other becomes root by `sudo`."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 22
+    host_key: SshKey | None = None
+    """Its public host key, like the line of its `/etc/ssh/ssh_host_ed25519_key.pub`; None: `known_hosts` has it."""
 
 
 class NetworkTool(StrEnum):

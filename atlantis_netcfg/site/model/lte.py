@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from atlantis_netcfg.site.model._base import Address, HostName, Model, SecretText, Text
+from atlantis_netcfg.site.model._base import Address, Fingerprint, HostKey, HostName, Model, SecretText, Text
 from atlantis_netcfg.site.model._box import Box
 
 __all__ = ["LteAccess", "LteDriver", "LteRouter", "Sim"]
@@ -51,6 +51,10 @@ class LteAccess(Model):
     password: SecretText
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None: 8729 with RouterOS, 443 with RutOS."""
+    fingerprint: Fingerprint | None = None
+    """Of its certificate; None: it is known on this computer alone, by `provision trust`."""
+    host_key: HostKey | None = None
+    """Of its SSH server; None: it is known on this computer alone, by `provision trust`."""
     admin_user: Text | None = None
     """RutOS: who may set things over SSH; None: settings are only checked."""
     admin_password: SecretText | None = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -201,18 +200,6 @@ def test_the_order_in_which_sentences_run_is_no_matter(tmp_path: Path, seed: int
     result, shuffled = on(bench, act)
     assert result.status is Status.CHANGED
     assert sorted(shuffled.splitlines()) == sorted(on(plain, act)[1].splitlines())
-
-
-def test_a_certificate_is_pinned_at_first_contact(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
-
-    async def act(bench: Bench) -> tuple[DeviceResult, str | None]:
-        unknown = replace(bench.job().endpoint, pin=None)
-        return await bench.converge(endpoint=unknown, pin=bench.store.pins.pin), bench.router.pin
-
-    result, pin = on(bench, act)
-    assert result.status is Status.CHANGED
-    assert bench.store.pins.get("router") == pin
 
 
 def test_a_result_is_json(tmp_path: Path) -> None:

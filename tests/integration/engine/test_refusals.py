@@ -56,7 +56,7 @@ def test_another_certificate(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, int]:
         job = bench.job()
         bench.router.recertify()
-        result = await bench.converge(endpoint=job.endpoint, pin=bench.store.pins.pin)
+        result = await bench.converge(endpoint=job.endpoint)
         return result, bench.router.counters().logins
 
     result, logins = on(bench, act)
@@ -66,15 +66,17 @@ def test_another_certificate(tmp_path: Path) -> None:
     assert bench.store.pins.get("router") is None
 
 
-def test_a_certificate_that_nobody_may_pin(tmp_path: Path) -> None:
+def test_a_certificate_that_nobody_has_agreed_to(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
-    async def act(bench: Bench) -> DeviceResult:
-        return await bench.converge(endpoint=replace(bench.job().endpoint, pin=None))
+    async def act(bench: Bench) -> tuple[DeviceResult, int]:
+        result = await bench.converge(endpoint=replace(bench.job().endpoint, pin=None))
+        return result, bench.router.counters().logins
 
-    result = on(bench, act)
-    assert result.status is Status.LEFT_AS_FOUND
-    assert "this device was never met before" in result.message
+    result, logins = on(bench, act)
+    assert (result.status, logins) == (Status.LEFT_AS_FOUND, 0)
+    assert "its certificate is not known here, so it was told no password" in result.message
+    assert bench.store.pins.get("router") is None
 
 
 def test_nobody_at_home(tmp_path: Path) -> None:

@@ -77,18 +77,18 @@ def at(proxy: Proxy, endpoint: Endpoint, **changes: Any) -> Endpoint:  # noqa: A
     [
         ({"password": Secret("another one")}, "refused the login", 1),
         ({"pin": "00" * 32}, "the certificate is not the one of this device", 1),
-        ({"pin": None}, "read back and kept", 3),
+        ({"pin": None}, "its certificate is not known here", 1),
     ],
 )
 def test_a_session_that_fails_is_told_as_well(
     tmp_path: Path, changes: dict[str, Any], message: str, sessions: int
 ) -> None:
-    """A refused login, another certificate, and a first contact, whose first session only learns the certificate."""
+    """A refused login, another certificate, and a device that nobody has agreed to, which is told nothing."""
 
     async def act(bench: Bench) -> None:
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
             endpoint = at(proxy, bench.job().endpoint, **changes)
-            result = await bench.converge(endpoint=endpoint, pin=lambda _name, _seen: None)
+            result = await bench.converge(endpoint=endpoint)
             assert message in result.message
             assert result.sessions == sessions
             compare(result, proxy.count)
@@ -150,15 +150,15 @@ def test_a_port_that_does_not_speak_tls_is_told_as_well(tmp_path: Path) -> None:
 def test_a_look_at_the_links_tells_failed_sessions_as_well(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
-            endpoint = at(proxy, bench.job().endpoint, pin=None)
-            door = Door("router", replace(endpoint, password=Secret("another one")), lambda _name, _seen: None)
+            endpoint = at(proxy, bench.job().endpoint)
+            door = Door("router", replace(endpoint, password=Secret("another one")))
             with pytest.raises(LoginRefused):
                 async with door.opened():
                     pass
             door.endpoint = replace(door.endpoint, password=Secret(PASSWORD))
             async with door.opened():
                 pass
-            assert door.connections == proxy.count.connections == 3
+            assert door.connections == proxy.count.connections == 2
             assert door.round_trips == proxy.count.round_trips
             assert door.bytes == pytest.approx(proxy.count.bytes, rel=0.1)
 

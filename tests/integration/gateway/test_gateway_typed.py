@@ -97,17 +97,26 @@ def typed(
     stand.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
     stand.gateway.run("rm -f /etc/os-release /etc/apt/sources.list /etc/apt/sources.list.d/*; systemctl daemon-reload")
     stand.gateway.put("/etc/os-release", "ID=ubuntu\nVERSION_CODENAME=focal\n")
+    stand.known.write_text(f"{NAME} {stand.gateway.host_key}\n")
     return stand
 
 
 def test_it_is_planned_done_and_done_again(typed: Typed, ground: Yard) -> None:  # noqa: F811 - a fixture
     typed.pack()
     bundle = str(typed.folder / "bundle")
+    known = typed.known.read_text()
+    typed.known.write_text("")
+    for flag in ("--plan", "--yes"):
+        refused = typed.provision(ground, flag, "--offline", bundle)
+        assert (refused["exit"], refused["devices"][NAME]["status"]) == (4, "left-as-found"), refused["errors"]
+        assert "its SSH host key is not the declared one, or is not known here" in refused["devices"][NAME]["message"]
+        assert "provision trust site=coastal" in refused["devices"][NAME]["hint"]
+        assert typed.known.read_text() == "", "it was not taken over"
+    typed.known.write_text(known)
     planned = typed.provision(ground, "--plan", "--offline", bundle)
     assert (planned["exit"], planned["devices"][NAME]["status"]) == (2, "planned"), planned["errors"]
     done = typed.provision(ground, "--yes", "--offline", bundle)
     assert (done["exit"], done["devices"][NAME]["status"]) == (0, "changed"), done["errors"]
-    assert "ssh-ed25519" in typed.known.read_text(), "its host key was kept at first contact"
     again = typed.provision(ground, "--yes", "--offline", bundle)
     assert (again["exit"], again["devices"][NAME]["changes"]) == (0, [])
     assert len(done["runs"]) == len(again["runs"]) == 1

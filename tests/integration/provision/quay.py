@@ -87,7 +87,7 @@ class Quay:
     def provision(self, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
         """Type a command; `inventory=` is added, and `only=`: nothing but the router stands at this quay."""
         done = subprocess.run(
-            [PROVISION, *typed, *self._only(typed), *self._inventory(typed)],
+            [PROVISION, *typed, *self.only(typed), *self._inventory(typed)],
             env=self.environment(),
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -127,7 +127,7 @@ class Quay:
         with os.fdopen(ours, "wb", buffering=0) as keyboard:
             keyboard.write(f"{answer}\n".encode())
             done = subprocess.run(
-                [PROVISION, *typed, *self._only(typed), *self._inventory(typed)],
+                [PROVISION, *typed, *self.only(typed), *self._inventory(typed)],
                 env=self.environment(),
                 stdin=theirs,
                 stdout=subprocess.PIPE,
@@ -142,7 +142,7 @@ class Quay:
     def _inventory(self, typed: tuple[str, ...]) -> tuple[str, ...]:
         return () if any(word.startswith("inventory=") for word in typed) else (f"inventory={self.inventory}",)
 
-    def _only(self, typed: tuple[str, ...]) -> tuple[str, ...]:
+    def only(self, typed: tuple[str, ...]) -> tuple[str, ...]:
         """Leave the bridge alone where a command is about the site; the engine's runs, which take `only=`."""
         runs = {"drift", "backup", "rollback", "site=coastal"}
         named = any(word.startswith(("only=", "--limit")) for word in typed)
@@ -194,7 +194,9 @@ def quay(folder: Path, *others: User) -> Iterator[Quay]:
         twins = stack.enter_context(spawn(spec, folder / "twins"))
         door = Door(twins.ready[ROUTER]["api_ssl"])
         stack.enter_context(forwarded(door))
-        yield Quay(root, folder / "state", spec, twins, door, stack)
+        opened = Quay(root, folder / "state", spec, twins, door, stack)
+        opened.adopt()
+        yield opened
 
 
 def _inventory(folder: Path) -> Path:

@@ -40,7 +40,8 @@ class Laptop:
             "ANSIBLE_VAULT_PASSWORD_FILE": str(stand.folder / "vault-password"),
             "ANSIBLE_SSH_EXTRA_ARGS": "-F none",
         }
-        known = f"-o UserKnownHostsFile={stand.folder / 'known-typed'} -o StrictHostKeyChecking=accept-new"
+        (stand.folder / "known-typed").write_text(f"{NAME} {stand.machine.host_key}\n")
+        known = f"-o UserKnownHostsFile={stand.folder / 'known-typed'}"
         # No connection is kept: strace would wait for the process that keeps it.
         self.environment["ANSIBLE_SSH_ARGS"] = f"-F none -i {stand.key} -o IdentitiesOnly=yes {known}"
 

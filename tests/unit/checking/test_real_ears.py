@@ -14,6 +14,7 @@ import pytest
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.errors import TRUST
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.checking import (
     NotReached,
@@ -140,13 +141,12 @@ def test_a_fault_of_the_program_is_told_after_all_else(stand: Stand) -> None:
 
 
 AWAY = "coastal-gateway was not reached: "
-FORGET = "`ssh-keygen -R coastal-gateway`, then let `provision` pin its key"
 BRING = "bring your key there: `ssh-copy-id coastal-gateway`"
 LOOK = "look at its power and its cable, then type the same again"
 NOBODY: Mapping[str, tuple[str, str]] = {
     "another host key": (
         "echo 'Host key verification failed.' >&2; exit 255",
-        f"{AWAY}Host key verification failed.; if it is a new computer or a new card: {FORGET}",
+        f"{AWAY}its SSH host key is not the declared one, or is not known here, so nothing was told to it; {TRUST}",
     ),
     "no way": (
         "echo 'ssh: connect to host 10.64.1.10 port 22: No route to host' >&2; exit 255",

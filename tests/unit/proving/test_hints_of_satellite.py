@@ -17,7 +17,7 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
 from atlantis_netcfg.cli import _outcome
 from atlantis_netcfg.console._keys import PinnedKey
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.proving._reading import read
 from atlantis_netcfg.operations.terminals import look
@@ -56,6 +56,12 @@ def reached(laptop: Laptop) -> list[str]:
         seen.append(f"{host.name} {arguments.flag('replaced')}")
         raise NothingBehindIt("it would be looked for")
 
+    def trust(*_: object) -> None:
+        seen.append("trust")
+        raise NothingBehindIt("it would be shown")
+
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.trust._one", trust)
+    laptop.monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.prove._prove", proof)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
     return seen
@@ -156,20 +162,15 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
         0,
         [],
     ),
-    "never met": (
-        never_met,
-        "`provision adopt site=… device=…` records it, over a cable that leads to nothing but the device",
-        7,
-        ["coastal-router False"],
-    ),
+    "never met": (never_met, TRUST, 7, ["trust"]),
     "another box": (
         another_box,
         (
-            "{}; only if they are equal and the certificate was renewed on purpose, pin {} instead; a device that "
-            "stands in for another one is met by `provision adopt site=… device=… --replaced`"
+            "{}; only if they are equal and it was renewed on purpose: `provision trust site=…` asks you to agree to "
+            "it; a device that stands in for another one is met by `provision adopt site=… device=… --replaced`"
         ),
         7,
-        ["coastal-router True"],
+        ["trust", "coastal-router True"],
     ),
     "upgraded": (
         upgraded,

@@ -22,6 +22,7 @@ def test_the_public_surface() -> None:
         "Traffic",
         "Trap",
         "Unreachable",
+        "certificate_of",
     ]
 
 

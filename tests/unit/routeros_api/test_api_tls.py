@@ -36,7 +36,7 @@ def test_another_certificate_is_refused_before_the_login_is_sent(tmp_path: Path)
     assert seen in str(error)
     assert error.hint is not None
     assert "/certificate print detail" in error.hint
-    assert seen in error.hint
+    assert "`provision trust site=…`" in error.hint
 
 
 def test_without_a_pin_the_fingerprint_is_told_and_no_login_sent(tmp_path: Path) -> None:
@@ -48,6 +48,7 @@ def test_without_a_pin_the_fingerprint_is_told_and_no_login_sent(tmp_path: Path)
 
     error, seen = asyncio.run(use())
     assert error.fingerprint == seen
+    assert "provision trust" in str(error.hint)
     assert seen in str(error)
     assert error.hint is not None
     assert "/certificate print detail" in error.hint

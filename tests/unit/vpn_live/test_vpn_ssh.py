@@ -65,7 +65,7 @@ def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyP
             255,
             "@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.\n",
             HostKeyChanged,
-            "has another SSH host key than scc-vpn had",
+            "it shows another SSH host key than before",
             "ssh-keygen -R scc-vpn",
         ),
         (255, "tech@192.0.2.10: Permission denied (publickey).\n", ServerAway, "does not let you in", "ssh-copy-id"),

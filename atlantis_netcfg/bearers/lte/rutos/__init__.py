@@ -29,7 +29,7 @@ from atlantis_netcfg.bearers.lte.rutos._settings import (
     pin_held,
     removal,
 )
-from atlantis_netcfg.bearers.lte.rutos._wire import TIMEOUT_S, RutosEndpoint
+from atlantis_netcfg.bearers.lte.rutos._wire import TIMEOUT_S, RutosEndpoint, certificate_of
 
 __all__ = [
     "PIN",
@@ -51,6 +51,7 @@ __all__ = [
     "RutosUnreachable",
     "SettingRefused",
     "batch",
+    "certificate_of",
     "changes",
     "modem_of",
     "parse_show",

@@ -10,8 +10,11 @@ from __future__ import annotations
 import hashlib
 import http.client
 import json
+import socket
 import ssl
-from dataclasses import dataclass
+import threading
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.rutos._errors import (
@@ -21,13 +24,14 @@ from atlantis_netcfg.bearers.lte.rutos._errors import (
     RutosRefused,
     RutosUnreachable,
 )
+from atlantis_netcfg.errors import TRUST
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.secret import Secret
 
-__all__ = ["TIMEOUT_S", "Answer", "RutosEndpoint", "Wire"]
+__all__ = ["TIMEOUT_S", "Answer", "RutosEndpoint", "Wire", "certificate_of"]
 
 TIMEOUT_S = 180.0
 """Certus has gaps of 70 s in practice (FFI report 20/01338); an answer may wait for two of them."""
@@ -66,6 +70,7 @@ class Wire:
     def __init__(self, endpoint: RutosEndpoint) -> None:
         self._endpoint = endpoint
         self._connection: http.client.HTTPSConnection | None = None
+        self._line: socket.socket | None = None
         self.requests = 0
         self.sent = 0
         """Bytes of paths and bodies, without headers and TLS."""
@@ -73,6 +78,7 @@ class Wire:
 
     def close(self) -> None:
         """Let the connection go."""
+        self._let_go()
         if self._connection is not None:
             self._connection.close()
             self._connection = None
@@ -91,7 +97,7 @@ class Wire:
             raise NotOffered(f"{self._endpoint}: the unit's firmware does not offer {path} (HTTP {status})")
         try:
             return Answer(status, json.loads(text) if text else None)
-        except ValueError:
+        except (ValueError, RecursionError):
             return Answer(status, None)
 
     def _exchange(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
@@ -116,15 +122,49 @@ class Wire:
             raise self._unreachable(error) from error
 
     def _once(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
-        connection = self._connection or self._open()
-        self.requests += 1
-        connection.request(method, path, body=data, headers=dict(headers))
-        response = connection.getresponse()
-        text = response.read(_LARGEST + 1)
+        with self._ended_in_time():
+            if self._connection is not None and self._connection.sock is None:
+                self.close()  # the unit has said that it would
+            connection = self._connection or self._open()
+            self.requests += 1
+            connection.request(method, path, body=data, headers=dict(headers))
+            response = connection.getresponse()
+            text = response.read(_LARGEST + 1)
         if len(text) > _LARGEST:
             self.close()
             raise RutosRefused(f"{self._endpoint}: the answer to {path} is larger than {_LARGEST} bytes")
         return response.status, text
+
+    @contextmanager
+    def _ended_in_time(self) -> Iterator[None]:
+        """End a request that is not over in time: the time-out of a socket begins anew with each byte.
+
+        So does http.client's patience with `100 Continue`.
+        """
+        longest_s, late = 2 * self._endpoint.timeout_s, threading.Event()
+
+        def hang_up() -> None:
+            late.set()
+            if self._line is not None:
+                with suppress(OSError):
+                    self._line.shutdown(socket.SHUT_RDWR)
+
+        clock = threading.Timer(longest_s, hang_up)
+        clock.daemon = True
+        clock.start()
+        try:
+            yield
+        except (OSError, http.client.HTTPException):
+            if not late.is_set():
+                raise
+        finally:
+            clock.cancel()
+        if late.is_set():
+            self.close()
+            raise RutosUnreachable(
+                f"{self._endpoint}: the 4G unit has not ended its answer within {longest_s:g} s",
+                hint="is this the unit that is declared? Switch it off and on",
+            )
 
     def _open(self) -> http.client.HTTPSConnection:
         endpoint = self._endpoint
@@ -136,29 +176,45 @@ class Wire:
         connection = http.client.HTTPSConnection(
             endpoint.host, endpoint.port, timeout=endpoint.timeout_s, context=context
         )
-        connection.connect()
+        connection.auto_open = 0  # by itself it would come back to whoever answers then, without a look
+        wire = socket.create_connection((endpoint.host, endpoint.port), endpoint.timeout_s)
         try:
+            self._hold(wire)
+            connection.sock = context.wrap_socket(wire, server_hostname=endpoint.host)
             self._compare(connection)
         except BaseException:
+            wire.close()
             connection.close()
+            self._let_go()
             raise
         self._connection = connection
         return connection
+
+    def _hold(self, wire: socket.socket) -> None:
+        """Keep a second hand on the connection: TLS takes the first, and may be waiting with it."""
+        self._let_go()
+        self._line = wire.dup()
+
+    def _let_go(self) -> None:
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
 
     def _compare(self, connection: http.client.HTTPSConnection) -> None:
         der = connection.sock.getpeercert(binary_form=True) or b""
         seen = hashlib.sha256(der).hexdigest()
         if self._endpoint.pin is None:
             raise CertificateUnknown(
-                f"{self._endpoint}: this unit was never met before; it showed the certificate {seen}",
+                f"{self._endpoint}: its certificate is not known here, so it was told no password; it showed {seen}",
                 fingerprint=seen,
-                hint="the first run pins it",
+                hint=f"{TRUST}; or declare `fingerprint: {seen}` under its `access`",
             )
         if self._endpoint.pin != seen:
             raise CertificateChanged(
                 f"{self._endpoint}: the certificate is not the one of this unit; "
                 f"pinned is {self._endpoint.pin}, it showed {seen}",
-                hint="another device at this address, a reset unit, or somebody in between: no password was sent to it",
+                hint="another device at this address, a reset unit, or somebody in between: no password was sent to it;"
+                f" only if you have reset it: {TRUST}",
             )
 
     def _unreachable(self, error: BaseException) -> RutosUnreachable:
@@ -167,3 +223,15 @@ class Wire:
             f"{self._endpoint}: the 4G unit does not answer ({why})",
             hint="has it power, and does its own page open in a browser at that address?",
         )
+
+
+def certificate_of(endpoint: RutosEndpoint) -> str:
+    """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises RutosUnreachable."""
+    wire = Wire(replace(endpoint, pin=None))
+    try:
+        wire.ask("GET", "/")
+    except CertificateUnknown as unknown:
+        return unknown.fingerprint
+    finally:
+        wire.close()
+    raise AssertionError("without a pin nothing is sent")

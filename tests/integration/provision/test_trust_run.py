@@ -1,0 +1,146 @@
+"""A device that nobody has agreed to is told nothing, whatever is typed; it is agreed to on a terminal, or declared."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+from hints_said import advised, said
+from impostor import Impostor, impostor
+from npk_files import write
+from quay import ADDRESS, ROUTER, Quay, quay
+
+from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.journal import Store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+UNKNOWN = "its certificate is not known here, so it was told no password"
+OPENING: dict[str, tuple[str, ...]] = {
+    "plan": ("site=coastal", "--plan"),
+    "change": ("site=coastal", "--yes"),
+    "drift": ("drift", "site=coastal"),
+    "backup": ("backup", "site=coastal"),
+    "links": ("links", "site=coastal", "--accept-cost"),
+    "prove": ("prove", "site=coastal", "--accept-cost"),
+    "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=FILE", "--plan"),
+    "check": ("check", "site=coastal", "endpoint=site", "--accept-cost"),
+}
+"""Every command that opens a session to a router, with what it needs to come so far."""
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        Store(opened.state).pins.change(ROUTER, None)
+        yield opened
+
+
+@pytest.fixture
+def nobody(at: Quay, tmp_path: Path) -> Iterator[Impostor]:
+    """Somebody else answers at the router's address."""
+    with impostor(tmp_path) as who:
+        at.door.port = who.port
+        yield who
+
+
+def trusted(at: Quay) -> str | None:
+    return Store(at.state).pins.get(ROUTER)
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["unknown", "another"])
+@pytest.mark.parametrize("name", OPENING)
+def test_nobody_is_told_a_password_before_he_is_known(
+    at: Quay, nobody: Impostor, tmp_path: Path, name: str, *, known: bool
+) -> None:
+    """Also with `--json`, and where the device that answers is another one than the one that is known."""
+    if known:
+        at.adopt()
+    file = write(tmp_path, "routeros", "7.21.5", "arm64")
+    words = tuple(word.replace("FILE", str(file)) for word in OPENING[name])
+    for more in ((), ("--json",)):
+        done = at.provision(*words, *more, code=6 if name in {"links", "check"} else 4)
+        told = done.stdout + done.stderr
+        assert "the certificate is not the one of this device" in told if known else UNKNOWN in told
+        assert "provision trust site=coastal" in told or name == "check"
+    assert nobody.handshakes >= 2, "it was contacted, and told nothing all the same"
+    assert bytes(nobody.heard) == b""
+    assert trusted(at) == (at.twins.ready[ROUTER]["pin"] if known else None)
+
+
+def test_plain_ansible_refuses_a_router_that_is_not_declared(at: Quay, nobody: Impostor) -> None:
+    done = at.playbook()
+    assert done.returncode != 0
+    assert UNKNOWN in " ".join(done.stdout.split())
+    assert (nobody.handshakes >= 1, bytes(nobody.heard), trusted(at)) == (True, b"", None)
+
+
+def test_a_person_is_shown_the_certificate_and_agrees(at: Quay) -> None:
+    shown = at.twins.ready[ROUTER]["pin"]
+    refused = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)
+    assert f"its certificate is {shown}" in refused
+    assert (trusted(at), "nothing was changed" in refused) == (None, True)
+    said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="yes", code=0)
+    assert "/certificate print detail" in said
+    assert f"fingerprint: {shown}" in said
+    assert trusted(at) == shown
+    assert "as agreed to before" in at.typed("trust", "site=coastal", f"only={ROUTER}", answer="", code=0)
+    at.provision("site=coastal", "--plan", code=2)
+
+
+def test_what_is_advised_leads_on(at: Quay) -> None:
+    """The command is typed as it was printed; then the run goes through."""
+    refused = at.provision("site=coastal", "--plan", code=4)
+    (words, *_) = advised(said(refused.stdout + refused.stderr, TRUST))
+    at.typed(*words, f"only={ROUTER}", answer="yes", code=0)
+    at.provision("site=coastal", "--plan", code=2)
+
+
+def test_without_a_terminal_nobody_agrees(at: Quay, nobody: Impostor) -> None:
+    done = at.provision("trust", "site=coastal", f"only={ROUTER}", code=3)
+    assert "nobody is here to agree to an identity, so nothing was trusted" in done.stderr
+    assert (nobody.handshakes, trusted(at)) == (0, None)
+
+
+def test_another_certificate_is_shown_beside_the_one_of_before(at: Quay, nobody: Impostor) -> None:
+    at.adopt()
+    before = at.twins.ready[ROUTER]["pin"]
+    said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)
+    assert f"its certificate is {nobody.fingerprint}; agreed to before was {before}" in said
+    assert (trusted(at), bytes(nobody.heard)) == (before, b"")
+
+
+def declare(at: Quay, fingerprint: str) -> None:
+    """Write it under the router's `access`."""
+    file = at.inventory / "host_vars" / f"{ROUTER}.yml"
+    text, found = re.subn(
+        rf"address: {ADDRESS[0]}\b", rf"\g<0>, fingerprint: {fingerprint}", file.read_text(encoding="utf-8"), count=1
+    )
+    assert found == 1
+    file.write_text(text, encoding="utf-8")
+
+
+def test_the_inventory_carries_the_fingerprint(at: Quay) -> None:
+    """For every door, with a state folder that has never seen the device."""
+    shown = at.twins.ready[ROUTER]["pin"]
+    declare(at, f'"{":".join(re.findall("..", shown)).upper()}"')
+    at.provision("site=coastal", "--plan", code=2)
+    assert at.playbook("--check").returncode == 0
+    assert trusted(at) is None
+    assert "as declared" in at.typed("trust", "site=coastal", f"only={ROUTER}", answer="", code=0)
+
+
+def test_the_inventory_counts_before_this_computer(at: Quay, nobody: Impostor) -> None:
+    Store(at.state).pins.change(ROUTER, nobody.fingerprint)
+    declare(at, at.twins.ready[ROUTER]["pin"])
+    told = json.loads(at.provision("site=coastal", "--plan", "--json", code=4).stdout)
+    assert "the certificate is not the one of this device" in told["devices"][ROUTER]["message"]
+    said = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="yes", code=4)
+    assert "and the inventory declares" in said
+    assert bytes(nobody.heard) == b""

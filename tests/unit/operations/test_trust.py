@@ -1,0 +1,118 @@
+"""How a computer's SSH host key is known: declared, or in OpenSSH's own list, and never taken over silently."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.operations import Request
+from atlantis_netcfg.operations.computers._access import key_trouble
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.trust import Computer, KeyState, has_identity
+from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.site import load
+from atlantis_netcfg.site.model import Gateway
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.site import Declaration
+
+GATEWAY = "coastal-gateway"
+KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIP8Drwn6vGvGUsdb7vuANhLXoEo1vLPfZKpFqfBMlfd8"
+
+
+def declared(key: str | None) -> Declaration:
+    shipped = load(checkout() / "inventory")
+    host = shipped.hosts[GATEWAY]
+    assert isinstance(host.device, Gateway)
+    device = host.device.model_copy(update={"ssh": host.device.ssh.model_copy(update={"host_key": key})})
+    return replace(shipped, hosts={**shipped.hosts, GATEWAY: replace(host, device=device)})
+
+
+def options(declaration: Declaration, state: Path) -> list[str]:
+    access = PARTS[ACCESS](declaration, declaration.hosts[GATEWAY], Request(state=state))
+    return [word for word in shlex.split(access["ssh_args"]) if word != "-o"]
+
+
+def test_a_key_that_is_not_declared_has_to_be_known_already(tmp_path: Path) -> None:
+    assert options(declared(None), tmp_path) == [f"HostKeyAlias={GATEWAY}", "StrictHostKeyChecking=yes"]
+    assert not (tmp_path / "known_hosts").exists()
+
+
+def test_a_declared_key_alone_counts(tmp_path: Path) -> None:
+    state = tmp_path / "a folder"
+    told = options(declared(KEY), state)
+    assert told[1] == "StrictHostKeyChecking=yes"
+    file = state / "known_hosts" / GATEWAY
+    assert f'UserKnownHostsFile="{file}"' in told
+    assert "GlobalKnownHostsFile=/dev/null" in told
+    assert file.read_text() == f"{GATEWAY} {KEY}\n"
+    options(declared(KEY.replace("Mlfd8", "Mlfd9")), state)
+    assert file.read_text() == f"{GATEWAY} {KEY.replace('Mlfd8', 'Mlfd9')}\n"
+
+
+@pytest.mark.parametrize(
+    ("said", "told", "hint"),
+    [
+        ("No ED25519 host key is known for x\nHost key verification failed.", "is not known here", "provision trust"),
+        ("@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.", "another", "-R x"),
+    ],
+)
+def test_what_openssh_refuses_is_put_into_words(said: str, told: str, hint: str) -> None:
+    trouble = key_trouble("x", said)
+    assert trouble is not None
+    assert told in trouble[0]
+    assert hint in trouble[1]
+
+
+def test_any_other_trouble_is_none_of_the_key() -> None:
+    assert key_trouble("x", "ssh: connect to host x port 22: No route to host") is None
+
+
+@pytest.mark.parametrize(
+    ("said", "state"),
+    [
+        ("root@x: Permission denied (publickey).", KeyState.KNOWN),
+        ("Host key verification failed.", KeyState.UNKNOWN),
+        ("REMOTE HOST IDENTIFICATION HAS CHANGED!\nHost key verification failed.", KeyState.CHANGED),
+    ],
+)
+def test_a_look_at_a_key_logs_nobody_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, state: KeyState
+) -> None:
+    typed = stand_in(tmp_path, monkeypatch, said)
+    declaration = declared(None)
+    assert Computer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look() is state
+    words = typed.read_text()
+    for option in ("BatchMode=yes", "PreferredAuthentications=none", "ControlPath=none", f"HostKeyAlias={GATEWAY}"):
+        assert option in words
+
+
+def test_who_does_not_answer_is_told_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in(tmp_path, monkeypatch, "ssh: connect to host x port 22: No route to host")
+    declaration = declared(None)
+    with pytest.raises(DeviceFailed, match="was not reached: ssh: connect to host x port 22: No route to host"):
+        Computer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look()
+
+
+def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, said: str) -> Path:
+    """Put a program in the place of OpenSSH that says this; what it was called with is in the file."""
+    typed, program = folder / "typed", folder / "bin" / "ssh"
+    program.parent.mkdir()
+    program.write_text(f"#!/bin/sh\necho \"$@\" > {typed}\nprintf '%s\\n' {shlex.quote(said)} >&2\nexit 255\n")
+    program.chmod(0o700)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    return typed
+
+
+def test_every_kind_that_somebody_logs_in_to_has_an_identity() -> None:
+    hosts = load(checkout() / "inventory").hosts.values()
+    kinds = {host.device.kind for host in hosts if has_identity(host)}
+    assert kinds >= {"router", "cpe", "gateway", "vpn_server"}
+    assert "satellite_terminal" not in kinds
