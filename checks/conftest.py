@@ -17,6 +17,7 @@ from atlantis_netcfg.errors import NetcfgError
 from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.printable import lines
 from atlantis_netcfg.site import choose, load
 from atlantis_netcfg.verdicts import Verdict
 from checks.checklist_asked import Asking, How, told, waits
@@ -205,5 +206,5 @@ def answers(promised: Promises, asked: dict[str, Answers | str], request: pytest
             asked[name] = str(why)
     found = asked[name]
     if isinstance(found, str):
-        pytest.fail(found, pytrace=False)
+        pytest.fail(lines(found), pytrace=False)
     return found

@@ -7,6 +7,8 @@ import json
 import os
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from atlantis_netcfg.printable import lines
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -22,12 +24,14 @@ def content(path: Path) -> bytes:
 
 def canonical(data: object) -> bytes:
     """The form that is hashed and signed: sorted keys, no blanks, UTF-8."""
-    return json.dumps(data, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":")).encode()
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":")).encode(
+        errors="replace"
+    )
 
 
 def written(data: object) -> bytes:
-    """The form in which a file is kept."""
-    return json.dumps(data, ensure_ascii=False, allow_nan=False, indent=1).encode() + b"\n"
+    """The form in which a file is kept: whoever prints it prints no control character of a device."""
+    return lines(json.dumps(data, ensure_ascii=False, allow_nan=False, indent=1)).encode() + b"\n"
 
 
 def parsed(data: bytes) -> Any:  # noqa: ANN401 - what JSON holds

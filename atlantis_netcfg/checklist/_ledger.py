@@ -162,7 +162,7 @@ class Ledger:
     def _line(self, record: Begun | GoneOn | Result | Superseded) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
-        return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+        return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
 
     def _take_back(self, size: int, failure: BaseException) -> None:
         """Half a record is worse than none; if even this fails, reading cuts the torn line off."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.printable import Printer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,7 +136,10 @@ class _Reader(io.FileIO):
 
 
 def _open_streams() -> None:
-    """A console that cannot show a character gets a question mark, and one that is closed nothing: neither a crash."""
+    """A console that cannot show a character gets a question mark, and one that is closed nothing: neither a crash.
+
+    Whatever is printed goes through a `Printer`: nothing that a device has said moves the cursor or turns the text.
+    """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         # `provision … <&-`: else the next file that is opened becomes our standard input.
         if getattr(sys, name) is None:
@@ -143,19 +147,21 @@ def _open_streams() -> None:
             os.set_inheritable(nothing, True)
             setattr(sys, name, os.fdopen(nothing, "w" if number else "r", encoding="utf-8", closefd=False))
         stream = getattr(sys, name)
-        if number == 0 or not isinstance(stream, io.TextIOWrapper):
+        if isinstance(stream, Printer):
             continue
-        stream.reconfigure(errors="replace")
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+        if number == 0:
+            continue
         if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _Reader):
             buffered = io.BufferedWriter(_Reader(number, "w", closefd=False))
-            setattr(
-                sys,
-                name,
-                io.TextIOWrapper(buffered, stream.encoding, "replace", line_buffering=stream.line_buffering),
-            )
+            stream = io.TextIOWrapper(buffered, stream.encoding, "replace", line_buffering=stream.line_buffering)
+        setattr(sys, name, Printer(stream))
 
 
-def _number_of(stream: io.TextIOWrapper) -> int | None:
+def _number_of(stream: object) -> int | None:
+    if not isinstance(stream, io.TextIOWrapper):
+        return None
     try:
         return stream.fileno()
     except OSError:  # somebody captures what we print

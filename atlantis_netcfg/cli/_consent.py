@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.cli._outcome import signal_of
 from atlantis_netcfg.errors import DeviceFailed, UsageError
 from atlantis_netcfg.operations.costs import unpaid
@@ -36,7 +37,7 @@ def agreed(question: str) -> None:
 def _answer(question: str) -> str:
     """What a person types; nothing at the end of the input. Raises Declined at Ctrl-C: nothing was sent yet."""
     try:
-        return input(question)
+        return input(printable.lines(question))
     except EOFError:
         return ""
     except KeyboardInterrupt as stop:

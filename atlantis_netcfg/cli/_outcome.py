@@ -7,6 +7,7 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, complete
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments, Command
 
-__all__ = ["Stopped", "as_typed", "carried", "crashed", "failed", "harmless", "interrupted", "signal_of", "tell"]
+__all__ = ["Stopped", "as_typed", "carried", "crashed", "failed", "interrupted", "signal_of", "tell"]
 
 _CARRIED = ("inventory", "authority")
 _ADVISED = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)
@@ -122,12 +123,7 @@ def tell(errors: Sequence[NetcfgError]) -> None:
 def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
     for message, hint in errors:
         lines = message.splitlines() + (hint.splitlines() if hint else [])
-        text = "\n".join(f"{'       ' if place else 'error: '}{harmless(line)}" for place, line in enumerate(lines))
+        text = "\n".join(
+            f"{'       ' if place else 'error: '}{printable.line(line)}" for place, line in enumerate(lines)
+        )
         print(text, file=sys.stderr)
-
-
-def harmless(line: str) -> str:
-    """A line in which nothing moves the cursor, hides text or turns its direction: errors repeat what was typed."""
-    if line.isprintable():
-        return line
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in line)

@@ -8,6 +8,7 @@ import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.events import Stage, ignore
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
 def line(event: Event) -> str:
     """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
     count = f" {event.done}/{event.total}" if event.total else ""
-    return f"  {event.device:<18} {event.stage}{count}  {event.message}".rstrip()
+    return printable.line(f"  {event.device:<18} {event.stage}{count}  {event.message}".rstrip())
 
 
 @contextmanager
@@ -100,7 +101,7 @@ def _live(out: TextIO) -> Iterator[Subscriber]:
 
     latest: dict[str, tuple[Event, float]] = {}
     names: set[str] = set()
-    console = Console(file=out)
+    console = Console(file=getattr(out, "stream", out))  # what it draws is its own, and its lines are filtered
 
     def text(event: Event, since: float) -> Text:
         age_s = time.monotonic() - since

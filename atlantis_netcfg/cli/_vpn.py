@@ -6,6 +6,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Flag, Word
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def tell(
         print(json.dumps({"exit": int(code), "errors": rows, **told}, ensure_ascii=False))
         return code
     for line in lines:
-        print(_outcome.harmless(_outcome.as_typed(line, typed)))
+        print(printable.line(_outcome.as_typed(line, typed)))
     sys.stdout.flush()
     _outcome.tell(errors)
     return code

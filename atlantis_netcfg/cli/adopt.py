@@ -174,13 +174,17 @@ def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
 
 
 def _show(standing: str, steps: tuple[str, ...]) -> None:
+    from atlantis_netcfg import printable
+
     print(f"the router is {standing}; the steps:", flush=True)
     for number, step in enumerate(steps, start=1):
-        print(f"  {number}. {step}", flush=True)
+        print(f"  {number}. {printable.line(step)}", flush=True)
 
 
 def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
     import json
+
+    from atlantis_netcfg import printable
 
     if arguments.flag("json"):
         told: Mapping[str, Any] = {**result.as_json(), "errors": []}
@@ -188,9 +192,9 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
         return result.exit
     if arguments.flag("plan") and result.steps:
         _show(result.standing, result.steps)
-    print(f"  {result.device:<18} {result.message}")
+    print(f"  {result.device:<18} {printable.below(result.message, 21)}")
     for note in result.notes:
-        print(f"  {'':<18} note: {note}")
+        print(f"  {'':<18} note: {printable.below(note, 27)}")
     if result.run:
         print(f"  recorded as {result.run}")
     if arguments.flag("rehearse"):

@@ -89,12 +89,12 @@ def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | Non
 
 
 def _line(row: Mapping[str, Any]) -> str:
-    from atlantis_netcfg.cli._outcome import harmless
+    from atlantis_netcfg import printable
 
     if "exit" not in row:
-        return harmless(f"{row['run']}  {row['state']}: {row['why']}")
+        return printable.line(f"{row['run']}  {row['state']}: {row['why']}")
     scope = "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
-    return harmless(f"{row['run']}  {_green(row)}, {_standing(row)}{scope}")
+    return printable.line(f"{row['run']}  {_green(row)}, {_standing(row)}{scope}")
 
 
 def _green(row: Mapping[str, Any]) -> str:
@@ -111,11 +111,11 @@ def _standing(row: Mapping[str, Any]) -> str:
 
 
 def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
-    from atlantis_netcfg.cli._outcome import harmless
+    from atlantis_netcfg import printable
 
     if since is None:
         yield "there was no green one before the newest"
         return
     yield f"since {since['run']}, which was green:{'' if since['changes'] else ' nothing has changed'}"
     for one in since["changes"]:
-        yield harmless(f"  {one['id']}: {one['before'] or 'none'} -> {one['after'] or 'none'}: {one['message']}")
+        yield printable.line(f"  {one['id']}: {one['before'] or 'none'} -> {one['after'] or 'none'}: {one['message']}")

@@ -117,14 +117,16 @@ def _row(name: str, place: Path, document: Document | None, troubles: Sequence[T
 
 
 def _lines(row: Mapping[str, Any]) -> Iterator[str]:
-    from atlantis_netcfg.cli._outcome import harmless
+    from atlantis_netcfg import printable
 
     rehearsed = ", rehearsed" if row["rehearsed"] else ""
     if not row["troubles"]:
         signed = row["signed"]
-        yield harmless(f"{row['name']}{rehearsed}: as {signed['by']} signed it at {signed['at']}, key {signed['key']}")
+        yield printable.line(
+            f"{row['name']}{rehearsed}: as {signed['by']} signed it at {signed['at']}, key {signed['key']}"
+        )
         return
-    yield harmless(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})")
+    yield printable.line(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})")
     for one in row["troubles"]:
-        yield harmless(f"  {one['file']}: {one['what']}")
-        yield harmless(f"    -> {one['hint']}")
+        yield printable.line(f"  {one['file']}: {one['what']}")
+        yield printable.line(f"    -> {one['hint']}")

@@ -90,10 +90,12 @@ def run(arguments: Arguments) -> ExitCode:
 
 def _show(opened: Session, prepared: Prepared) -> None:
     """Print what would be sent, what it costs, and what it brings with it."""
+    from atlantis_netcfg import printable
+
     if opened.as_json:
         return
     seen, upgrade = prepared.seen.installed, prepared.upgrade
-    print(f"{prepared.job.name}: {seen.board}, RouterOS {seen.version} -> {upgrade.version}")
+    print(f"{prepared.job.name}: {printable.line(seen.board)}, RouterOS {seen.version} -> {upgrade.version}")
     for package in upgrade.send:
         print(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
     dear = ", which is paid by the byte" if prepared.bearer.metered else ""
@@ -122,12 +124,14 @@ def _ask(opened: Session, prepared: Prepared, request: Request) -> Request:
 def _close(opened: Session, upgraded: Upgraded) -> ExitCode:
     import json
 
+    from atlantis_netcfg import printable
+
     if opened.as_json:
         print(json.dumps(upgraded.as_json(), ensure_ascii=False))
         return upgraded.exit
-    print(f"  {upgraded.device:<18} {upgraded.message}")
+    print(f"  {upgraded.device:<18} {printable.below(upgraded.message, 21)}")
     for line in filter(None, (upgraded.hint, *(f"note: {note}" for note in upgraded.notes))):
-        print(f"  {'':<18} {line}")
+        print(f"  {'':<18} {printable.below(line, 21)}")
     if upgraded.run:
         print(f"  recorded as {upgraded.run}")
     return upgraded.exit

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
 from atlantis_netcfg.cli._vpn import AUTHORITY
 
@@ -83,9 +84,9 @@ def _installed(opened: Session) -> ExitCode:
         print(json.dumps({**found.as_json(), "errors": errors, "rehearsed": opened.rehearsed}, ensure_ascii=False))
         return found.exit
     _show(opened, found)
-    print(f"{found.device}: {found.message}")
+    print(f"{found.device}: {printable.below(found.message, 4)}")
     for line in filter(None, [found.hint, f"recorded as {found.run}" if found.run else None]):
-        print(f"  {line}")
+        print(f"  {printable.below(line, 4)}")
     return found.exit
 
 
@@ -96,4 +97,4 @@ def _error(found: Installed) -> dict[str, str | None]:
 def _show(opened: Session, found: Installed) -> None:
     if not opened.as_json:
         for line in (*found.changes, *(f"note: {note}" for note in found.notes)):
-            print(f"  {line}", flush=True)
+            print(f"  {printable.below(line, 4)}", flush=True)

@@ -43,7 +43,7 @@ class Log:
 def line(entry: Entry) -> bytes:
     """The record as one line of the file."""
     data = {"at": entry.at.isoformat(timespec="milliseconds"), **_RECORDS.dump_python(entry.record, mode="json")}
-    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode() + b"\n"
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace") + b"\n"
 
 
 def read(path: Path) -> Log:

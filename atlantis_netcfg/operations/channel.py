@@ -38,8 +38,8 @@ class Channel:
     def _send(self, data: Mapping[str, Any]) -> None:
         if self._descriptor is None:
             return
-        line = json.dumps(data, ensure_ascii=False) + "\n"
-        rest = memoryview(line.encode())
+        line = json.dumps(data, ensure_ascii=False) + "\n"  # bytes that are no text arrive as `?`
+        rest = memoryview(line.encode(errors="replace"))
         with suppress(BrokenPipeError):
             while rest:
                 rest = rest[os.write(self._descriptor, rest) :]

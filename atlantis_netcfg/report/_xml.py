@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
+from atlantis_netcfg.printable import visible
+
 __all__ = ["add", "clean", "count", "skip", "tell", "total", "written"]
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -12,8 +14,8 @@ _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def clean(text: str) -> str:
-    """Text that XML can hold."""
-    return _NOT_XML.sub("\ufffd", text)
+    """Text that XML can hold, and that shows every character: what cannot be seen is written out."""
+    return _NOT_XML.sub("\ufffd", visible(text))
 
 
 def add(case: ET.Element, tag: str, kind: str, text: str) -> None:

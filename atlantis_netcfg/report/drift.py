@@ -7,6 +7,7 @@ from datetime import datetime
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.errors import ExitCode, worst
 from atlantis_netcfg.report.cost import cost_lines
 from atlantis_netcfg.verdicts import Verdict
@@ -82,10 +83,10 @@ class DriftReport:
 
     def _lines(self) -> Iterator[str]:
         for name, result in self.devices.items():
-            yield f"{name}: {'ERROR, ' if verdict(result) == 'ERROR' else ''}{result['message']}"
-            yield from (f"  {line}" for line in self._beside(name, result))
+            yield f"{name}: {'ERROR, ' if verdict(result) == 'ERROR' else ''}{printable.below(result['message'], 4)}"
+            yield from (f"  {printable.below(line, 4)}" for line in self._beside(name, result))
             if result["comparison"] is not None:
-                yield from drift_lines(result["comparison"]).splitlines()
+                yield from drift_lines(result["comparison"]).split("\n")[:-1]
             yield ""
         yield from (f"{name}: {why}" for name, why in self.skipped.items())
         if self.rehearsed:
@@ -133,7 +134,7 @@ def drift_lines(comparison: Mapping[str, Any]) -> str:
 
 def difference_lines(difference: Mapping[str, Any], confirmed: Mapping[str, str] | None) -> Iterable[str]:
     """Return one difference: what, whose, since when, and who did it as far as the device remembers."""
-    yield f"{difference['kind']:<8} {difference['subject']}"
+    yield printable.line(f"{difference['kind']:<8} {difference['subject']}")
     details = [
         f"{one['name']}: declared {_shown(one['declared'])}, found {_shown(one['found'])}"
         for one in difference["fields"]
@@ -144,7 +145,7 @@ def difference_lines(difference: Mapping[str, Any], confirmed: Mapping[str, str]
     if difference["history"]:
         done = difference["history"]
         details.append(f"the device remembers: {done['action']}, by {done['by']}, {done['at']} by its clock")
-    yield from (f"{'':<8} {line}" for line in details)
+    yield from (f"{'':<8} {printable.line(one)}" for one in details)
 
 
 def _owner(difference: Mapping[str, Any]) -> str:

@@ -81,7 +81,7 @@ class LinksReport:
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
         looked = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
         yield from (f"{looked} {name}: {one['words']}" for name, one in self.costs.items())
-        yield from (f"note: {note}" for note in self.notes)
+        yield from (f"note: {' '.join(note.split())}" for note in self.notes)
         yield from (f"not rehearsed: {one}" for one in self.not_rehearsed)
         yield self._closing()
 

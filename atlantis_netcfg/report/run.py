@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.errors import ExitCode, worst
 from atlantis_netcfg.report.cost import asked, cost_lines
 
@@ -105,16 +106,16 @@ class RunReport:
 
     def _lines(self) -> Iterable[str]:
         for name, result in self.devices.items():
-            yield f"  {name:<18} {result['message']}{_cost(result)}"
+            yield f"  {name:<18} {printable.below(result['message'], 21)}{_cost(result)}"
             if result["hint"]:
-                yield f"  {'':<18} {result['hint']}"
+                yield f"  {'':<18} {printable.below(result['hint'], 21)}"
             yield from self._bill(result)
             for one in self.passes:
                 if one.device == name:
                     yield f"  {'':<18} again over {one.bearer}: {_left(one)}{_cost(one.result)}"
                     yield from self._bill(one.result)
-            yield from (f"  {'':<18} note: {note}" for note in result["notes"])
-            yield from (f"  {'':<18} drift: {drift['message']}" for drift in result["drift"])
+            yield from (f"  {'':<18} note: {printable.below(note, 21)}" for note in result["notes"])
+            yield from (f"  {'':<18} drift: {printable.below(drift['message'], 21)}" for drift in result["drift"])
         yield from (f"  {name:<18} not rehearsed: {why}" for name, why in self.left_out.items())
         for name, kind in self.not_handled.items():
             yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
@@ -146,7 +147,8 @@ def _plan(result: Mapping[str, Any]) -> Iterable[str]:
         yield f"  {result['message']}"
         return
     nothing = f"  {result['message']}" if result["status"] == "planned" else "  nothing to change"
-    yield from result["diff"].rstrip().splitlines() or [nothing]
+    diff = result["diff"].rstrip().expandtabs()
+    yield from diff.split("\n") if diff else [nothing]
     estimate = result["estimate"]
     if estimate is not None:
         size = estimate["bytes"] / 1000

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.checklist import Refused
 from atlantis_netcfg.checklist.people import named
-from atlantis_netcfg.cli._outcome import harmless
 from atlantis_netcfg.near import nearest
 
 if TYPE_CHECKING:
@@ -34,12 +34,12 @@ class Desk:
 
     def say(self, text: str = "") -> None:
         """Print lines; what came from a device or a file cannot move the cursor."""
-        self._say("\n".join(map(harmless, text.split("\n"))))
+        self._say(printable.lines(text))
 
     def ask(self, question: str) -> str:
         """One answer, which may be empty. Raises Later."""
         try:
-            answer = self._ask(f"{question} ").strip()
+            answer = self._ask(f"{printable.lines(question)} ").strip()
         except EOFError:
             raise Later from None
         if answer.lower() == LATER:

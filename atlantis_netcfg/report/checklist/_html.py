@@ -24,7 +24,6 @@ from atlantis_netcfg.report.checklist._words import (
     headline,
     scope,
     title,
-    visible,
 )
 
 if TYPE_CHECKING:
@@ -89,7 +88,7 @@ def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
     """Write out what cannot be seen, in all that is printed."""
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    return clean(visible(value))
+    return clean(value)
 
 
 def _data_uri(photo: Photo) -> str:

@@ -13,7 +13,7 @@ from atlantis_netcfg.errors import ExitCode
 from atlantis_netcfg.report._xml import add, clean, count, skip, tell, written
 from atlantis_netcfg.report.checklist._grid import grid
 from atlantis_netcfg.report.checklist._states import State, state
-from atlantis_netcfg.report.checklist._words import closing, evidence_words, signed, visible
+from atlantis_netcfg.report.checklist._words import closing, evidence_words, signed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +28,7 @@ _FAILURES = frozenset({State.FAIL, State.INCONCLUSIVE, State.OPEN})
 def junit(document: Document) -> bytes:
     """The file, the same for the same document."""
     rehearsed = ", rehearsed: nothing real was checked" if document.rehearsed else ""
-    root = ET.Element("testsuites", name=_name(f"checklist of {document.site}{rehearsed}"))
+    root = ET.Element("testsuites", name=clean(f"checklist of {document.site}{rehearsed}"))
     root.append(_whole(document))
     for row in grid(document).rows:
         if row.items:
@@ -43,16 +43,16 @@ def _whole(document: Document) -> ET.Element:
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
         add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    tell(case, visible("\n".join((f"run {document.run}", closing(document), signed(document)))))
+    tell(case, "\n".join((f"run {document.run}", closing(document), signed(document))))
     count(suite)
     return suite
 
 
 def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
     seconds = sum(item.seconds or 0 for item in items)
-    suite = ET.Element("testsuite", name=_name(key), time=f"{seconds:.3f}")
+    suite = ET.Element("testsuite", name=clean(key), time=f"{seconds:.3f}")
     for item in items:
-        given = {"name": _name(item.id), "classname": _name(key), "time": f"{item.seconds or 0:.3f}"}
+        given = {"name": clean(item.id), "classname": clean(key), "time": f"{item.seconds or 0:.3f}"}
         _judge(ET.SubElement(suite, "testcase", given), item)
     count(suite)
     return suite
@@ -60,14 +60,14 @@ def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
 
 def _judge(case: ET.Element, item: Item) -> None:
     shown = state(item)
-    words = visible("\n".join(filter(None, (item.message, item.hint))))
+    words = "\n".join(filter(None, (item.message, item.hint)))
     if shown in _FAILURES:
         add(case, "failure", str(shown), words)
     elif shown is State.ERROR:
         add(case, "error", str(shown), words)
     elif shown is State.SKIP:
-        skip(case, visible(item.message))
-    tell(case, visible("\n".join(_told(item))))
+        skip(case, item.message)
+    tell(case, "\n".join(_told(item)))
 
 
 def _told(item: Item) -> Iterator[str]:
@@ -82,11 +82,7 @@ def _told(item: Item) -> Iterator[str]:
 def _left_out(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="left out", time="0")
     for one in document.left_out:
-        case = ET.SubElement(suite, "testcase", name=_name(one.what), classname="left out", time="0")
-        skip(case, visible(one.why))
+        case = ET.SubElement(suite, "testcase", name=clean(one.what), classname="left out", time="0")
+        skip(case, one.why)
     count(suite)
     return suite
-
-
-def _name(text: str) -> str:
-    return clean(visible(text))

@@ -6,8 +6,8 @@ import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.printable import visible
 from atlantis_netcfg.report.checklist._states import SYMBOLS
-from atlantis_netcfg.report.checklist._words import visible
 
 if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist._states import State

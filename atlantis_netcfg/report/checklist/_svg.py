@@ -13,7 +13,6 @@ from atlantis_netcfg.report.checklist._colours import TINTS, css_class
 from atlantis_netcfg.report.checklist._layout import layout, states
 from atlantis_netcfg.report.checklist._shapes import BADGE_HEIGHT, letters_of
 from atlantis_netcfg.report.checklist._states import SYMBOLS
-from atlantis_netcfg.report.checklist._words import visible
 
 if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist._shapes import Badge, Box, Wire
@@ -47,8 +46,8 @@ def drawing_svg(document: Document) -> str:
             "font-family": "system-ui, 'DejaVu Sans', sans-serif",
         },
     )
-    ET.SubElement(root, "title", id="drawing-title").text = _text(f"Drawing of {document.title}")
-    ET.SubElement(root, "desc", id="drawing-words").text = _text("\n".join(described(document)))
+    ET.SubElement(root, "title", id="drawing-title").text = clean(f"Drawing of {document.title}")
+    ET.SubElement(root, "desc", id="drawing-words").text = clean("\n".join(described(document)))
     for wire in shapes.wires:
         _wire(root, wire)
     for box in shapes.boxes:
@@ -74,10 +73,6 @@ def described(document: Document) -> list[str]:
 
 def _beside(words: str) -> str:
     return f", {words}" if words else ""
-
-
-def _text(text: str) -> str:
-    return clean(visible(text))
 
 
 def _group(root: ET.Element, state: State | None, kind: str) -> ET.Element:
@@ -117,4 +112,4 @@ def _badge(root: ET.Element, badge: Badge) -> None:
 
 def _write(group: ET.Element, text: str, at: tuple[float, float], how: dict[str, str]) -> None:
     given = {"x": f"{at[0]:g}", "y": f"{at[1]:g}", "text-anchor": "middle", **how}
-    ET.SubElement(group, "text", given).text = _text(text)
+    ET.SubElement(group, "text", given).text = clean(text)

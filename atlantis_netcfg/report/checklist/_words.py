@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.printable import visible
 from atlantis_netcfg.report.checklist._states import GREEN, State, state
 from atlantis_netcfg.report.checklist.document import EvidenceType
 
@@ -27,7 +27,6 @@ __all__ = [
     "scope",
     "signed",
     "title",
-    "visible",
 ]
 
 _TITLES = {
@@ -42,15 +41,6 @@ _TITLES = {
     "site": "Site",
     "vpn": "VPN",
 }
-_UNSEEN = re.compile(
-    "[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb]"
-)
-"""Control characters (a tabulator and a line feed are none here), and those that hide or turn the text beside them."""
-
-
-def visible(text: str) -> str:
-    """Text of people and devices, where what cannot be seen is written out as `U+202E`."""
-    return _UNSEEN.sub(lambda found: f"U+{ord(found[0]):04X}", text.replace("\r\n", "\n"))
 
 
 def title(endpoint: str) -> str:

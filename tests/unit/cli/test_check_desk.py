@@ -224,4 +224,4 @@ def test_the_end_of_the_input_is_later() -> None:
 def test_what_is_said_cannot_move_the_cursor() -> None:
     said: list[str] = []
     Desk(say=said.append).say("one\x1b[2Jtwo\nthree")
-    assert said == ["one\\x1b[2Jtwo\nthree"]
+    assert said == ["one\\u001b[2Jtwo\nthree"]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.printable import visible
 from atlantis_netcfg.report._xml import clean
-from atlantis_netcfg.report.checklist._words import visible
 
 if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist import Document

@@ -11,11 +11,11 @@ from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
 from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.printable import visible
 from atlantis_netcfg.report.checklist import Document, lines
 from atlantis_netcfg.report.checklist._grid import grid
 from atlantis_netcfg.report.checklist._html import html
 from atlantis_netcfg.report.checklist._junit import junit
-from atlantis_netcfg.report.checklist._words import visible
 
 
 def harmless(document: Document) -> None:

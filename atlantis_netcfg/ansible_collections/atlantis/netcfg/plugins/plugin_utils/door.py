@@ -57,6 +57,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Do what is asked; an error of ours is told in its own words, with its hint."""
         from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.printable import lines  # noqa: PLC0415 - as above
 
         end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)
@@ -72,7 +73,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
             result.update(self.perform(asked))
         except NetcfgError as error:
             hint = f"\n{error.hint}" if error.hint else ""
-            raise AnsibleActionFail(f"{error}{hint}") from error
+            raise AnsibleActionFail(lines(f"{error}{hint}")) from error
         finally:
             end_if_orphaned()
         return result

@@ -1,0 +1,82 @@
+r"""Text for a screen or a page: what a terminal would obey, or what hides or turns the text beside it, is written out.
+
+Every stream of the command line is a `Printer`, so that no text of a device, a file or a person reaches a terminal in
+another way. The form `\u001b` is that of JSON as well, so that one filter serves both.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+__all__ = ["Printer", "below", "cleaned", "line", "lines", "visible"]
+
+_UNSEEN = re.compile(
+    "[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb]"
+)
+"""Control characters (a tabulator and a line feed are none here), and those that hide or turn the text beside them."""
+_BMP = 0xFFFF
+
+
+def line(text: str) -> str:
+    """Text of one line."""
+    return text if text.isprintable() else "".join(one if one.isprintable() else _escaped(one) for one in text)
+
+
+def lines(text: str) -> str:
+    """Text whose line ends are those of the layout."""
+    return "\n".join(map(line, text.split("\n")))
+
+
+def below(text: str, column: int) -> str:
+    """Words of more than one line, or with a line end that a device has sent: the lines stand below each other."""
+    return text.replace("\n", f"\n{'':<{column}}")
+
+
+def cleaned(value: Any) -> Any:  # noqa: ANN401 - JSON of any shape
+    """Data for another program that prints it, as Ansible does."""
+    if isinstance(value, str):
+        return lines(value)
+    if isinstance(value, Mapping):
+        return {key: cleaned(one) for key, one in value.items()}
+    return [cleaned(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def _escaped(character: str) -> str:
+    code = ord(character)
+    if code <= _BMP:
+        return f"\\u{code:04x}"
+    high, low = divmod(code - _BMP - 1, 0x400)
+    return f"\\u{0xD800 + high:04x}\\u{0xDC00 + low:04x}"
+
+
+def visible(text: str) -> str:
+    """Text for a page, where what cannot be seen is written out as `U+202E`."""
+    return _UNSEEN.sub(lambda found: f"U+{ord(found[0]):04X}", text.replace("\r\n", "\n"))
+
+
+class _Stream(Protocol):
+    def write(self, text: str, /) -> int:
+        """Write."""
+
+
+class Printer:
+    """A text stream that shows every character and obeys none but the line feed."""
+
+    def __init__(self, stream: _Stream) -> None:
+        self.stream = stream
+        """For those who draw on the terminal, and filter what they are told themselves."""
+
+    def write(self, text: str, /) -> int:
+        """Write, and say how much as the stream itself would."""
+        self.stream.write(lines(text))
+        return len(text)
+
+    def writelines(self, texts: Any, /) -> None:  # noqa: ANN401 - any iterable of texts
+        """Write them all."""
+        for text in texts:
+            self.write(text)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+        return getattr(self.stream, name)
