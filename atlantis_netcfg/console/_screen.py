@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["WIDTH", "Screen"]
+__all__ = ["MOST", "WIDTH", "Screen"]
 
 WIDTH = 511
 """Columns asked for by the login flag `511w`."""
+MOST = 2 * 1024 * 1024
+"""Characters between two clearings; the largest text that is read, a whole export, has some hundred thousand."""
 
+_LONGEST_ESCAPE = 32
+_NUMBER = re.compile("[0-9]{1,4}")
 _ESCAPE = re.compile(r"\x1b(?:\[([0-9;?]*)([@-~])|[()][A-Za-z0-9]|([^\[()]))")
 _PARTIAL = re.compile(r"\x1b(?:\[[0-9;?]*|[()])?\Z")
 
@@ -19,25 +23,29 @@ class Screen:
     def __init__(self) -> None:
         self.lines: list[str] = [""]
         self.replies = b""
+        self.size = 0
+        """Characters since it was cleared."""
         self._column = 0
         self._rest = ""
 
     def clear(self) -> None:
         """Forget the lines; the one with the cursor stays empty."""
         self.lines = [""]
+        self.size = 0
         self._column = 0
 
     def feed(self, data: bytes) -> None:
         """Show what the device sent."""
         text = self._rest + data.decode("latin-1")
         self._rest = ""
+        self.size += len(data)
         place = 0
         while place < len(text):
             char = text[place]
             if char == "\x1b":
                 match = _ESCAPE.match(text, place)
                 if match is None:
-                    if _PARTIAL.match(text, place):
+                    if len(text) - place < _LONGEST_ESCAPE and _PARTIAL.match(text, place):
                         self._rest = text[place:]
                         return
                     place += 1
@@ -82,16 +90,21 @@ class Screen:
         elif command == "K":
             self._erase(arguments)
         elif command == "D":
-            self._column = max(0, self._column - int(arguments or 1))
+            self._column = max(0, self._column - _count(arguments))
         elif command == "C":
-            self._column = min(WIDTH - 1, self._column + int(arguments or 1))
+            self._column = min(WIDTH - 1, self._column + _count(arguments))
         elif command == "J":
             self._erase(arguments)
         elif command == "G":
-            self._column = max(0, int(arguments or 1) - 1)
+            self._column = min(WIDTH, _count(arguments)) - 1
 
     def _erase(self, arguments: str) -> None:
         if arguments in ("", "0"):
             self.lines[-1] = self.lines[-1][: self._column]
         elif arguments == "2":
             self.lines[-1] = ""
+
+
+def _count(arguments: str) -> int:
+    """How far; what is no number moves by one, as what is left out does."""
+    return max(1, min(int(arguments), WIDTH)) if _NUMBER.fullmatch(arguments) else 1

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import serial
 
 from atlantis_netcfg.console._errors import ConsoleLost, ConsoleUnreachable, LoginFailed
-from atlantis_netcfg.console._screen import Screen
+from atlantis_netcfg.console._screen import MOST, Screen
 from atlantis_netcfg.console._terminal import CTRL_C, CTRL_D, ENTER, FLAGS, Terminal
 from atlantis_netcfg.console._types import CONNECT_S
 from atlantis_netcfg.console._wire import WireLost
@@ -163,6 +163,8 @@ class _Login:
             )
         data = self._wire.read(timeout_s)
         self.screen.feed(data)
+        if self.screen.size > MOST:
+            raise ConsoleUnreachable(f"{self._name}: what is on this line sends without an end: no RouterOS console")
         return data
 
     def _tail(self) -> str:

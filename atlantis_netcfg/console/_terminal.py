@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.console._errors import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
 from atlantis_netcfg.console._rows import parse_rows
-from atlantis_netcfg.console._screen import WIDTH, Screen
+from atlantis_netcfg.console._screen import MOST, WIDTH, Screen
 from atlantis_netcfg.console._types import COMMAND_S
 from atlantis_netcfg.console._wire import Wire, WireLost
 from atlantis_netcfg.secret import MASK
@@ -253,6 +253,8 @@ class Terminal:
         except WireLost as error:
             raise self._gone("the connection was lost", in_flight=in_flight) from error
         self._screen.feed(data)
+        if self._screen.size > MOST:
+            raise self._gone(f"it has sent more than {MOST} characters without an end", in_flight=in_flight)
         if self._screen.replies:
             replies, self._screen.replies = self._screen.replies, b""
             self._send(replies, in_flight=in_flight)

@@ -113,6 +113,6 @@ def _rows(answer: Answer | None) -> list[dict[str, Any]]:
         return []
     try:
         told = json.loads(answer.out or "[]")
-    except ValueError:
+    except (ValueError, RecursionError):
         return []
     return [row for row in told if isinstance(row, dict)] if isinstance(told, list) else []

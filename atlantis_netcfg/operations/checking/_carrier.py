@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Carrier", "Ended", "unheeded"]
 
+_MOST = 64 * 1024 * 1024
+"""Bytes that one process may print."""
+
 
 @dataclass(frozen=True, slots=True)
 class Ended:
@@ -49,7 +52,7 @@ class Carrier:
             out = self._through(process)
             process.wait()
             errors.seek(0)
-            return Ended(process.returncode, out, errors.read(), overdue.is_set())
+            return Ended(process.returncode, out, errors.read(_MOST), overdue.is_set())
 
     def _started(self, argv: Sequence[str], errors: IO[bytes]) -> subprocess.Popen[bytes]:
         pipe = subprocess.PIPE
@@ -96,10 +99,13 @@ class Carrier:
         assert process.stdout is not None  # noqa: S101
         feeder = threading.Thread(target=_fed, args=(process.stdin, self.feed), daemon=True)
         feeder.start()
-        lines = []
-        for line in process.stdout:
+        lines, room = [], _MOST
+        while line := process.stdout.readline(room):
             lines.append(line)
+            room -= len(line)
             self.line(line)
+        if room <= 0:
+            self.stop()  # it sends without an end
         feeder.join()
         return b"".join(lines)
 

@@ -63,7 +63,7 @@ class Listener:
         except RuntimeError as fault:
             self._faults.append(fault)
             return
-        except (ValueError, LookupError, TypeError):
+        except (ValueError, LookupError, TypeError, RecursionError):
             return
         self.answers[told["key"]] = answer
         self.tell(told["key"], answer)

@@ -61,7 +61,7 @@ async def look(endpoint: Endpoint) -> Seen:
         resource, packages, radios, files = await session.flight(_READS)
     finally:
         await session.close()
-    (about,) = resource.checked().rows or ({},)
+    about = next(iter(resource.checked().rows), {})
     return Seen(
         Installed(
             version=_version(about.get("version", "")),

@@ -11,7 +11,7 @@ import asyncio
 import re
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from ipaddress import IPv4Address, IPv4Network
+from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
@@ -156,7 +156,7 @@ class Importing:
         )
 
     def _check_version(self, resource: Reply) -> None:
-        (about,) = resource.checked().rows or ({},)
+        about = next(iter(resource.checked().rows), {})
         try:
             version = Version.parse(about.get("version", ""))
         except ValueError:
@@ -207,10 +207,10 @@ class Importing:
                 yield f"interface {self.tunnel.name}: {', '.join(other)}"
 
     def _comes_by(self, routes: tuple[Mapping[str, str], ...], active: tuple[Mapping[str, str], ...]) -> bool:
-        networks = [IPv4Network(row["dst-address"], strict=False) for row in routes if row.get("dst-address")]
+        networks = [_network(row.get("dst-address", "")) for row in routes]
         ours = [row for row in active if row.get("name") == self.endpoint.user and "api" in row.get("via", "")]
-        peers = [IPv4Address(row["address"]) for row in ours if row.get("address", "").count(".") == 3]  # noqa: PLR2004
-        return any(peer in network for peer in peers for network in networks)
+        peers = [_network(row.get("address", "")) for row in ours]
+        return any(peer.subnet_of(network) for peer in peers if peer for network in networks if network)
 
     # --- doing -----------------------------------------------------------------------------------------------------
 
@@ -322,3 +322,11 @@ async def _do(session: Session, path: str, **arguments: str) -> None:
         raise DeviceFailed(
             str(refused), hint="nothing of a key is left on it in a file; type the same again when the reason is gone"
         ) from refused
+
+
+def _network(text: str) -> IPv4Network | None:
+    """An address or a network as a device prints it; None for what is neither."""
+    try:
+        return IPv4Network(text, strict=False)
+    except ValueError:
+        return None

@@ -40,6 +40,8 @@ _VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
 _START_S: Final = 150.0
 """For the first word: a connection may begin in a gap of 70 s, and the tool goes over the link after it."""
 _ANSWER_S: Final = 300.0
+_MOST: Final = 64 * 1024 * 1024
+"""Bytes of one line."""
 
 
 class ServerLink(Protocol):
@@ -174,7 +176,7 @@ class _Link:
         while b"\n" not in self._buffer:
             ready, _, _ = select.select([self._process.stdout], [], [], max(0.0, end - time.monotonic()))
             got = os.read(self._process.stdout.fileno(), 65536) if ready else b""
-            if not got:
+            if not got or len(self._buffer) > _MOST:
                 return None
             self._buffer += got
         line, _, self._buffer = self._buffer.partition(b"\n")
@@ -263,8 +265,8 @@ def _packed(told: dict[str, Any]) -> bytes:
 def _unpacked(line: bytes) -> dict[str, Any]:
     """Raises ValueError for a line that is torn."""
     try:
-        told = json.loads(zlib.decompress(base64.b64decode(line, validate=True)))
-    except zlib.error as error:
+        told = json.loads(zlib.decompressobj().decompress(base64.b64decode(line, validate=True), _MOST))
+    except (zlib.error, RecursionError) as error:
         raise ValueError(str(error)) from error
     if not isinstance(told, dict):
         raise ValueError("no answer")  # noqa: TRY004 - as any other that is torn

@@ -100,7 +100,7 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Findin
         return text
     try:
         found = json.loads(text or "[]")
-    except ValueError:
+    except (ValueError, RecursionError):
         return unreadable(who, what)
     if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
         return unreadable(who, what)

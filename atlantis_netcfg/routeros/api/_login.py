@@ -32,7 +32,7 @@ async def _ask(wire: Wire, endpoint: Endpoint, proof: tuple[str, str]) -> Reply:
     command = Command("/login", (("name", endpoint.user), proof))
     patience_s = min(endpoint.connect_timeout_s, endpoint.reply_timeout_s)
     try:
-        (reply,) = await wire.exchange([command], patience_s)
+        (reply,) = await wire.exchange([command], patience_s, patience_s)
     except SessionLost as lost:
         raise type(lost)(f"{lost} (during the login of `{endpoint.user}`)", in_flight=False) from None
     if reply.trap is not None:

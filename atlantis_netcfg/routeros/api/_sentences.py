@@ -9,6 +9,7 @@ Source: manual, API, "API words" and "API sentences".
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -18,18 +19,36 @@ from librouteros.protocol import (
     encode_length,
 )
 
-__all__ = ["MAX_SENTENCE", "Answer", "Decoder", "GarbageError", "encode", "parse"]
+from atlantis_netcfg.routeros.api._errors import ProtocolError
+
+__all__ = ["MAX_SENTENCE", "Answer", "Decoder", "GarbageError", "Row", "encode", "parse"]
 
 MAX_SENTENCE: Final = 16 * 1024 * 1024
 """Bytes; far more than any row, so that a garbled length is noticed before memory is."""
 
+MAX_WORDS: Final = 10_000
+"""Of one sentence; a row has less than a hundred."""
+MAX_DIGITS: Final = 1_000
+"""Digits beside each other; the largest counter has twenty, and Python refuses to read a number of some thousands."""
 _LONGER: Final = 0x80
 """From this first byte on a length has more than one byte."""
 _FIVE_BYTES: Final = 0xF0
 _FIVE_BYTES_FROM: Final = 0x10000000
 _REPLIES: Final = frozenset({"!re", "!done", "!empty", "!trap", "!fatal"})
+_NUMBER: Final = re.compile(rf"[0-9]{{{MAX_DIGITS},}}")
 _SHOWN: Final = 20
 _SHOWN_TEXT: Final = 200
+
+
+class Row(dict[str, str]):
+    """The attributes of one sentence; one that is not there is what the device has left out, and no mistake of ours."""
+
+    def __missing__(self, name: str) -> str:
+        raise ProtocolError(
+            f"the device has sent an answer without `{name}`, which every RouterOS sends",
+            in_flight=False,
+            hint="is this the device that is declared, and is its RouterOS whole?",
+        )
 
 
 class GarbageError(ValueError):
@@ -75,6 +94,8 @@ class Decoder:
         while (word := self._word(start)) is not None:
             begin, start = word
             if begin < start:
+                if len(self._words) >= MAX_WORDS:
+                    raise GarbageError(f"an answer of more than {MAX_WORDS} words")
                 self._words.append(self._buffer[begin:start].decode("utf-8", "surrogateescape"))
                 self._size += start - begin
             elif self._words:
@@ -131,16 +152,26 @@ def parse(words: tuple[str, ...]) -> Answer:
         text = " ".join(word for word in rest if not word.startswith("."))
         return Answer(reply, None, {}, "".join(char if char.isprintable() else " " for char in text[:_SHOWN_TEXT]))
     tag: str | None = None
-    attributes: dict[str, str] = {}
+    attributes = Row()
     for word in rest:
         name, equals, value = word[1:].partition("=")
         if not equals or word[0] not in "=.":
             raise GarbageError(f"{_shown(word)} in the place of an attribute of {reply}")
         if word.startswith("="):
+            if len(value) > MAX_DIGITS and _NUMBER.search(value):
+                raise GarbageError(f"a number of more than {MAX_DIGITS} digits as {_plain(name)}")
             attributes[name] = value
         elif name == "tag":
             tag = value
     return Answer(reply, tag, attributes)
+
+
+def _plain(name: str) -> str:
+    return (
+        f"`{name}`"
+        if name.isascii() and name.isprintable() and len(name) <= _SHOWN
+        else f"a name of {len(name)} characters"
+    )
 
 
 def _shown(word: str) -> str:

@@ -7,6 +7,7 @@ import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.routeros.api._errors import FellSilent, ProtocolError, SessionLost
 from atlantis_netcfg.routeros.api._sentences import Answer, Decoder, GarbageError, encode, parse
 from atlantis_netcfg.routeros.api._values import Command, Reply, Traffic, Trap
@@ -17,7 +18,18 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api._tls import TlsTransport
 
-__all__ = ["Wire"]
+__all__ = ["LONGEST_S", "Wire"]
+
+_CATEGORIES = frozenset("01234567")
+"""Of a refusal (manual, API, "Possible responses")."""
+LONGEST_S = 900.0
+"""For the answers to one batch, however busily they come: some MB over a satellite, with its gaps."""
+_MOST_BYTES = 16 * 1024 * 1024
+"""Of the answers to one batch; the largest text that is read, a whole export, has some hundred thousand."""
+_MOST_ROWS = 100_000
+_MOST_ATTRIBUTES = 300_000
+_PROGRESS_BYTES = 4096
+"""Whoever has sent neither a whole answer nor so many bytes has been silent."""
 
 
 @dataclass(slots=True)
@@ -34,7 +46,8 @@ class _Pending:
             self.rows.append(answer.attributes)
         elif answer.reply == "!trap" and self.trap is None:
             category = answer.attributes.get("category", "")
-            self.trap = Trap(answer.attributes.get("message", ""), int(category) if category.isdecimal() else None)
+            message = printable.line(answer.attributes.get("message", ""))
+            self.trap = Trap(message, int(category) if category in _CATEGORIES else None)
         elif answer.reply == "!done":
             self.reply = Reply(tuple(self.rows), answer.attributes.get("ret"), self.trap, self.command.path)
 
@@ -54,6 +67,8 @@ class Wire(asyncio.Protocol):
         self._settled: asyncio.Future[None] | None = None
         self._failure: SessionLost | None = None
         self._heard = 0.0
+        self._partial = self._bytes = self._rows = self._attributes = 0
+        """What came since something whole did; what the answers to this batch came to."""
 
     @property
     def transport(self) -> TlsTransport:
@@ -68,12 +83,24 @@ class Wire(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """The transport's call: bytes came."""
-        self._heard = asyncio.get_running_loop().time()
+        self._bytes += len(data)
+        self._partial += len(data)
         try:
-            for words in self._decoder.feed(data):
+            sentences = self._decoder.feed(data)
+            if sentences or self._partial >= _PROGRESS_BYTES:
+                self._heard, self._partial = asyncio.get_running_loop().time(), 0
+            for words in sentences:
                 self._dispatch(parse(words))
+            self._bound(sentences)
         except GarbageError as error:
             self._fail(f"sent {error}", kind=ProtocolError)
+
+    def _bound(self, sentences: Sequence[Sequence[str]]) -> None:
+        """Raise GarbageError for answers without end: no question of ours has so much to be told."""
+        self._rows += len(sentences)
+        self._attributes += sum(map(len, sentences))
+        if self._bytes > _MOST_BYTES or self._rows > _MOST_ROWS or self._attributes > _MOST_ATTRIBUTES:
+            raise GarbageError(f"answers without end: {self._bytes} bytes, {self._rows} rows")
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport's call: the connection is gone; `exc` is None if the device closed it."""
@@ -82,19 +109,23 @@ class Wire(asyncio.Protocol):
         self._fail("lost the connection" if exc else "closed the connection")
         self.closed.set()
 
-    async def exchange(self, commands: Sequence[Command], silence_s: float) -> list[Reply]:
+    async def exchange(
+        self, commands: Sequence[Command], silence_s: float, longest_s: float = LONGEST_S
+    ) -> list[Reply]:
         """Send all commands in one write and wait for all answers. Raises SessionLost, also after so much silence.
 
-        One batch at a time: who calls it for several tasks takes turns.
+        A device that goes on answering is left after `longest_s`, or after `silence_s` if that is longer. One batch at
+        a time: who calls it for several tasks takes turns.
         """
         if self._failure is not None:
             raise type(self._failure)(str(self._failure), in_flight=False)
         batch = {str(next(self._tags)): _Pending(command) for command in commands}
         self._pending = dict(batch)
+        self._bytes = self._rows = self._attributes = 0
         self._settled = asyncio.get_running_loop().create_future()
         self._send(b"".join(encode((*item.command.words(), f".tag={tag}")) for tag, item in batch.items()))
         try:
-            await self._wait(self._settled, silence_s)
+            await self._wait(self._settled, silence_s, longest_s)
         except asyncio.CancelledError:
             self._settled.cancel()
             self.abort()
@@ -115,14 +146,18 @@ class Wire(asyncio.Protocol):
         self.transport.write(data)
         self._heard = asyncio.get_running_loop().time()
 
-    async def _wait(self, settled: asyncio.Future[None], silence_s: float) -> None:
+    async def _wait(self, settled: asyncio.Future[None], silence_s: float, longest_s: float) -> None:
         loop = asyncio.get_running_loop()
+        longest_s = max(longest_s, silence_s)
+        end = loop.time() + longest_s
         while not settled.done():
-            left = self._heard + silence_s - loop.time()
-            if left <= 0:
+            now = loop.time()
+            if now >= self._heard + silence_s:
                 self._fail(f"has not answered for {silence_s:g} s", kind=FellSilent)
+            elif now >= end:
+                self._fail(f"has gone on answering for {longest_s:g} s without an end", kind=ProtocolError)
             else:
-                await asyncio.wait([settled], timeout=left)
+                await asyncio.wait([settled], timeout=min(self._heard + silence_s, end) - now)
         settled.result()
 
     def _dispatch(self, answer: Answer) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from scripted_device import Device, frame
 
-from atlantis_netcfg.routeros.api import WINDOW, Command, SessionLost, Traffic
+from atlantis_netcfg.routeros.api import WINDOW, Command, ProtocolError, SessionLost, Traffic
 from atlantis_netcfg.routeros.api._sentences import Decoder
 from atlantis_netcfg.routeros.api._session import Session
 from atlantis_netcfg.routeros.api._wire import Wire
@@ -96,20 +96,136 @@ def test_a_batch_is_one_write_and_the_next_waits_for_every_answer() -> None:
     run(main())
 
 
-def test_silence_counts_from_the_last_byte_and_outlives_a_gap_of_70_s() -> None:
+ROW = frame("!re", ".tag=1", "=comment=x")
+
+
+def test_silence_counts_from_the_last_answer_and_outlives_a_gap_of_70_s() -> None:
     async def main() -> None:
         wire, transport = connected()
         loop = asyncio.get_running_loop()
         exchange = loop.create_task(wire.exchange([PRINT], 180))
-        answer = frame("!re", ".tag=1", "=comment=x")
-        for byte in answer:
+        for part in (ROW[:5], ROW[5:], ROW[:5], ROW[5:], ROW):
             await asyncio.sleep(70)
-            wire.data_received(bytes([byte]))
+            wire.data_received(part)
         heard = loop.time()
-        assert heard == 70 * len(answer)
+        assert heard == 350
         with pytest.raises(SessionLost, match=r"^router:8729 has not answered for 180 s$"):
             await exchange
         assert loop.time() == heard + 180
         assert transport.aborted
+
+    run(main())
+
+
+@pytest.mark.parametrize(
+    ("part", "every_s", "words", "over_s"),
+    [
+        (b"\0", 0.5, "has not answered for 180 s", 180.0),
+        (ROW, 100.0, "has gone on answering for 900 s without an end", 900.0),
+    ],
+)
+def test_a_device_holds_nobody_for_ever(part: bytes, every_s: float, words: str, over_s: float) -> None:
+    """A byte each half second is no answer, and one row after the other has no end."""
+
+    async def main() -> None:
+        wire, transport = connected()
+        loop = asyncio.get_running_loop()
+        exchange = loop.create_task(wire.exchange([PRINT], 180))
+        while not exchange.done():
+            await asyncio.sleep(every_s)
+            wire.data_received(part)
+        with pytest.raises(SessionLost, match=f"^router:8729 {words}$"):
+            await exchange
+        assert loop.time() == pytest.approx(over_s, abs=every_s)
+        assert transport.aborted
+
+    run(main())
+
+
+def test_a_byte_each_half_second_of_one_answer_is_silence() -> None:
+    async def main() -> None:
+        wire, _ = connected()
+        loop = asyncio.get_running_loop()
+        exchange = loop.create_task(wire.exchange([PRINT], 180))
+        wire.data_received(b"\x03!re\xc0\xff\xff")
+        while not exchange.done():
+            await asyncio.sleep(0.5)
+            wire.data_received(b"x")
+        with pytest.raises(SessionLost, match="has not answered for 180 s"):
+            await exchange
+
+    run(main())
+
+
+@pytest.mark.parametrize(
+    "flood",
+    [ROW * 5_000, frame("!re", ".tag=1", *("=a=" for _ in range(5_000))), frame("!re", ".tag=1", "=a=" + "x" * 16_000)],
+    ids=["rows", "attributes", "bytes"],
+)
+def test_answers_without_end_fill_no_memory(flood: bytes) -> None:
+    async def main() -> None:
+        wire, transport = connected()
+        exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
+        await turn()
+        sent = 0
+        while not transport.aborted:
+            wire.data_received(flood)
+            sent += len(flood)
+        assert sent < 20_000_000
+        with pytest.raises(ProtocolError, match="router:8729 sent answers without end"):
+            await exchange
+
+    run(main())
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words"),
+    [
+        (frame("!re", ".tag=1", *("=a=" for _ in range(20_000))), "an answer of more than 10000 words"),
+        (frame("!re", ".tag=1", "=rx-byte=" + "9" * 5_000), "a number of more than 1000 digits as `rx-byte`"),
+        (frame("!re", ".tag=1", "=" + "\x1b" * 30 + "=" + "9" * 5_000), "as a name of 30 characters"),
+    ],
+)
+def test_what_no_device_says_is_told_as_that(sentence: bytes, words: str) -> None:
+    async def main() -> None:
+        wire, _ = connected()
+        exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
+        await turn()
+        wire.data_received(sentence)
+        with pytest.raises(ProtocolError, match=words):
+            await exchange
+
+    run(main())
+
+
+def test_an_attribute_that_the_device_leaves_out_is_its_fault() -> None:
+    async def main() -> None:
+        wire, _ = connected()
+        exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
+        await turn()
+        wire.data_received(ROW + frame("!done", ".tag=1"))
+        (reply,) = await exchange
+        assert reply.rows == ({"comment": "x"},)
+        assert (reply.rows[0]["comment"], reply.rows[0].get("name")) == ("x", None)
+        with pytest.raises(ProtocolError, match="the device has sent an answer without `name`"):
+            _ = reply.rows[0]["name"]
+        wire.abort()
+
+    run(main())
+
+
+@pytest.mark.parametrize("category", ["2", "٣", "9" * 900])
+def test_a_refusal_in_hostile_words_is_one_line(category: str) -> None:
+    async def main() -> None:
+        wire, _ = connected()
+        exchange = asyncio.get_running_loop().create_task(wire.exchange([PRINT], 180))
+        await turn()
+        said = frame("!trap", ".tag=1", f"=category={category}", "=message=no\x1b[2J\n\u202ex\t")
+        wire.data_received(said + frame("!done", ".tag=1"))
+        (reply,) = await exchange
+        assert reply.trap is not None
+        assert reply.trap.message == r"no\u001b[2J\u000a\u202ex\u0009"
+        assert reply.trap.category == (2 if category == "2" else None)
+        wire.abort()
 
     run(main())

@@ -27,6 +27,8 @@ BAUD = 115200
 """What USB modems ignore and serial ones default to."""
 _LONGEST = 65536
 """Bytes without an end of line after which a line is noise."""
+_MOST = 262_144
+"""Characters in answer to one command; the longest, a list of networks, has some thousand."""
 
 
 class AtUnreachable(DeviceFailed):
@@ -109,6 +111,11 @@ class Modem:
                     return Answer(tuple(lines), line)
                 if line != command:
                     lines.append(line)
+            if sum(map(len, lines)) > _MOST:
+                raise AtSilent(
+                    f"{self._path}: more than {_MOST} characters came in answer to {command}, and no end",
+                    hint="is this the modem's command port? Many have several: try the next number",
+                )
             if time.monotonic() > until:
                 raise AtSilent(
                     f"{self._path}: no answer to {command} within {self._answer_s:g} s",

@@ -167,8 +167,8 @@ def _call(
         ) from error
     result = answer.body.get("result") if isinstance(answer.body, dict) else None
     if not isinstance(result, list) or not result or not isinstance(result[0], int):
-        error_code = answer.body.get("error", {}).get("code") if isinstance(answer.body, dict) else None
-        if error_code == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
+        wrong = answer.body.get("error") if isinstance(answer.body, dict) else None
+        if isinstance(wrong, dict) and wrong.get("code") == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
             return _DENIED, {}
         raise RutosRefused(f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})")
     found = result[1] if len(result) > 1 else {}
