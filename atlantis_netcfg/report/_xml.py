@@ -15,7 +15,7 @@ _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 def clean(text: str) -> str:
     """Text that XML can hold, and that shows every character: what cannot be seen is written out."""
-    return _NOT_XML.sub("\ufffd", visible(text))
+    return _NOT_XML.sub("\ufffd", visible(text.expandtabs(1)))
 
 
 def add(case: ET.Element, tag: str, kind: str, text: str) -> None:

@@ -55,14 +55,15 @@ class Impostor:
 @contextmanager
 def impostor(folder: Path) -> Iterator[Impostor]:
     """Answer TLS, and remember what is told."""
-    made: list[Impostor] = []
+    heard = bytearray()
 
     def listen(tls: ssl.SSLSocket) -> None:
         while data := tls.recv(65536):
-            made[0].heard += data
+            heard.extend(data)
 
-    with _serving(folder, listen, made.append):
-        yield made[0]
+    with served(folder, listen) as who:
+        who.heard = heard
+        yield who
 
 
 @contextmanager
@@ -80,9 +81,8 @@ def hostile(folder: Path, twin: int, answer: Answer) -> Iterator[Impostor]:
                 wire.shutdown(socket.SHUT_RDWR)
             back.join()
 
-    made: list[Impostor] = []
-    with _serving(folder, relay, made.append):
-        yield made[0]
+    with served(folder, relay) as who:
+        yield who
 
 
 def _back(wire: ssl.SSLSocket, tls: ssl.SSLSocket, answer: Answer) -> None:
@@ -121,11 +121,11 @@ def refused_login(_words: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def _serving(folder: Path, serve: Callable[[ssl.SSLSocket], None], begin: Callable[[Impostor], None]) -> Iterator[None]:
+def served(folder: Path, serve: Callable[[ssl.SSLSocket], None]) -> Iterator[Impostor]:
+    """Meet everybody with a certificate of our own, each in a thread."""
     context, fingerprint = _context(folder)
     with socket.create_server(("127.0.0.1", 0)) as server:
         who = Impostor(server.getsockname()[1], fingerprint)
-        begin(who)
 
         def meet(raw: socket.socket) -> None:
             with raw, suppress(OSError), context.wrap_socket(raw, server_side=True) as tls:
@@ -141,7 +141,7 @@ def _serving(folder: Path, serve: Callable[[ssl.SSLSocket], None], begin: Callab
         thread = threading.Thread(target=accept, daemon=True)
         thread.start()
         try:
-            yield
+            yield who
         finally:
             server.shutdown(socket.SHUT_RDWR)
             thread.join()
