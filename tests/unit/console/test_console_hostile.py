@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import paramiko
 import pytest
+from paramiko.common import AUTH_SUCCESSFUL, OPEN_SUCCEEDED
 
 from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable, fingerprint, host_key_of, open_commands
 from atlantis_netcfg.console import _ssh as ssh
@@ -45,13 +46,13 @@ class Server(paramiko.ServerInterface):
     """Lets everybody in."""
 
     def check_auth_password(self, username: str, password: str) -> int:  # noqa: ARG002
-        return paramiko.AUTH_SUCCESSFUL
+        return AUTH_SUCCESSFUL
 
     def get_allowed_auths(self, username: str) -> str:  # noqa: ARG002
         return "password"
 
     def check_channel_request(self, kind: str, chanid: int) -> int:  # noqa: ARG002
-        return paramiko.OPEN_SUCCEEDED
+        return OPEN_SUCCEEDED
 
     def check_channel_exec_request(self, channel: paramiko.Channel, command: bytes) -> bool:  # noqa: ARG002
         return True
