@@ -148,8 +148,28 @@ def test_another_host_key_is_refused(box: Carton) -> None:
     with pytest.raises(HostKeyChanged) as changed:
         box.adopt()
     assert words(changed.value) == golden("changed-host-key")
-    assert box.adopt(replaced=True).status == "unchanged"
-    assert Store(box.state, rehearsed=True).pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
+    pins, info = Store(box.state, rehearsed=True).pins, box.site.do(ROUTER, "info")
+    with pytest.raises(LoginFailed, match="so the password of provision was not tried"):
+        box.adopt(replaced=True)  # it is no box from the factory, and nobody has agreed to this key
+    pins.change(ROUTER, info["pin"])  # as `provision trust` does
+    pins.change_host_key(ROUTER, info["host_key"])
+    assert box.adopt().status == "unchanged"
+    assert pins.host_key(ROUTER) == info["host_key"]
+
+
+def test_an_adopted_router_of_another_laptop_is_told_no_password_of_ours(box: Carton) -> None:
+    """It has to be agreed to first: by what the inventory declares, or by `provision trust`."""
+    box.adopt()
+    pins, info = Store(box.state, rehearsed=True).pins, box.site.do(ROUTER, "info")
+    pins.change(ROUTER, None)
+    pins.change_host_key(ROUTER, None)
+    for looking in (box.adoption().plan, box.adopt):
+        with pytest.raises(LoginFailed, match="so the password of provision was not tried") as refused:
+            looking()
+        assert "provision trust" in str(refused.value.hint)
+    assert (pins.get(ROUTER), pins.host_key(ROUTER)) == (None, None)
+    pins.change(ROUTER, info["pin"])
+    assert box.adopt().status == "unchanged"
 
 
 def test_a_laptop_on_the_management_port_is_told_to_move(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
