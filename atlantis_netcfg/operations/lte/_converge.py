@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.lte import Registration, rutos
 from atlantis_netcfg.bearers.lte.judge import quality
 from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, complete
 from atlantis_netcfg.events import Event, Stage
 from atlantis_netcfg.journal import ActionsConfirmed, LayerSent, Outcome, Planned, conclude, unrecorded
 from atlantis_netcfg.operations.lte._came import Came
@@ -251,7 +251,8 @@ class Converge:
 
     def _failed(self, error: NetcfgError, status: Status) -> LteResult:
         code = ExitCode.UNKNOWN if status is Status.UNKNOWN else error.exit
-        return LteResult(name=self._unit.name, status=status, exit=code, message=str(error), hint=error.hint)
+        hint = error.hint and complete(error.hint, site=self._unit.host.site, device=self._unit.name)
+        return LteResult(name=self._unit.name, status=status, exit=code, message=str(error), hint=hint)
 
     def _tell(self, stage: Stage, message: str) -> None:
         self._unit.notify(Event(self._unit.name, stage, message))

@@ -112,18 +112,27 @@ def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, Running
 
     # It stands behind a router that is reached over the satellite.
     assert "nobody has agreed to pay" in provision(inventory, state, *ONLY, "--yes", "--json", code=4)
+    pins = Store(state).pins
+    for flag in ("--plan", "--yes"):
+        assert "its certificate is not known here, so it was told no password" in typed(flag, code=4)["message"]
+    assert (pins.get(NAME), running.unit.export()) == (None, before)
+    pins.change(NAME, running.ready["pin"])  # as `provision trust` does
+    for flag in ("--plan", "--yes"):
+        refused = typed(flag, code=4)
+        assert "its SSH host key is not known here, so it was told no password" in refused["message"]
+        assert refused["hint"].startswith("`provision trust site=te4sea ")
+    assert (pins.host_key(NAME), running.unit.export()) == (None, before)
+    pins.change_host_key(NAME, running.ready["host_key"])
     assert typed("--plan", code=2)["planned"] == 3
     assert running.unit.export() == before
     assert typed("--yes", code=0)["status"] == "changed"
     after = running.unit.export()
     assert running.unit.modem.settings["apn"] == "internet"
-    pins = Store(state).pins
-    assert (pins.get(NAME), pins.host_key(NAME)) == (running.ready["pin"], running.ready["host_key"])
     assert typed("--yes", code=0)["status"] == "unchanged"
     assert typed("--plan", code=0)["planned"] == 0
     assert running.unit.export() == after
     runs = Store(state).runs("te4sea")
-    assert [run.exit for run in runs] == [0, 0]
+    assert [run.exit for run in runs] == [4, 4, 0, 0]
 
     killed = RunStarted(site="te4sea", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
     with Store(state).start(killed):
@@ -146,6 +155,18 @@ def test_plain_ansible_sets_it_too(at: tuple[Path, RunningRutos], tmp_path: Path
     }
     command = [sys.executable, "-m", "ansible", "playbook", "-i", str(inventory), "--limit", NAME]
     command += ["-e", "atlantis_accept_cost=true"]
+    refused = subprocess.run(
+        [*command, str(CHECKOUT / "playbooks" / "site.yml")],
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert refused.returncode != 0
+    assert "its certificate is not known here" in " ".join(refused.stdout.split())
+    file = inventory / "host_vars" / f"{NAME}.yml"
+    known = f"    fingerprint: {running.ready['pin']}\n    host_key: {running.ready['host_key']}\n"
+    file.write_text(file.read_text("utf-8").replace("    user: provision\n", f"    user: provision\n{known}"), "utf-8")
     for extra, recap in ((["--check", "--diff"], "changed=1"), ([], "changed=1"), ([], "changed=0")):
         done = subprocess.run(
             [*command, *extra, str(CHECKOUT / "playbooks" / "site.yml")],
