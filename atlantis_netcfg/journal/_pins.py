@@ -1,4 +1,4 @@
-"""Certificates and SSH host keys pinned at first contact: a device that shows others is not spoken to."""
+"""Certificates and SSH host keys that a person has agreed to: a device that shows others is not spoken to."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Pins:
         self._path = path
 
     def get(self, device: str) -> str | None:
-        """The pinned certificate, or None before the first contact. Raises PinsDamaged."""
+        """The pinned certificate, or None where nobody has agreed to one. Raises PinsDamaged."""
         return self._read().get(device)
 
     def pin(self, device: str, certificate: str) -> str:
-        """Pin at first contact and return what is pinned: an earlier pin stays."""
+        """Pin what was not known and return what is pinned: an earlier pin stays."""
         with self._writing() as pins:
             return pins.setdefault(device, certificate)
 
@@ -52,7 +52,7 @@ class Pins:
                 pins[device] = certificate
 
     def host_key(self, device: str) -> str | None:
-        """The pinned SSH host key as OpenSSH prints it, or None before the first contact by SSH. Raises PinsDamaged."""
+        """The pinned SSH host key as OpenSSH prints it, or None where nobody has agreed to one. Raises PinsDamaged."""
         return self._read().get(_HOST_KEY + device)
 
     def change_host_key(self, device: str, host_key: str | None) -> None:
