@@ -37,6 +37,7 @@ ASKING: dict[str, tuple[str, ...]] = {
     "change": ("site=coastal", "--yes"),
     "drift": ("drift", "site=coastal", "--junit=DRIFT"),
     "backup": ("backup", "site=coastal"),
+    "resume": ("resume", "site=coastal"),
     "links": ("links", "site=coastal", "--accept-cost"),
     "prove": ("prove", "site=coastal", "--accept-cost"),
     "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=PACKAGE", "--plan"),

@@ -27,6 +27,7 @@ OPENING: dict[str, tuple[str, ...]] = {
     "change": ("site=coastal", "--yes"),
     "drift": ("drift", "site=coastal"),
     "backup": ("backup", "site=coastal"),
+    "resume": ("resume", "site=coastal"),
     "links": ("links", "site=coastal", "--accept-cost"),
     "prove": ("prove", "site=coastal", "--accept-cost"),
     "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=FILE", "--plan"),

@@ -1,0 +1,94 @@
+"""What is printed shows every character, and obeys none; JSON stays JSON."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import unicodedata
+from typing import TYPE_CHECKING
+
+import pytest
+from impostor import HOSTILE, control_characters
+from pilot_commands import Table
+
+from atlantis_netcfg import printable
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._progress import progress
+from atlantis_netcfg.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.events import Event, Stage
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+
+EVERY = "".join(map(chr, range(0x3000))) + "\ud83e\udd16\ufeff\ufff9\U000e0041"
+
+
+def test_every_character_is_shown_and_none_is_obeyed() -> None:
+    told = printable.line(EVERY)
+    assert told.isprintable()
+    assert not [one for one in told if unicodedata.category(one) in {"Cc", "Cf", "Zl", "Zp", "Cs", "Cn"}]
+    assert json.loads(f'"{printable.line(HOSTILE)}"') == HOSTILE
+    assert printable.lines("a\nb\tc") == "a\nb\\u0009c"
+    assert printable.line("\U000e0041") == "\\udb40\\udc41"
+
+
+def test_what_is_printable_stays() -> None:
+    for text in ("čaj 🤖", "", "São João, 25 °C…", "漢字"):
+        assert printable.line(text) == printable.lines(text) == printable.visible(text) == text
+
+
+def test_data_is_cleaned_to_its_leaves() -> None:
+    told = {"a": ["\x1b", {"b": ("\u202e", 1, None)}], "c": True}
+    assert printable.cleaned(told) == {"a": ["\\u001b", {"b": ["\\u202e", 1, None]}], "c": True}
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_every_print_goes_through_the_filter(
+    stream: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No command has to think of it, and `--json` is read as it was."""
+
+    def act(_arguments: Arguments) -> ExitCode:
+        print(HOSTILE, file=getattr(sys, stream))
+        print(json.dumps({"said": HOSTILE}, ensure_ascii=False), file=getattr(sys, stream))
+        return ExitCode.DONE
+
+    assert main(["site=coastal"], table=Table(monkeypatch, act)) == ExitCode.DONE
+    text = getattr(capsys.readouterr(), "out" if stream == "stdout" else "err")
+    assert control_characters(text) == []
+    assert json.loads(text.splitlines()[-1]) == {"said": HOSTILE}
+
+
+def test_an_error_with_a_devices_words_is_told_in_lines_of_ours(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def act(_arguments: Arguments) -> ExitCode:
+        raise DeviceFailed(f"refused: {HOSTILE}", hint=HOSTILE)
+
+    assert main(["site=coastal"], table=Table(monkeypatch, act)) == ExitCode.FAILED
+    text = capsys.readouterr().err
+    assert control_characters(text) == []
+    assert [line for line in text.splitlines() if not line.startswith(("error: ", "       "))] == []
+
+
+class Screen(io.StringIO):
+    """A terminal that keeps what is drawn on it."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("out", [io.StringIO, Screen])
+def test_progress_shows_a_devices_words(out: type[io.StringIO]) -> None:
+    """On a terminal rich draws, with escapes of its own: none of the device's is among them."""
+    shown = out()
+    with progress(quiet=False, out=printable.Printer(shown)) as notify:  # type: ignore[arg-type] # it is one by its methods
+        notify(Event("router", Stage.FAILED, HOSTILE))
+    text = shown.getvalue()
+    assert "evil" in text
+    assert not [
+        one for one in ("\x1b]", "\x07", "\x1b[2J\\", "\u202e", "\x9b", "\u2066", "\tevil", "\x7f") if one in text
+    ]
+    if out is io.StringIO:
+        assert control_characters(text) == []
