@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface, IPv4Network, ip_interface
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros.menus import MENUS, Kind, canonical
 
 if TYPE_CHECKING:
@@ -57,12 +58,12 @@ class State:
     @property
     def local(self) -> IPv4Address:
         """The router's address that we talk to."""
-        return IPv4Address(self.path.local)
+        return _told(self.path.local)
 
     @property
     def technician(self) -> IPv4Address:
         """The address from which we talk."""
-        return IPv4Address(self.path.technician)
+        return _told(self.path.technician)
 
     def address_row(self) -> Row | None:
         """Return the row that gives the router our address; one in force if there are several."""
@@ -136,3 +137,14 @@ def _network(interface: IPv4Interface, far_end: str) -> IPv4Network:
     if interface.network.prefixlen == interface.max_prefixlen and far_end:
         return IPv4Network(far_end)
     return interface.network
+
+
+def _told(address: str) -> IPv4Address:
+    """An end of our own session as the device shows it. Raises DeviceFailed for what is no address."""
+    try:
+        return IPv4Address(address)
+    except ValueError:
+        raise DeviceFailed(
+            "the device does not show between which addresses our own session runs, so nothing can be planned",
+            hint="`/user active print` on its own console has to show it",
+        ) from None

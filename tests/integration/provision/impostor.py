@@ -109,6 +109,17 @@ def _meant(name: str, names: tuple[str, ...]) -> bool:
     return name in names if names else name not in {".id", "ret"}
 
 
+def leaving_out(*names: str) -> Answer:
+    """Rows in which these attributes are missing."""
+
+    def answer(words: tuple[str, ...]) -> tuple[str, ...]:
+        if words[0] != "!re":
+            return words
+        return tuple(word for word in words if not word.startswith("=") or word[1:].partition("=")[0] not in names)
+
+    return answer
+
+
 def refusing(words: tuple[str, ...]) -> tuple[str, ...]:
     """Refuse everything, in hostile words."""
     tag = [word for word in words if word.startswith(".tag=")]

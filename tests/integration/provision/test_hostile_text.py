@@ -11,7 +11,16 @@ import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
-from impostor import HOSTILE, control_characters, fake_lines, hostile, in_every, refused_login, refusing
+from impostor import (
+    HOSTILE,
+    control_characters,
+    fake_lines,
+    hostile,
+    in_every,
+    leaving_out,
+    refused_login,
+    refusing,
+)
 from npk_files import write
 from quay import PROVISION, ROUTER, Quay, quay
 
@@ -96,6 +105,22 @@ def written(at: Quay, drift: Path) -> list[Path]:
     kinds = {".html", ".xml", ".json"}
     pages = [path for path in at.state.rglob("checklist*/**/*") if path.suffix in kinds]
     return [*pages, *([drift] if drift.exists() else [])]
+
+
+MISSING = {
+    "number": (".id",),
+    "name": ("name", "default-name"),
+    "place": ("address", "interface", "chain", "action", "dst-address"),
+}
+
+
+@pytest.mark.parametrize("missing", MISSING)
+def test_what_a_device_leaves_out_is_no_fault_of_ours(at: Quay, tmp_path: Path, missing: str) -> None:
+    with hostile(tmp_path, at.door.port, leaving_out(*MISSING[missing])) as device:
+        at.door.port = device.port
+        Store(at.state).pins.change(ROUTER, device.fingerprint)
+        done = _typed(at, *ASKING["plan"])
+    assert "our fault" not in done.stdout + done.stderr
 
 
 def test_the_hostile_text_does_arrive(at: Quay, tmp_path: Path) -> None:
