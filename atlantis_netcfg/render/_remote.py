@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.render._declared import RenderError, address_in_site
-from atlantis_netcfg.render.view import Forwarded, Remote, Tunnel
+from atlantis_netcfg.render.view import Forwarded, Managers, Remote, Tunnel
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from ipaddress import IPv4Network
 
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.site.model import Router
+    from atlantis_netcfg.site.model import Router, Site
 
-__all__ = ["forwards", "remotes", "server_in_lan", "tunnel"]
+__all__ = ["forwards", "managers", "remotes", "server_in_lan", "tunnel"]
 
 
 def _server(declaration: Declared) -> DeclaredHost:
@@ -70,6 +71,33 @@ def _networks(declaration: Declared, here: str) -> Iterator[tuple[str, str]]:
         yield f"{name} LAN", str(site.lan.network)
         if any(prefix.overlaps(site.management.network) for prefix in admit):
             yield f"{name} management", str(site.management.network)
+
+
+def managers(declaration: Declared, host: DeclaredHost, interface: str | None) -> Iterator[Managers]:
+    """Yield who may manage the router, and where they come from; `interface` is its end of the VPN.
+
+    A prefix counts where it is: at the technician's port, in the LAN, behind the VPN. One of no network of ours comes
+    by a link. Without a way into the VPN nobody of it is admitted.
+    """
+    site = declaration.sites[host.site]
+    own = (("", "MGMT", [site.management.network]), (" in the LAN", "LAN", [site.lan.network]))
+    others = [one for name, one in declaration.sites.items() if name != host.site]
+    behind = [declaration.pilot.vpn.network, *(network for one in others for network in _inner(one))]
+    way_in = "VPN" if interface is not None else "LAN" if server_in_lan(declaration, host) else ""
+    for prefix in site.management.admit:
+        found = False
+        for way, interfaces, networks in (*own, (" by the VPN", way_in, behind)):
+            for network in (network for network in networks if network.overlaps(prefix)):
+                found = True
+                if interfaces:
+                    both = max(prefix, network, key=lambda one: one.prefixlen)
+                    yield Managers(way, interfaces, str(both))
+        if not found:
+            yield Managers(" from outside", "WAN", str(prefix))
+
+
+def _inner(site: Site) -> tuple[IPv4Network, ...]:
+    return site.lan.network, site.management.network
 
 
 def forwards(declaration: Declared, host: DeclaredHost, router: Router) -> tuple[Forwarded, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.render._declared import address_in_site, hosts_of, router_of
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import in_network, management_port, ports, served, uplinks
-from atlantis_netcfg.render._remote import forwards, remotes, server_in_lan, tunnel
+from atlantis_netcfg.render._remote import forwards, managers, remotes, server_in_lan, tunnel
 from atlantis_netcfg.render.view import BRIDGE, LanView, ManagementView, Named, Prerequisite, RouterView
 from atlantis_netcfg.site.model import LanBox
 
@@ -50,6 +50,7 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         ports=ports(device),
         lan=_lan(declaration, host, device),
         management=_management(host.name, site, device),
+        managers=tuple(managers(declaration, host, own_tunnel.interface if own_tunnel else None)),
         uplinks=uplinks(host.name, device, site, declaration.pilot),
         served=served(host.name, device, site),
         tunnel=own_tunnel,

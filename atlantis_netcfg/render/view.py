@@ -15,6 +15,7 @@ __all__ = [
     "LanView",
     "Link",
     "ManagementView",
+    "Managers",
     "Named",
     "PortView",
     "Prerequisite",
@@ -93,6 +94,16 @@ class ManagementView:
     admit: tuple[str, ...]
     api_port: int
     certificate: str
+
+
+@dataclass(frozen=True, slots=True)
+class Managers:
+    """A network whose hosts may manage the router, and the interface list behind which it is."""
+
+    way: str
+    """In the words of the rule's comment; empty at the technician's port."""
+    interfaces: str
+    network: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +255,7 @@ class RouterView:
     ports: tuple[PortView, ...]
     lan: LanView
     management: ManagementView
+    managers: tuple[Managers, ...]
     uplinks: tuple[Uplink, ...]
     served: tuple[Link, ...]
     tunnel: Tunnel | None

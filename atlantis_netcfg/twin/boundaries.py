@@ -63,6 +63,7 @@ def _menus(since: str, source: Source, words: str) -> tuple[Boundary, ...]:
 _BELOW_7_16 = (
     _row("7.10", "/ip/dns", _SET, "address-list-extra-time"),
     _row("7.10", "/ip/firewall/nat", _ADD, "randomise-ports"),
+    _row("7.10", "/snmp", _SET, "engine-id-suffix"),
     *_menus("7.10", Source.TREE, "/mpls/settings /routing/bfd"),
     _row("7.11", "/tool/netwatch", _ADD, "src-address"),
     *_menus("7.11", Source.TREE, "/iot/bluetooth/peripheral-devices /iot/lora /iot/mqtt/subscriptions"),
@@ -94,6 +95,7 @@ _BELOW_7_16 = (
     _row("7.16", "/interface/bridge", _ADD, "forward-reserved-addresses max-learned-entries"),
     _row("7.16", "/interface/lte", _SET, "sms-protocol"),
     _row("7.16", "/ip/dns", _SET, "mdns-repeat-ifaces"),
+    _row("7.16", "/ip/settings", _SET, "ipv4-multipath-hash-policy"),
     _row("7.16", "/ip/neighbor/discovery-settings", _SET, "discover-interval lldp-vlan-info"),
     _row("7.16", "/ip/service", _SET, "max-sessions"),
     _row("7.16", "/ipv6/settings", _SET, "multipath-hash-policy"),
@@ -106,6 +108,7 @@ _BETWEEN = (
     Boundary("/system/device-mode", ("update",), ("authorized-public-key-hash",), since="7.17", gone="7.21.5"),
     _row("7.17", "/interface/lte/settings", _SET, "esim-channel"),
     _row("7.17", "/ip/dhcp-server", _ADD, "address-lists"),
+    _row("7.17", "/ip/settings", _SET, "icmp-errors-use-inbound-interface-address tcp-timestamps"),
     _gone("7.17", "/ip/ssh", _SET, "allow-none-crypto"),
     _row("7.17", "/ip/ssh", _SET, "ciphers"),
     _row("7.17", "/ipv6/settings", _SET, "min-neighbor-entries soft-max-neighbor-entries"),

@@ -12,6 +12,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     number,
     prefix,
     prefixes,
+    secret,
     sequence,
     since,
     size,
@@ -186,6 +187,53 @@ _UPNP = Menu(
     fields=(boolean("enabled"), boolean("allow-disable-external-interface"), boolean("show-dummy-rule", "yes")),
 )
 
+_IP = Menu(
+    "/ip/settings",
+    Shape.SINGLETON,
+    Layer.CLEANUP,
+    fields=(
+        boolean("accept-redirects"),
+        boolean("accept-source-route"),
+        boolean("allow-fast-path", "yes"),
+        time("arp-timeout", "30s"),
+        *since("7.17", boolean("icmp-errors-use-inbound-interface-address")),
+        number("icmp-rate-limit", "10"),
+        *kept(text("icmp-rate-mask")),
+        boolean("ip-forward", "yes"),
+        *since("7.16", text("ipv4-multipath-hash-policy", "l3")),
+        *kept(number("max-neighbor-entries")),
+        text("rp-filter", "no"),
+        boolean("secure-redirects", "yes"),
+        boolean("send-redirects", "yes"),
+        boolean("tcp-syncookies"),
+        *since("7.17", *usual(text("tcp-timestamps", "random-offset"))),
+    ),
+)
+
+_SNMP = Menu(
+    "/snmp",
+    Shape.SINGLETON,
+    Layer.CLEANUP,
+    fields=(
+        boolean("enabled"),
+        text("contact"),
+        text("location"),
+        *since("7.10", text("engine-id-suffix")),
+        text("trap-community", "public"),
+        *usual(words("trap-generators", "temp-exception"), text("trap-version", "1"), text("src-address", "::")),
+        words("trap-interfaces"),
+        text("trap-target"),
+        *since("7.0", text("vrf", "main")),
+    ),
+)
+
+_ROMON = Menu(
+    "/tool/romon",
+    Shape.SINGLETON,
+    Layer.CLEANUP,
+    fields=(boolean("enabled"), *usual(text("id", "00:00:00:00:00:00")), *kept(secret(text("secrets")))),
+)
+
 _IPV6 = Menu(
     "/ipv6/settings",
     Shape.SINGLETON,
@@ -204,4 +252,4 @@ _IPV6 = Menu(
     ),
 )
 
-MENUS = (_IPV6, _DNS, _DNS_STATIC, _DISCOVERY, _CLOUD, _PROXY, _SOCKS, _UPNP, _SSH, _SERVICE)
+MENUS = (_IPV6, _IP, _DNS, _DNS_STATIC, _DISCOVERY, _CLOUD, _PROXY, _SOCKS, _UPNP, _SNMP, _ROMON, _SSH, _SERVICE)

@@ -26,6 +26,7 @@ EXPORT_ORDER = (
     "/user/group",
     "/interface/bridge/port",
     "/ip/neighbor/discovery-settings",
+    "/ip/settings",
     "/ipv6/settings",
     "/interface/list/member",
     "/interface/lte/settings",
@@ -51,6 +52,7 @@ EXPORT_ORDER = (
     "/ip/upnp",
     "/routing/rule",
     "/routing/settings",
+    "/snmp",
     "/system/clock",
     "/system/identity",
     "/system/logging",
@@ -63,4 +65,5 @@ EXPORT_ORDER = (
     "/tool/mac-server/mac-winbox",
     "/tool/mac-server/ping",
     "/tool/netwatch",
+    "/tool/romon",
 )

@@ -47,6 +47,32 @@ def test_drift_costs_two_round_trips_more_than_a_plan_only_where_there_is_any(tm
     assert changed.deed.by == "provision"
 
 
+DOORS = {
+    "/ip/settings": ("=rp-filter=no", "/ip settings\nset accept-redirects=no accept-source-route=no rp-filter=loose\n"),
+    "/snmp": ("=enabled=yes", "/snmp\nset enabled=no\n"),
+    "/tool/romon": ("=enabled=yes", "/tool romon\nset enabled=no\n"),
+}
+
+
+@pytest.mark.parametrize("menu", DOORS)
+def test_a_door_that_somebody_has_opened_is_drift_and_the_next_run_shuts_it(tmp_path: Path, menu: str) -> None:
+    opened, declared = DOORS[menu]
+
+    async def act(bench: Bench) -> list[DeviceResult]:
+        bench.text += declared
+        first, again = await bench.converge(), await bench.converge()
+        await bench.router.console([f"{menu}/set", opened])
+        differs = await drift(bench)
+        return [first, again, differs, await bench.converge(), await bench.converge(), await drift(bench)]
+
+    first, again, differs, shut, once_more, same = on(Bench(tmp_path), act)
+    assert [one.status for one in (first, again)] == [Status.CHANGED, Status.UNCHANGED]
+    assert (differs.status, differs.exit) == (Status.DRIFTED, 6)
+    assert differs.comparison is not None
+    assert [one.menu for one in differs.comparison.differences] == ["/" + menu[1:].replace("/", " ")]
+    assert [one.status for one in (shut, once_more, same)] == [Status.CHANGED, Status.UNCHANGED, Status.UNCHANGED]
+
+
 def test_what_is_declared_since_is_no_fault_of_the_device(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()

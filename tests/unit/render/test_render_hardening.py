@@ -10,6 +10,7 @@ SHUT = {
     "/ip/cloud": {"ddns-enabled": "auto", "update-time": "no"},
     "/ip/neighbor/discovery-settings": {"discover-interface-list": "none"},
     "/ip/proxy": {"enabled": "no"},
+    "/ip/settings": {"accept-redirects": "no", "accept-source-route": "no", "rp-filter": "loose"},
     "/ip/socks": {"enabled": "no"},
     "/ip/ssh": {"forwarding-enabled": "no", "strong-crypto": "yes"},
     "/ip/upnp": {"enabled": "no"},
@@ -19,10 +20,12 @@ SHUT = {
         "disable-ipv6": "yes",
         "forward": "no",
     },
+    "/snmp": {"enabled": "no"},
     "/tool/bandwidth-server": {"enabled": "no"},
     "/tool/mac-server": {"allowed-interface-list": "none"},
     "/tool/mac-server/mac-winbox": {"allowed-interface-list": "none"},
     "/tool/mac-server/ping": {"enabled": "no"},
+    "/tool/romon": {"enabled": "no"},
 }
 
 

@@ -189,7 +189,43 @@ def test_technician_reaches_the_router_and_is_answered(site: str, protocol: str,
 @pytest.mark.parametrize("site", SITES)
 def test_management_rows_come_first(site: str) -> None:
     rows = [row for row in WALKS[site].rows if row.get("chain") == "input"]
-    assert [row.get("src-address-list") for row in rows[:2]] == ["management", "management"]
+    assert [(row.get("protocol"), row.get("in-interface-list") == "MGMT") for row in rows[:4]] == [
+        ("tcp", True),
+        ("icmp", True),
+        ("tcp", False),
+        ("icmp", False),
+    ]
+
+
+@pytest.mark.parametrize("site", SITES)
+@pytest.mark.parametrize("arrives", INTERFACES)
+def test_managers_addresses_count_only_where_managers_come_from(site: str, arrives: str) -> None:
+    """A robot in the LAN, or whoever is behind a link, may write any source into its packets."""
+    device = DECLARED.router(site).device
+    assert isinstance(device, Router)
+    tunnel = "bridge-lan" if site == "scc" else "ovpn-scc"
+    for source, home in ((str(DECLARED.sites[site].management.technician), "ether8"), ("10.80.0.2", tunnel)):
+        for protocol, port in (("tcp", 22), ("tcp", device.access.port), ("icmp", 0)):
+            packet = Packet(source, str(device.access.address), arrives, "", protocol, port)
+            assert WALKS[site].accepts("input", packet) is (arrives == home), (source, protocol)
+
+
+def test_a_prefix_is_bound_to_the_networks_that_it_touches() -> None:
+    management = DECLARED.sites["coastal"].management
+    wide = management.model_copy(update={"admit": tuple(map(IPv4Network, ("10.64.0.0/16", "198.51.100.7/32")))})
+    walk = Walk(parsed("coastal", with_site(DECLARED, "coastal", management=wide)))
+    device = DECLARED.router("coastal").device
+    assert isinstance(device, Router)
+    for source, homes in (
+        ("10.64.101.10", {"ether8"}),
+        ("10.64.1.21", {"bridge-lan"}),
+        ("10.64.0.10", {"ovpn-scc"}),
+        ("10.64.102.10", {"ovpn-scc"}),
+        ("10.64.99.1", set()),
+        ("198.51.100.7", {"ether1", "ether2", "ether3"}),
+    ):
+        packets = {name: Packet(source, str(device.access.address), name, "", "tcp", 22) for name in INTERFACES}
+        assert {name for name, packet in packets.items() if walk.accepts("input", packet)} == homes, source
 
 
 @pytest.mark.parametrize("site", SITES)

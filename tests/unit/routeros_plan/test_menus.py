@@ -26,7 +26,7 @@ IN_USE = """
 /certificate /interface/wireless /interface/wireless/security-profiles /interface/wireless/connect-list
 /interface/wireless/access-list /interface/wifi /interface/wifi/configuration /interface/wifi/channel
 /interface/lte /interface/lte/apn /interface/lte/settings /interface/wifi/security /interface/wifi/datapath
-/queue/tree /tool/netwatch
+/queue/tree /tool/netwatch /ip/settings /snmp /tool/romon
 """
 
 RADIOS = ("/interface/wireless", "/interface/wifi")

@@ -81,10 +81,16 @@ set discover-interface-list=none
 set enabled=no
 /ip socks
 set enabled=no
+# A source that no route leads back to is not believed. `strict` would ask for the way back in the main table alone: manual,
+# "strict mode does not work with routing tables", and there is one for each link.
+/ip settings
+set accept-redirects=no accept-source-route=no rp-filter=loose
 /ip upnp
 set enabled=no
 /ipv6 settings
 set accept-redirects=no accept-router-advertisements=no disable-ipv6=yes forward=no
+/snmp
+set enabled=no
 /tool bandwidth-server
 set enabled=no
 /tool mac-server
@@ -92,6 +98,8 @@ set allowed-interface-list=none
 /tool mac-server mac-winbox
 set allowed-interface-list=none
 /tool mac-server ping
+set enabled=no
+/tool romon
 set enabled=no
 # Services, last: only what is encrypted stays, and only for those who may manage this router. Accounts are made when a
 # router is adopted; passwords cannot be read back, so they are not declared here.

@@ -79,8 +79,6 @@ add address=10.64.0.11 comment="atlantis: scc-control" mac-address=02:00:5E:00:0
 # Address lists that the filter consults; ours entirely, because an entry is a permission.
 # atlantis:entire /ip firewall address-list
 /ip firewall address-list
-add address=10.64.100.0/24 comment="atlantis: may manage this router" list=management
-add address=10.80.0.0/24 comment="atlantis: may manage this router" list=management
 add address=10.64.0.11 comment="atlantis: scc-control, ours, in the LAN" list=hosts
 add address=10.64.0.10 comment="atlantis: scc-vpn, ours, in the LAN" list=hosts
 add address=10.80.0.0/16 comment="atlantis: tunnel addresses, behind the VPN" list=remote
@@ -89,10 +87,13 @@ add address=10.64.2.0/24 comment="atlantis: te4sea LAN, behind the VPN" list=rem
 # Filter. No fasttrack: its packets skip the filter, and with it the satellite's allow-list.
 # atlantis:entire /ip firewall filter
 /ip firewall filter
-# Input: what may speak to the router itself. Management first, whatever else is wrong below. The LAN's rules name its prefix:
+# Input: what may speak to the router itself. Management first, whatever else is wrong below, and each network of managers by
+# the interfaces behind which it is: its addresses are only names to whoever sends from elsewhere. The LAN's rules name its prefix:
 # at the control centre, partners of the VPN also come in by the LAN, from the VPN server.
-add action=accept chain=input comment="atlantis: management" dst-port=22,8729 protocol=tcp src-address-list=management
-add action=accept chain=input comment="atlantis: ping from management" protocol=icmp src-address-list=management
+add action=accept chain=input comment="atlantis: management" dst-port=22,8729 in-interface-list=MGMT protocol=tcp src-address=10.64.100.0/24
+add action=accept chain=input comment="atlantis: ping from management" in-interface-list=MGMT protocol=icmp src-address=10.64.100.0/24
+add action=accept chain=input comment="atlantis: management by the VPN" dst-port=22,8729 in-interface-list=LAN protocol=tcp src-address=10.80.0.0/24
+add action=accept chain=input comment="atlantis: ping from management by the VPN" in-interface-list=LAN protocol=icmp src-address=10.80.0.0/24
 add action=accept chain=input comment="atlantis: answers" connection-state=established,related,untracked
 add action=drop chain=input comment="atlantis: invalid" connection-state=invalid
 add action=accept chain=input comment="atlantis: DHCP of hosts without address" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
@@ -189,10 +190,16 @@ set discover-interface-list=none
 set enabled=no
 /ip socks
 set enabled=no
+# A source that no route leads back to is not believed. `strict` would ask for the way back in the main table alone: manual,
+# "strict mode does not work with routing tables", and there is one for each link.
+/ip settings
+set accept-redirects=no accept-source-route=no rp-filter=loose
 /ip upnp
 set enabled=no
 /ipv6 settings
 set accept-redirects=no accept-router-advertisements=no disable-ipv6=yes forward=no
+/snmp
+set enabled=no
 /tool bandwidth-server
 set enabled=no
 /tool mac-server
@@ -200,6 +207,8 @@ set allowed-interface-list=none
 /tool mac-server mac-winbox
 set allowed-interface-list=none
 /tool mac-server ping
+set enabled=no
+/tool romon
 set enabled=no
 # Services, last: only what is encrypted stays, and only for those who may manage this router. Accounts are made when a
 # router is adopted; passwords cannot be read back, so they are not declared here.
