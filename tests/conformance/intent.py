@@ -42,8 +42,13 @@ DRIFT = {
     '+ add address=203.0.113.2 comment="atlantis: vpn.example.org" name=vpn.example.org',
 }
 """What our plan shows of it, and nothing else; the order is said by putting the rule back behind its neighbour."""
-PINGS = ["atlantis: ping from management", "atlantis: ping from the LAN", "atlantis: ping over wifi-ptp, to test it"]
-RULES = 39
+PINGS = [
+    "atlantis: ping from management",
+    "atlantis: ping from management by the VPN",
+    "atlantis: ping from the LAN",
+    "atlantis: ping over wifi-ptp, to test it",
+]
+RULES = 44
 """So many rows has the filter: a number written down here, so that a row that nobody sees is missed."""
 TEXTS = ("Ærø ñ €", "", 'a=b "q" $x ? \\ ;', " pad ", "x" * 300)
 """Beyond ASCII, empty, everything that a console would quote, blanks at the ends, a length of two bytes."""
