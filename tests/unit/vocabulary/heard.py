@@ -69,9 +69,9 @@ def listening() -> Iterator[Heard]:
     heard = Heard()
     exchange, run, ask = Wire.exchange, Terminal.run, Terminal.ask
 
-    async def exchanging(wire: Wire, commands: Sequence[Command], silence_s: float) -> list[Reply]:
+    async def exchanging(wire: Wire, commands: Sequence[Command], *patience_s: float) -> list[Reply]:
         heard.sentences += [list(command.words()) for command in commands]
-        return await exchange(wire, commands, silence_s)
+        return await exchange(wire, commands, *patience_s)
 
     def running(terminal: Terminal, command: str, **how: Any) -> str:  # noqa: ANN401 - as Terminal.run has it
         heard.typed.append(command)
