@@ -16,7 +16,7 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.routeros.observe import LEAVES
+from atlantis_netcfg.routeros.observe import LEAVES, printing
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 
@@ -306,9 +306,7 @@ def _export(observed: Observed | None) -> int:
 
 def _question(path: str) -> int:
     """Bytes of the sentence that reads a menu."""
-    menu = MENUS[path]
-    names = [each.name for each in menu.fields if not each.unread]
-    return _word(f"{path}/print") + _word("=.proplist=.id," + ",".join((*names, *menu.flags))) + TAG_BYTES + 1
+    return sum(map(_word, printing(path).words())) + TAG_BYTES + 1
 
 
 def _answer(row: Row) -> int:

@@ -118,7 +118,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     answers = dict(zip(menus, replies, strict=False))
     silent = [Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
     seen = _Preflight(*replies[len(menus) :], *silent)
-    rows = {path: _rows(reply, needed=path in needed) for path, reply in answers.items()}
+    rows = {path: _rows(path, reply, needed=path in needed) for path, reply in answers.items()}
     version = _version(seen.resource.checked())
     missing = [path for path in needed if rows[path] is None]
     if missing:
@@ -185,7 +185,7 @@ async def completed(
     replies = await session.flight([*map(printing, menus), _DEVICE_MODE, *beside])
     replies, answers = replies[: len(menus) + 1], replies[len(menus) + 1 :]
     *replies, device_mode = replies
-    fresh = {path: _rows(reply, needed=False) for path, reply in zip(menus, replies, strict=True)}
+    fresh = {path: _rows(path, reply, needed=False) for path, reply in zip(menus, replies, strict=True)}
     rows = {**observed.rows, **{path: there for path, there in fresh.items() if there is not None}}
     facts = replace(observed.facts, policies=_policies(endpoint.user, rows), device_mode=_first(device_mode))
     return replace(observed, facts=facts, rows=rows), answers
@@ -200,29 +200,38 @@ def modem_row(reply: Reply) -> Row | None:
 
 def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:
     """Return an observation with some menus as they were read since."""
-    fresh = {path: reply.checked().rows for path, reply in zip(menus, replies, strict=True)}
+    fresh = {path: _known(path, reply.checked()) for path, reply in zip(menus, replies, strict=True)}
     return Observed(observed.facts, {**observed.rows, **fresh}, modem=observed.modem)
 
 
 def printing(path: str) -> Command:
-    """Return the command that reads a menu."""
-    own = (("config", ""),) if MENUS[path].configured else ()
-    return Command(f"{path}/print", ((".proplist", ",".join(_properties(MENUS[path]))), *own))
+    """Return the command that reads a menu. Settings are asked for whole: their names cost more than their values."""
+    menu = MENUS[path]
+    named = () if menu.shape is Shape.SINGLETON else ((".proplist", ",".join((".id", *_properties(menu)))),)
+    return Command(f"{path}/print", (*named, *((("config", ""),) if menu.configured else ())))
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:
     """Name what is wanted in the words of every version: a device leaves out properties that it does not have."""
-    identity = () if menu.shape is Shape.SINGLETON else (".id",)
     readable = (each.name for each in menu.fields if not each.unread)
-    return tuple(dict.fromkeys((*identity, *readable, *menu.flags)))
+    return tuple(dict.fromkeys((*readable, *menu.flags)))
 
 
-def _rows(reply: Reply, *, needed: bool) -> tuple[Row, ...] | None:
+def _known(path: str, reply: Reply) -> tuple[Row, ...]:
+    """Return the rows, of settings without what nobody asked for: clocks and counters are no configuration."""
+    menu = MENUS[path]
+    if menu.shape is not Shape.SINGLETON:
+        return reply.rows
+    names = _properties(menu)
+    return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
+
+
+def _rows(path: str, reply: Reply, *, needed: bool) -> tuple[Row, ...] | None:
     """Return the rows, or None if the device has no such menu, or keeps one from us that we can do without."""
     silent = _MISSING if needed else (*_MISSING, _FORBIDDEN)
     if reply.trap is not None and reply.trap.message.startswith(silent):
         return None
-    return reply.checked().rows
+    return _known(path, reply.checked())
 
 
 def _version(resource: Reply) -> Version:

@@ -143,12 +143,6 @@ class Menu:
         """The path as the console and exports write it: `/ip firewall filter`."""
         return "/" + self.path.strip("/").replace("/", " ")
 
-    def proplist(self, version: Version) -> tuple[str, ...]:
-        """Return the properties to ask for: all that `plan` and the guard look at, none of the counters."""
-        readable = (each.name for each in self.fields if each.exists(version) and not each.unread)
-        identity = () if self.shape is Shape.SINGLETON else (".id",)
-        return (*identity, *readable, *self.flags)
-
     def identity(self, values: Mapping[str, str]) -> tuple[str, ...]:
         """Return what tells the row apart, in canonical form."""
         return tuple(self.by_name[key].form(values.get(key)) for key in self.keys)

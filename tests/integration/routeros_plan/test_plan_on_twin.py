@@ -16,6 +16,7 @@ from atlantis_netcfg.routeros.commands import console, sentence
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
 from atlantis_netcfg.routeros.guard import ManagementPath
 from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan
 from atlantis_netcfg.twin import Device, Management, RouterSpec
 from atlantis_netcfg.versions import Version
@@ -54,8 +55,7 @@ class Bench:
         return self.device.run(self.caller, words)
 
     def rows(self, path: str) -> tuple[Row, ...]:
-        properties = ",".join(MENUS[path].proplist(Version(7, 18, 2)))
-        answers = self.say(f"{path}/print", f"=.proplist={properties}")
+        answers = self.say(*printing(path).words())
         return tuple(
             dict(word[1:].partition("=")[::2] for word in answer.words) for answer in answers if answer.kind == "!re"
         )

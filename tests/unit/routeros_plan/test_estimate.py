@@ -12,6 +12,7 @@ from atlantis_netcfg.routeros.api._sentences import encode
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, Bearer, Estimate, estimate
 from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan, simulate
 
 LAN = Bearer("lan", 0.001, 100e6, 100e6, metered=False)
@@ -107,9 +108,8 @@ def test_scripts_beyond_their_limit_are_cut() -> None:
 
 @pytest.mark.parametrize("path", MENUS)
 def test_questions_have_the_size_of_real_sentences(path: str) -> None:
-    names = [each.name for each in MENUS[path].fields if not each.unread]
-    words = (f"{path}/print", ".tag=1234", "=.proplist=" + ",".join([".id", *names, *MENUS[path].flags]))
-    assert abs(module._question(path) - len(encode(words))) <= 6
+    words = printing(path).words()
+    assert abs(module._question(path) - len(encode((words[0], ".tag=1234", *words[1:])))) <= 6
 
 
 @pytest.mark.parametrize("row", [{".id": "*1", "comment": "é" * 100, "note": "x" * 20_000}, {}])
