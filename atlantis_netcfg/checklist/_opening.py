@@ -139,6 +139,7 @@ def _document(run: str, started: datetime, checklist: Checklist, head: Head) -> 
         rows=checklist.rows,
         items=tuple(entry.item for entry in checklist.entries),
         left_out=checklist.left_out,
+        notes=checklist.notes,
         not_rehearsed=head.not_rehearsed,
         broken=head.broken,
         drawing=head.drawing,

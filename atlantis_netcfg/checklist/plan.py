@@ -65,6 +65,8 @@ class Checklist:
     entries: tuple[Entry, ...]
     left_out: tuple[LeftOut, ...]
     scope: Scope
+    notes: tuple[str, ...] = ()
+    """What holds at the site, whatever is found."""
     beyond: tuple[str, ...] = ()
     """Items that the scope takes away, by id."""
 
@@ -88,6 +90,7 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
         entries=chosen,
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
+        notes=tuple(_notes(declaration, site)),
         beyond=tuple(entry.item.id for entry in entries if not _inside(entry, scope)),
     )
 
@@ -184,3 +187,16 @@ def _left_out(entries: Sequence[Entry], scope: Scope) -> Iterator[LeftOut]:
     away = dict.fromkeys((one.cell.name, TITLES[one.item.endpoint]) for one in entries if not _inside(one, scope))
     for name, title in away:
         yield LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
+
+
+def _notes(declaration: Declaration, site: str) -> Iterator[str]:
+    """Say where the policy cannot keep robots apart; a vehicle without a declared partner may be anybody's."""
+    reserved = {row.name for row in declaration.sites[site].lan.reservations}
+    robots = {key: vehicle for key, vehicle in declaration.vehicles.items() if key in reserved}
+    if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
+        names = ", ".join(f"{one.name} ({one.partner or 'partner not declared'})" for one in robots.values())
+        yield (
+            f"neighbours in the LAN of {site} reach each other, whatever the policy says: what goes from port to port"
+            f" of one switch, or through one access point, passes no filter. Robots with an address there: {names}."
+            " One that has to be kept from the others is not plugged in, and comes by the VPN alone"
+        )

@@ -131,6 +131,7 @@ def _beside(document: Document) -> Iterator[str]:
     for why in reasons:
         what = ", ".join(one.what for one in document.left_out if one.why == why)
         yield from _listed("not checked: ", [f"{what} ({why})"])
+    yield from _listed("note: ", document.notes)
     if document.since_green is not None:
         green = document.since_green
         yield from _wrapped("", f"since run {green.run} of {clock(green.at)}, which was green:")

@@ -43,7 +43,7 @@ def _whole(document: Document) -> ET.Element:
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
         add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    tell(case, "\n".join((f"run {document.run}", closing(document), signed(document))))
+    tell(case, "\n".join((f"run {document.run}", closing(document), signed(document), *document.notes)))
     count(suite)
     return suite
 

@@ -246,6 +246,8 @@ class Document(_Data):
     rows: tuple[Row, ...]
     items: tuple[Item, ...]
     left_out: tuple[LeftOut, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What holds at this site and no item can change: of no verdict."""
     not_rehearsed: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
     """Rehearsal: what was broken on purpose."""

@@ -94,6 +94,40 @@ def test_a_locations_row_is_what_the_pilot_declares(declaration: Declaration) ->
     assert {item.endpoint for item in items if item.table3} == {"satellite", "gps"}
 
 
+def _partners(declaration: Declaration, **partners: str | None) -> Declaration:
+    changed = {
+        key: vehicle.model_copy(update={"partner": partners[key]})
+        for key, vehicle in declaration.vehicles.items()
+        if key in partners
+    }
+    return replace(declaration, vehicles=changed)
+
+
+@pytest.mark.parametrize(
+    ("partners", "told"),
+    [
+        ({"zarco": "inesc", "eca-rov": "eca"}, "Zarco (inesc), ECA ROV (eca)"),
+        ({"zarco": "inesc", "mares": None}, "Zarco (inesc), Mares (partner not declared)"),
+        ({"sparus": None, "mares": None}, "Sparus (partner not declared), Mares (partner not declared)"),
+        ({"zarco": "inesc", "stork": "inesc"}, ""),
+        ({"mares": None}, ""),
+        ({}, ""),
+    ],
+)
+def test_the_list_says_which_robots_of_a_lan_nothing_keeps_apart(
+    declaration: Declaration, partners: dict[str, str | None], told: str
+) -> None:
+    notes = plan(_partners(declaration, **partners), "coastal", Scope(endpoints=("site",))).notes
+    assert len(notes) == bool(told)
+    assert all("neighbours in the LAN of coastal reach each other" in note and f" {told}." in note for note in notes)
+
+
+def test_a_lan_without_robots_needs_no_such_note(declaration: Declaration) -> None:
+    """A robot with an address in another LAN is nobody's neighbour here."""
+    assert not plan(declaration, "scc").notes
+    assert plan(declaration, "coastal").notes
+
+
 def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
     ids = [one.item.id for one in coastal.entries]
     assert len(set(ids)) == len(ids)

@@ -265,6 +265,7 @@ def example(**changes: Any) -> Document:  # noqa: ANN401 - fields
         "rows": rows(),
         "items": items(),
         "left_out": (LeftOut(what="Mares: Acoustic", why="left out by `phase=bench`"),),
+        "notes": ("neighbours in the LAN of coastal reach each other, whatever the policy says: Zarco, ECA ROV",),
         "not_rehearsed": ("radio waves: the signal is what the twin is told to say", "sound in water"),
         "broken": ("a second DHCP server at 10.64.1.77",),
         "drawing": drawing(),
@@ -284,7 +285,8 @@ def example(**changes: Any) -> Document:  # noqa: ANN401 - fields
 
 def green(**changes: Any) -> Document:  # noqa: ANN401 - fields
     """All is well, for real, and signed."""
-    plain: dict[str, Any] = {"rehearsed": False, "left_out": (), "not_rehearsed": (), "broken": (), "since_green": None}
+    lists = dict.fromkeys(("left_out", "notes", "not_rehearsed", "broken"), ())
+    plain: dict[str, Any] = {"rehearsed": False, **lists, "since_green": None}
     return example(**({"items": healthy_items(), **plain} | changes))
 
 

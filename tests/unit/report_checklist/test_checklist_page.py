@@ -112,9 +112,16 @@ def test_the_worst_stands_first(page: Page) -> None:
 def test_the_sections_that_have_nothing_to_say_are_not_there() -> None:
     words = parsed(html(made.green(), {})).text
     assert "The checklist has passed 32 PASS" in words
-    for one in ("REHEARSAL", "What to mend first", "Overridden by", "What changed", "Not rehearsed", "Not everything"):
+    for one in ("REHEARSAL", "What to mend first", "Overridden by", "What changed", "Notes", "Not rehearsed"):
         assert one not in words
     assert "Everything on the list was looked at." in words
+
+
+def test_a_note_is_on_every_page_and_of_no_verdict(page: Page) -> None:
+    noted = made.green(notes=made.example().notes)
+    assert noted.exit is made.green().exit
+    for words in (page.text, parsed(html(noted, {})).text, junit(noted).decode(), " ".join(lines(noted).split())):
+        assert made.example().notes[0] in words
 
 
 def test_nothing_at_all_is_said_loudly() -> None:

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.report.checklist._pdf._drawing import draw
 from atlantis_netcfg.report.checklist._pdf._items import items
-from atlantis_netcfg.report.checklist._pdf._lists import first, not_checked, not_rehearsed, overridden, since_green
+from atlantis_netcfg.report.checklist._pdf._lists import (
+    first,
+    not_checked,
+    not_rehearsed,
+    notes,
+    overridden,
+    since_green,
+)
 from atlantis_netcfg.report.checklist._pdf._sheet import Sheet
 from atlantis_netcfg.report.checklist._pdf._table import table
 from atlantis_netcfg.report.checklist._pdf._top import provenance, top
@@ -33,6 +40,7 @@ def pdf(document: Document, files: Mapping[str, bytes]) -> bytes:
     overridden(sheet, document)
     since_green(sheet, document)
     not_checked(sheet, document)
+    notes(sheet, document)
     draw(sheet, document)
     items(sheet, document, files)
     not_rehearsed(sheet, document)

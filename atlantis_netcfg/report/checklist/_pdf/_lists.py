@@ -11,9 +11,8 @@ from atlantis_netcfg.report.checklist._words import clock
 if TYPE_CHECKING:
     from atlantis_netcfg.report.checklist._pdf._sheet import Sheet
     from atlantis_netcfg.report.checklist.document import Document, Override
-    from atlantis_netcfg.verdicts import Verdict
 
-__all__ = ["first", "not_checked", "not_rehearsed", "overridden", "responsible", "since_green"]
+__all__ = ["first", "not_checked", "not_rehearsed", "notes", "overridden", "responsible", "since_green"]
 
 _INDENT = 5.0
 
@@ -68,10 +67,6 @@ def since_green(sheet: Sheet, document: Document) -> None:
         sheet.tell("Nothing has changed.")
 
 
-def _was(verdict: Verdict | None) -> str:
-    return f"{SYMBOLS[State(verdict.value)]} {verdict}" if verdict is not None else "no such item"
-
-
 def not_checked(sheet: Sheet, document: Document) -> None:
     """What was not checked, and why."""
     sheet.head("What was not checked, and why")
@@ -84,9 +79,18 @@ def not_checked(sheet: Sheet, document: Document) -> None:
         sheet.tell("Everything on the list was looked at.")
 
 
+def notes(sheet: Sheet, document: Document) -> None:
+    """What holds at the site and is of no verdict."""
+    _plain(sheet, "Notes", document.notes)
+
+
 def not_rehearsed(sheet: Sheet, document: Document) -> None:
     """What no emulated device stands for."""
-    if document.not_rehearsed:
-        sheet.head("Not rehearsed")
-    for one in document.not_rehearsed:
+    _plain(sheet, "Not rehearsed", document.not_rehearsed)
+
+
+def _plain(sheet: Sheet, heading: str, sentences: tuple[str, ...]) -> None:
+    if sentences:
+        sheet.head(heading)
+    for one in sentences:
         sheet.tell(one, indent=_INDENT)
