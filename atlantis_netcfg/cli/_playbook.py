@@ -49,8 +49,8 @@ class Outcome:
     """What the play came to: one entry a device, as the engine wrote it."""
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
-    runs: dict[str, str] = field(default_factory=dict)
-    """Site to run id, as `provision runs` lists it."""
+    runs: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Site to kind of device to run id, as `provision runs` lists it; empty: what it says is not all."""
     stopped_by: str = ""
     """The signal with which a person has stopped it, as `SIGINT`."""
 
@@ -267,7 +267,8 @@ class _Listener:
             error = message["error"]
             self.refusal = self.refusal or EngineError(error["message"], error["hint"], error["exit"])
         else:
-            self.outcome.runs.update(message["runs"])
+            for site, runs in message["runs"].items():
+                self.outcome.runs.setdefault(site, {}).update(runs)
             self.outcome.devices.update(message["devices"])
             for name, result in message["devices"].items():
                 self._ended(name, result)

@@ -166,7 +166,7 @@ class Session:
             },
             left_out=self.left_out,
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
-            runs=tuple(dict.fromkeys(outcome.runs.values())),
+            runs=tuple(dict.fromkeys(run for runs in outcome.runs.values() for run in runs.values())),
             stopped_by=outcome.stopped_by,
         )
 

@@ -27,8 +27,8 @@ class Channel:
         """Tell what happened to a device."""
         self._send({"event": asdict(event)})
 
-    def outcome(self, devices: Mapping[str, Mapping[str, Any]], runs: Mapping[str, str]) -> None:
-        """Tell how devices ended."""
+    def outcome(self, devices: Mapping[str, Mapping[str, Any]], runs: Mapping[str, Mapping[str, str]]) -> None:
+        """Tell how devices ended; `runs`: site to kind of device (each has runs of its own) to run id."""
         self._send({"devices": devices, "runs": runs})
 
     def error(self, error: NetcfgError) -> None:

@@ -84,7 +84,9 @@ def _perform(
         told = unrecorded(_logged(result, request), turns[site].ended(result))
         notes = list(dict.fromkeys((*paid["notes"], *told.notes)))
         results[told.name] = {**told.as_dict(), **paid, "notes": notes, "other_end": others.get(told.name)}
-        channel.outcome({told.name: results[told.name]}, {} if request.mode.reads_only else {site: turns[site].run})
+        channel.outcome(
+            {told.name: results[told.name]}, {} if request.mode.reads_only else {site: {"routers": turns[site].run}}
+        )
 
     with ExitStack() as stack:
         for turn in turns.values():
@@ -104,7 +106,7 @@ def _waiting(
 
     def begun(site: str) -> Turn:
         turns[site].begin()
-        channel.outcome({}, {site: turns[site].run} if turns[site].run else {})
+        channel.outcome({}, {site: {"routers": turns[site].run}} if turns[site].run else {})
         return turns[site]
 
     def job_of(host: Host) -> DeviceJob:

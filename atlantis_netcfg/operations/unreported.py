@@ -12,7 +12,7 @@ from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.operations.request import Request
@@ -29,7 +29,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     asked: Collection[str],
     declaration: Declaration,
     request: Request,
-    runs: Mapping[str, str],
+    runs: Mapping[str, Mapping[str, str]],
     reason: NetcfgError | str,
     output: str,
 ) -> dict[str, dict[str, Any]]:
@@ -46,7 +46,8 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     note, results = [] if isinstance(reason, NetcfgError) else _logged(output, request), {}
     others = other_ends(names, declaration, request)
     for name in names:
-        run, written = _journal(name, declaration.hosts[name].site, runs, request)
+        site = declaration.hosts[name].site
+        run, written = _journal(name, site, runs.get(site, {}).values(), request)
         # The far end of a bridge was reached from the site of the near one.
         start = name if name in asked else others.get(name, name)
         hint = f"provision resume site={declaration.hosts[start].site} run={run}"
@@ -88,14 +89,13 @@ _AGAIN = "type the same command again"
 _TAKES_BACK = "what was not confirmed the device takes back by itself, within ten minutes if the link has died"
 
 
-def _journal(name: str, site: str, runs: Mapping[str, str], request: Request) -> tuple[str, Run | None]:
-    """Find the run that was begun for this host, and read it; without a name none was begun.
+def _journal(name: str, site: str, runs: Iterable[str], request: Request) -> tuple[str, Run | None]:
+    """Find the run that was begun for this host among those of its site, and read it; without a name none was begun.
 
-    Routers, 4G units and computers of a site have runs of their own (`coastal`, `coastal 4G`).
     A name without a journal: that is gone, which proves nothing.
     """
     store = Store(request.state, rehearsed=request.rehearsed)
-    for begun in dict.fromkeys(run for told, run in runs.items() if run and told.partition(" ")[0] == site):
+    for begun in dict.fromkeys(filter(None, runs)):
         try:
             written = store.run(site, begun)
         except NetcfgError:

@@ -125,9 +125,8 @@ class Watch:
             result.seconds = time.monotonic() - self._started[name]
             turn = self._turns[self._sites[name]]
             self._journal(turn, result)
-            self._channel.outcome(
-                {name: result.as_dict()}, {} if self._reads_only else {f"{self._sites[name]} computers": turn.run}
-            )
+            runs = {} if self._reads_only else {self._sites[name]: {"computers": turn.run}}
+            self._channel.outcome({name: result.as_dict()}, runs)
         self.close()
 
     def cut_off(self, reason: str) -> None:
@@ -144,7 +143,7 @@ class Watch:
     def _tell_run(self, site: str) -> None:
         """Name the run as soon as there is one: who asked may have to say how to resume it."""
         run = self._turns[site].run
-        self._channel.outcome({}, {f"{site} computers": run} if run else {})
+        self._channel.outcome({}, {site: {"computers": run}} if run else {})
 
     def close(self) -> None:
         """Free the sites; may be repeated."""

@@ -92,14 +92,14 @@ def _site(
             stack.enter_context(store.lock(site, request.command))
             opened = stack.enter_context(_journal(declaration, site, units, request, store))
             journal, run = opened, opened.run
-            channel.outcome({}, {f"{site} 4G": run})
+            channel.outcome({}, {site: {"4g": run}})
         for host in units:
             result = results[host.name] = _unit(host, request, store, journal, channel)
             if host is units[-1]:
                 ended = RunEnded(exit=int(worst(result.exit for result in results.values())))
                 result = results[host.name] = unrecorded(result, conclude(journal, ended))
                 run = "" if NOT_RECORDED in result.message else run
-            channel.outcome({host.name: result.as_dict()}, {} if request.mode.reads_only else {f"{site} 4G": run})
+            channel.outcome({host.name: result.as_dict()}, {} if request.mode.reads_only else {site: {"4g": run}})
     return results
 
 

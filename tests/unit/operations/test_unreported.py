@@ -49,7 +49,7 @@ def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = M
         for record in records:
             journal.write(record)
     request = Request(state=state, mode=mode, command="provision")
-    return without_result([NAME], [NAME], declaration, request, {"coastal": journal.run}, KILLED, "")[NAME]
+    return without_result([NAME], [NAME], declaration, request, {"coastal": {"routers": journal.run}}, KILLED, "")[NAME]
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,9 @@ def test_what_was_confirmed_is_counted(declaration: Declaration, tmp_path: Path)
 
 def test_of_a_journal_that_is_gone_nothing_is_known(declaration: Declaration, tmp_path: Path) -> None:
     request = Request(state=tmp_path, command="provision")
-    result = without_result([NAME], [NAME], declaration, request, {"coastal": "20260101T000000Z"}, KILLED, "")[NAME]
+    result = without_result(
+        [NAME], [NAME], declaration, request, {"coastal": {"routers": "20260101T000000Z"}}, KILLED, ""
+    )[NAME]
     assert (result["status"], result["exit"]) == ("unknown", ExitCode.UNKNOWN)
 
 
@@ -99,16 +101,16 @@ def test_a_4g_unit_has_a_run_of_its_own(declaration: Declaration, tmp_path: Path
     """Beside the routers of its site, whose run says nothing of it."""
     router, unit, request = "te4sea-router", "te4sea-4g", Request(state=tmp_path, command="provision")
     runs = {}
-    for told, host in (("te4sea", router), ("te4sea 4G", unit)):
+    for kind, host in (("routers", router), ("4g", unit)):
         started = RunStarted(site="te4sea", revision="", tool="", hosts=(host,), rehearsed=False, command="provision")
         with Store(tmp_path).start(started) as journal:
-            runs[told] = journal.run
+            runs[kind] = journal.run
             if host == unit:
                 journal.write(LayerSent(device=unit, layer="lte", actions=(1,)))
     asked = [router, unit]
-    result = without_result(asked, asked, declaration, request, runs, KILLED, "")
+    result = without_result(asked, asked, declaration, request, {"te4sea": runs}, KILLED, "")
     assert (result[unit]["status"], result[unit]["exit"]) == ("unknown", ExitCode.UNKNOWN)
-    assert result[unit]["hint"] == f"provision resume site=te4sea run={runs['te4sea 4G']}"
+    assert result[unit]["hint"] == f"provision resume site=te4sea run={runs['4g']}"
     assert result[router]["status"] == "left-as-found"
 
 
@@ -119,7 +121,7 @@ def test_the_far_end_of_a_bridge_is_resumed_from_the_site_that_was_asked_for(
     started = RunStarted(site="scc", revision="", tool="", hosts=(far,), rehearsed=False, command="provision")
     with Store(tmp_path).start(started) as journal:
         journal.write(LayerSent(device=far, layer="policy", actions=(1,)))
-    runs = {"coastal": journal.run, "scc": journal.run}
+    runs = {site: {"routers": journal.run} for site in ("coastal", "scc")}
     for asked, site in (("coastal-cpe", "coastal"), (far, "scc")):
         result = without_result([far], [asked], declaration, request, runs, KILLED, "")[far]
         assert result["hint"].endswith(f"provision resume site={site} run={journal.run}")
