@@ -84,6 +84,11 @@ FAULTS: Mapping[str, Fault] = {
         ("SITE/site/clock",),
         _years_ago,
     ),
+    "router-ntp-waiting": Fault(
+        "no time server answers the router, whose clock is right so far",
+        ("SITE/site/clock",),
+        _around(time_server=None),
+    ),
     "router-certificate": Fault(
         "the router's certificate of the VPN ends in a week",
         ("SITE/site/certificates",),

@@ -58,9 +58,9 @@ def _echo(address: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN
     return _gateway(lambda computer: {"echoes": {**computer.echoes, address: EchoSpec(**changes)}})
 
 
-def _with_offer(computer: ComputerSpec) -> dict[str, Any]:
-    offer = OfferSpec(server="192.168.2.2", mac=_STRANGER, address="192.168.2.50", router="192.168.2.2")
-    return {"dhcp": {name: (*offers, offer) for name, offers in computer.dhcp.items()}}
+def _offer(*knows: str) -> Callable[[World], None]:
+    offer = OfferSpec(server="192.168.2.2", mac=_STRANGER, address="192.168.2.50", router="192.168.2.2", knows=knows)
+    return _gateway(lambda computer: {"dhcp": {name: (*offers, offer) for name, offers in computer.dhcp.items()}})
 
 
 def _another_way(computer: ComputerSpec) -> dict[str, Any]:
@@ -109,8 +109,11 @@ FAULTS: Mapping[str, Fault] = {
     "cable-out": Fault(
         "the cable of the ECA ROV is unplugged", ("eca-rov/ethernet",), _echo("10.64.1.26", loss_percent=100.0)
     ),
-    "rogue-dhcp": Fault(
-        "a robot's own DHCP server is plugged into the LAN", ("SITE/site/rogue-dhcp",), _gateway(_with_offer)
+    "rogue-dhcp": Fault("a robot's own DHCP server is plugged into the LAN", ("SITE/site/rogue-dhcp",), _offer()),
+    "rogue-dhcp-known": Fault(
+        "a second DHCP server answers the card of Zarco and nobody else",
+        ("SITE/site/rogue-dhcp",),
+        _offer("02:00:5E:00:01:23"),
     ),
     "second-address": Fault(
         "the gateway has leased a second address of its subnet on the same card",
@@ -152,6 +155,11 @@ FAULTS: Mapping[str, Fault] = {
                 "time": computer.time.model_copy(update={"offset_s": -3600.0, "synchronised": False, "ntp": False})
             }
         ),
+    ),
+    "gateway-ntp-off": Fault(
+        "a time server has set the gateway's clock once, and nothing sets it any more",
+        ("SITE/site/clock",),
+        _gateway(lambda computer: {"time": computer.time.model_copy(update={"ntp": False})}),
     ),
     "gateway-tunnel": Fault(
         "the gateway is not in the VPN",

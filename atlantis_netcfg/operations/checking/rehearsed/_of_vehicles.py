@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.checking.rehearsed._fault import Fault
@@ -27,6 +28,13 @@ def _autopilot(vehicle: str, **changes: Any) -> Callable[[World], None]:  # noqa
     return lambda world: world.autopilot(vehicle, **changes)
 
 
+def _sent_from(vehicle: str, address: str) -> Callable[[World], None]:
+    def spoil(world: World) -> None:
+        world.autopilots[vehicle] = replace(world.autopilots[vehicle], address=address)
+
+    return spoil
+
+
 _GPS = {
     "gps-no-fix": Fault(
         "the receiver of Girona 500 has no fix under an open sky", ("girona500/gps",), _receiver("girona500", mode=1)
@@ -48,6 +56,11 @@ _GPS = {
     ),
     "gps-clock": Fault(
         "the receiver of Stork is ten minutes behind", ("stork/gps",), _receiver("stork", time_offset_s=-600.0)
+    ),
+    "gps-no-satellites": Fault(
+        "the receiver of Mares tells a position that no satellite gives",
+        ("mares/gps",),
+        _receiver("mares", satellites=0),
     ),
     "gps-silent": Fault(
         "the receiver of Mares says nothing", ("mares/gps",), _receiver("mares", speech=Speech.NOTHING)
@@ -75,6 +88,11 @@ _ACOUSTIC = {
         ("sparus/acoustic", "girona500/acoustic/fleet", "sparus/usbl"),
         _modem("sparus", local_address=1),
     ),
+    "modem-foreign": Fault(
+        "another modem than that of Girona 500 answers at its end",
+        ("girona500/acoustic", "girona500/usbl"),
+        _modem("girona500", local_address=9),
+    ),
     "modem-packet-time": Fault(
         "the modem of Sparus has another packet time than the fleet",
         ("girona500/acoustic/fleet",),
@@ -89,6 +107,10 @@ _ACOUSTIC = {
         "every answer of Zarco's beacon has a wrong sum", _ZARCO_MODEM, _modem("zarco", every_sum_wrong=True)
     ),
     "usbl-nobody": Fault("nobody answers the pings of Mares", ("mares/usbl",), _modem("mares", fixes=0)),
+    "usbl-frozen": Fault("the modem of Mares repeats one fix", ("mares/usbl",), _modem("mares", frozen=True)),
+    "usbl-foreign": Fault(
+        "the modem of Mares hears a modem that is not the declared one", ("mares/usbl",), _modem("mares", hears=(9,))
+    ),
     "usbl-off": Fault(
         "the modem of Girona 500 does not put its fixes out",
         ("girona500/usbl",),
@@ -104,6 +126,11 @@ _REMOTE = {
         "no stream of Stork's autopilot arrives",
         ("stork/rc_rf", "stork/rc_rf/sticks"),
         _autopilot("stork", silent=True),
+    ),
+    "rc-foreign": Fault(
+        "another computer sends as the autopilot of Stork",
+        ("stork/rc_rf", "stork/rc_rf/sticks"),
+        _sent_from("stork", "10.64.1.199"),
     ),
     "rc-receiver-sick": Fault(
         "the autopilot of Stork calls its RC receiver sick",
