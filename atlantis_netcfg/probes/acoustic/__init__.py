@@ -4,22 +4,7 @@ Two drivers (EvoLogics S2C, Blueprint SeaTrac) read from closed lists of command
 own that a person has to agree to, in the water. A modem that its vehicle holds is left to it: that is no failure. What
 the columns acoustic and USBL and the comparison of the fleet want to know of one modem is one question, asked once.
 
-How it could be fooled, and what stops it:
-
-==============================================  ====================================================================
-any modem where no address is declared          `whose-unknown`
-another vehicle's modem at this end             the declared address or number: `wrong-address`
-two modems on one line, what an earlier         every address that was told has to be the same: `two-modems`
-client was answered
-half an answer                                  state, address, settings: what is missing is `no-state`,
-                                                `address-unknown`, `settings-unknown`
-an answer inside a received message             lengths of frames; for what transmits, answers that come alone
-another language, an echo, another maker's      frames, sums, known words: `not-understood`, `checksum`
-one modem compared with itself (fleet)          it has its own address twice: `duplicate-address`
-a report of the vehicle's own message           only what comes behind the acceptance of ours counts
-==============================================  ====================================================================
-
-Not stopped: a program that answers as this very modem would, at the address that is reserved for the vehicle.
+How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations

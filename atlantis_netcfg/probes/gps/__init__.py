@@ -5,28 +5,7 @@ hears, and one judge looks at it: no data, data without a fix, a stale fix and a
 passing receiver reports several times in a row from inside the site's geofence, with the time of the listening clock
 and, where the vehicle flies, in three dimensions. Where no endpoint is declared, a person looks.
 
-How it could be fooled, and what stops it (what a person may know better is INCONCLUSIVE and can be overridden):
-
-==============================================  ====================================================================
-a log of an hour or of days ago, a loop         times against the listening clock and each other: `clock-differs`,
-                                                `time-goes-back`, `time-uneven` (another pace)
-positions without a time                        nothing tells that they are of now: `no-time`; without a date
-                                                `no-date`, if the time of day is that of the clock
-the same position again and again               its time stands still: `fix-stale`; its speed says otherwise:
-                                                `position-frozen`
-a fix that ended, or one report and no more     `fix-stale`, `few-reports`
-latitude and longitude swapped, a lost sign     the geofence: `position-swapped`, `outside-geofence`
-a simulator, a typed-in position                what the source says of itself, in any of the reports:
-                                                `position-simulated`, `position-manual`, `position-dead-reckoning`
-a fix of no satellites, zeros, off the planet   `no-satellites`, `position-null`, `position-impossible`
-an error that is wider than the site            `position-uncertain`
-two receivers at one end (gpsd, multiplexer)    each by itself; farther apart than a ship is long: `positions-differ`
-sentences of one epoch that contradict          void beats fix; two positions at a time: `positions-differ`
-a router's answer in some time zone             only that of the router's own clock
-==============================================  ====================================================================
-
-Not stopped: a spoofed sky, or a program that makes positions inside the geofence with the time of now and claims to
-measure them; a log without dates that is replayed at the very second of another day (`no-date` warns).
+How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations

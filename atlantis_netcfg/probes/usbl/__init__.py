@@ -3,28 +3,7 @@
 Whether a USBL works shows in the fixes that it tells while somebody pings; hearing none proves nothing, so silence is
 never a failure. A ping of our own is for SeaTrac beacons, in the water, and behind the beacon's depth.
 
-How it could be fooled, and what stops it:
-
-==============================================  ====================================================================
-one fix told again and again, a log in a loop   each measurement counts once and none comes back: `repeated`
-a fix that is old, or of the future             the modem's own two times: `stale`, `time-impossible`
-fixes that ended before the listening did       the age of the last one: `ended`
-a log of another day, a set clock               times since 1970 against the listening clock: `clock-differs`
-fixes kept back, or a log at another pace       the modem's clock against ours while fixes come: `out-of-step`
-zeros for what was not measured                 a range or position of nothing: `position-null`
-a ship kilometres away, an echo                 the geofence's width, the maker's reach: `too-far`, `far-away`
-a position that the sound's time denies         no sound speed of water explains it: `range-mismatch`
-accuracy, integrity or signal of nothing        values that no reception has: `values-impossible`
-any modem where nobody is declared              `hears` is missing: `whose-unknown`
-the modem of somebody else at our address       its own address, and that of the acoustic column: `wrong-address`
-answers for another beacon, or of itself        addressee and sender in the fix: `other-beacon`, `own-address`
-a beacon without a direction (X110)             flags of the fix: `range-only`; with nothing valid it is no fix
-one good fix among bad ones                     the good ones have to be more: else the last bad one speaks
-an answer to somebody else's ping               only what comes behind our own ping's acknowledgement counts
-==============================================  ====================================================================
-
-Not stopped: a log of this very modem, at its own pace, by something that answers our queries as well, where its clock
-counts from when it was switched on. A SeaTrac tells no times at all. A person sees whether it follows the vehicle.
+How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[3]
 ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"
+PROBES = ROOT / "docs" / "probes.md"
 COPY = Path(__file__).with_name("table3.md")
 ORIGINAL = ROOT.parent / "shared" / "facts" / "pilot.md"
 """Where the facts lie beside the checkout, the copy is compared with them."""
@@ -126,6 +127,21 @@ def test_a_lan_without_robots_needs_no_such_note(declaration: Declaration) -> No
     """A robot with an address in another LAN is nobody's neighbour here."""
     assert not plan(declaration, "scc").notes
     assert plan(declaration, "coastal").notes
+
+
+def test_each_item_that_a_program_looks_at_says_how_it_could_be_fooled(declaration: Declaration) -> None:
+    """The rows of docs/probes.md and the probes that the pilot's lists hold are the same; no row is without words."""
+    entries = [
+        one for site in declaration.sites for one in plan(declaration, site).entries if one.step.probe is not None
+    ]
+    registered = {one.item.id.partition("/")[2] for one in entries}
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in PROBES.read_text(encoding="utf-8").splitlines()
+        if line.startswith("| `")
+    ]
+    assert all(len(cells) == 3 and all(cells) for cells in rows)
+    assert {item.strip("`") for cells in rows for item in cells[0].split(", ")} == registered
 
 
 def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
