@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.probes.acoustic._fleet import EvologicsFleet, Member, SeatracFleet
 from atlantis_netcfg.probes.acoustic._message import EvologicsMessage, message_consent
 from atlantis_netcfg.probes.acoustic.beacon import SeatracStatus
-from atlantis_netcfg.probes.acoustic.modem import modem_of, modems, question
+from atlantis_netcfg.probes.acoustic.modem import declared_address, modem_of, modems, question
 from atlantis_netcfg.probes.acoustic.status import EvologicsStatus
 from atlantis_netcfg.probes.step import Step
 from atlantis_netcfg.report.checklist import Kind, Phase
@@ -59,7 +59,7 @@ def _fleet(cell: Cell, modem: Modem) -> Iterator[Step]:
     # Two rows with one modem (the site's own) are one member: it would have its own address twice.
     members: dict[Modem, Member] = {}
     for other, its in same:
-        members.setdefault(its, Member(other.name, question(other, its)))
+        members.setdefault(its, Member(other.name, question(other, its), declared_address(other, its)))
     evologics = modem.driver is AcousticDriver.EVOLOGICS
     who = "EvoLogics modems" if evologics else "SeaTrac beacons"
     yield Step(
@@ -84,7 +84,7 @@ def _message(cell: Cell, modem: Modem) -> Iterator[Step]:
         title=f"A message of {cell.name} reaches the modem with the acoustic address {endpoint.partner}",
         kind=Kind.ACTIVE,
         phase=Phase.WATER,
-        probe=EvologicsMessage(modem, cell.name, endpoint.partner, consent),
+        probe=EvologicsMessage(modem, cell.name, endpoint.acoustic_address, endpoint.partner, consent),
         consent=consent,
     )
 

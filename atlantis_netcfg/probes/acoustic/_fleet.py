@@ -39,6 +39,8 @@ class Member:
     name: str
     """The row in words."""
     question: Listen
+    declared: int | None
+    """Acoustic address or beacon number; None: nobody declares it."""
 
 
 def _asked(members: tuple[Member, ...]) -> tuple[Question, ...]:
@@ -59,6 +61,15 @@ def _not_compared(names: Iterable[str], told: int) -> Iterator[Finding]:
         message = f"the modem settings of {missing} could not be read: {rest}"
         hint = "settle the item of that modem itself first, and check again"
         yield Finding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
+
+
+def _strangers(members: tuple[Member, ...], addresses: Mapping[str, int]) -> Iterator[Finding]:
+    for member in members:
+        address = addresses.get(member.name, member.declared)
+        if member.declared is not None and address != member.declared:
+            message = f"a modem with the address {address} answers for {member.name}, and {member.declared} is declared"
+            hint = "settle the item of that modem itself first, and check again"
+            yield Finding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
 
 
 def _listed(values: Mapping[str, object]) -> str:
@@ -100,6 +111,7 @@ class EvologicsFleet:
         findings = [*_not_compared((name for name in readings if name not in whole), len(whole))]
         if len(whole) > 1:
             findings += self._compared(whole, readings)
+        findings += _strangers(self.members, {name: values["Local Address"] for name, values in whole.items()})
         evidence = tuple(
             Evidence(type=EvidenceType.READ, what=name, value=_listed(values)) for name, values in whole.items()
         )
@@ -173,6 +185,7 @@ class SeatracFleet:
             findings += _unique("beacon number", numbers)
             hint = "have the crews set the same sound speed on all beacons, or let all work it out"
             findings += _same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
+        findings += _strangers(self.members, numbers)
         evidence = tuple(
             Evidence(type=EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}")
             for name in told

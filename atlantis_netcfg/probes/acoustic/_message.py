@@ -1,8 +1,9 @@
 """One message from modem to modem: only in the water, with a person's consent, and by a modem that is not too loud.
 
-A script cannot decide, but it can stop: the state is asked, then the source level, and the message stands behind the
-answer that allows it. Those answers must come alone (notifications that are plain text aside), so that nothing inside a
-received message is taken for them: what is not sure is not sent.
+A script cannot decide, but it can stop: the state is asked, whose modem it is, then the source level, and the message
+stands behind the answers that allow it, so that nobody else's modem is made to transmit. Those answers must come alone
+(notifications that are plain text aside): nothing inside a received message is taken for them, and what is not sure is
+not sent.
 """
 
 from __future__ import annotations
@@ -55,13 +56,15 @@ class EvologicsMessage:
     modem: Modem
     name: str
     """The row in words."""
+    declared: int | None
+    """Acoustic address; None: any modem may be there, which the modem's own item says."""
     partner: int
     """Acoustic address."""
     consent: Consent | None
     """What the step asks a person; without it there is no message to be sent."""
 
     def asks(self) -> tuple[Question, ...]:
-        """State, source level, and behind both the message. Raises NeverSaid where no person is asked."""
+        """State, address, source level, and behind them the message. Raises NeverSaid where no person is asked."""
         return (self._question(),)
 
     def _question(self) -> Listen:
@@ -71,6 +74,7 @@ class EvologicsMessage:
         )
         say = (
             ask_at("AT?S", _LISTENS),
+            ask_at("AT?AL", _TEXT_ONLY + rb"\+\+\+AT\?AL:\d+:%s\r\n" % _address(self.declared)),
             ask_at("AT?L", _QUIET),
             message(TEXT, self.partner, self.consent, ended, within_s=_DELIVERED_S),
         )
@@ -117,6 +121,11 @@ class EvologicsMessage:
         if state is not None and state != "INITIATION LISTEN":
             message = f"no message was sent: the modem of {self.name} does not listen ({state})"
             return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
+        address = evologics.number(evologics.answer(pieces, "AT?AL"))
+        if address is not None and self.declared is not None and address != self.declared:
+            message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
+            hint = "settle the item of the modem itself first"
+            return Finding(Verdict.FAIL, "wrong-address", f"{message} {self.declared} is declared", hint)
         if level is not None and level not in _LEVELS:
             message = f"no message was sent: the source level of {self.name} is {level_words(int(level))}"
             hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
@@ -124,9 +133,15 @@ class EvologicsMessage:
         if refused:
             message = f"the modem of {self.name} has not taken the message: `{refused[:60]}`"
             return Finding(Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it")
-        message = f"no message was sent: the modem of {self.name} did not tell a source level that allows it"
+        message = (
+            f"no message was sent: the modem of {self.name} did not tell an address and a source level that allow it"
+        )
         hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
         return Finding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
+
+
+def _address(declared: int | None) -> bytes:
+    return rb"\d+" if declared is None else b"%d" % declared
 
 
 def _is_send(piece: evologics.Piece) -> bool:

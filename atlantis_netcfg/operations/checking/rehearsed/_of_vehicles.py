@@ -85,12 +85,12 @@ _ACOUSTIC = {
     ),
     "modem-twice": Fault(
         "the modem of Sparus has the acoustic address of Girona 500",
-        ("sparus/acoustic", "girona500/acoustic/fleet", "sparus/usbl"),
+        _SPARUS_MODEM,
         _modem("sparus", local_address=1),
     ),
     "modem-foreign": Fault(
         "another modem than that of Girona 500 answers at its end",
-        ("girona500/acoustic", "girona500/usbl"),
+        _GIRONA_MODEM,
         _modem("girona500", local_address=9),
     ),
     "modem-packet-time": Fault(
