@@ -59,7 +59,7 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
         return
     if reading.damage is not None:
         yield f"{reading.damage}; nothing is signed while it is so"
-    yield from _disagreements(folder, reading, fold, ca)
+    yield from _disagreements(folder, reading, fold, ca, _head(folder, reading, fold, ca))
     yield from _ends(folder, fold, ca, now)
     yield from _members(fold, now)
     yield from _modes(folder)
@@ -70,13 +70,9 @@ def agreement(folder: Path) -> Agreement:
     with translated("the authority cannot be read"):
         reading, fold, ca = _opened(folder)
     reading.sound()
-    try:
-        head = heads.read(folder, ca)
-        head.hold(reading.digests)
-        signed, at = head.line, head.at
-    except NetcfgError:
-        signed, at = 0, None
-    found = tuple(_disagreements(folder, reading, fold, ca))
+    head = _head(folder, reading, fold, ca)
+    signed, at = (head.line, head.at) if isinstance(head, heads.Head) else (0, None)
+    found = tuple(_disagreements(folder, reading, fold, ca, head))
     return Agreement(len(reading.entries), signed, at, fold.roll().crl_number, found)
 
 
@@ -85,13 +81,33 @@ def _opened(folder: Path) -> tuple[Reading, Fold, x509.Certificate]:
     return reading, ledger.Fold(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
 
 
-def _disagreements(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
+def _is_of_ledger(fold: Fold, ca: x509.Certificate) -> bool:
+    return fold.founded is not None and fold.founded.ca_sha256 == pki.sha256(ca)
+
+
+def _head(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> heads.Head | NetcfgError | None:
+    """What was signed last, or what is wrong with it; None: the ledger is damaged, or nobody's key can confirm it."""
+    if reading.damage is not None or not _is_of_ledger(fold, ca):
+        return None
+    try:
+        head = heads.read(folder, ca)
+        head.hold(reading.digests)
+    except NetcfgError as error:
+        return error
+    return head
+
+
+def _disagreements(
+    folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate, head: heads.Head | NetcfgError | None
+) -> Iterator[str]:
     """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
-    if fold.founded is None or fold.founded.ca_sha256 != pki.sha256(ca):
+    if not _is_of_ledger(fold, ca):
         yield f"{files.CA} is not the certificate authority of the ledger"
         return
-    if reading.damage is None:
-        yield from _head(folder, reading, fold, ca)
+    if isinstance(head, NetcfgError):
+        yield str(head)
+    elif head is not None:
+        yield from _unsigned(folder, reading, fold, head)
     yield from _unfinished(folder, fold)
     yield from _times(reading.entries)
     yield from _server(folder, fold)
@@ -100,13 +116,8 @@ def _disagreements(folder: Path, reading: Reading, fold: Fold, ca: x509.Certific
     yield from _list(folder, fold, ca)
 
 
-def _head(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
-    try:
-        head = heads.read(folder, ca)
-        head.hold(reading.digests)
-    except NetcfgError as error:
-        yield str(error)
-        return
+def _unsigned(folder: Path, reading: Reading, fold: Fold, head: heads.Head) -> Iterator[str]:
+    """Lines after the head that only a command with the CA key writes."""
     # A command that runs, or was killed, has lines of its own there.
     if fold.open or is_held(folder):
         return

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from cryptography.exceptions import UnsupportedAlgorithm
+
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
@@ -78,14 +80,14 @@ def read(folder: Path, ca: x509.Certificate) -> Head:
             data = (folder / FILE).read_bytes()
         except FileNotFoundError:
             raise AuthorityDamaged(f"{FILE} is missing: nothing says how long the ledger was", hint=_RESTORE) from None
-    key = ca.public_key()
-    assert isinstance(key, pki.PublicKey)  # noqa: S101 - there is no CA of ours with another kind
     try:
+        key = ca.public_key()
         told = json.loads(data)
         signature = base64.b64decode(told.pop("signature"), validate=True)
         head = Head(int(told["line"]), str(told["sha256"]), datetime.fromisoformat(told["at"]))
-        signed = pki.is_signed(key, _text(told), signature) and head.line > 0
-    except (ValueError, KeyError, TypeError, AttributeError):
+        # Somebody else's CA may have a key of another kind than ours.
+        signed = isinstance(key, pki.PublicKey) and pki.is_signed(key, _text(told), signature) and head.line > 0
+    except (ValueError, KeyError, TypeError, AttributeError, UnsupportedAlgorithm):
         signed = False
     if not signed:
         raise AuthorityDamaged(f"{FILE} is not signed by this authority: it was changed", hint=_RESTORE)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import shutil
 from contextlib import suppress
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 from zlib import crc32
 
 import pytest
 from authority_stand import NAMES, PASSPHRASE, Stand, stand, wish
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.operations.vpn.audit import audited
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged
+from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.ledger import digest
 
 if TYPE_CHECKING:
@@ -118,6 +121,17 @@ def other_ca(folder: Path) -> None:
     (folder / "ca.crt").write_text(pki.cert_pem(other.certificate))
 
 
+def other_kind_of_ca(folder: Path) -> None:
+    """With a key that none of ours has."""
+    key, name, now = (
+        Ed25519PrivateKey.generate(),
+        pki.load_cert((folder / "ca.crt").read_text()).subject,
+        datetime.now(UTC),
+    )
+    builder = x509.CertificateBuilder(name, name, key.public_key(), 1, now, now + timedelta(days=9))
+    (folder / "ca.crt").write_text(pki.cert_pem(builder.sign(key, None)))
+
+
 def other_server(folder: Path) -> None:
     shutil.copy(folder / "certs" / "iqua-b.pem", folder / "server" / "server.crt")
 
@@ -145,6 +159,10 @@ MANIPULATIONS: dict[str, tuple[Callable[[Path], None], str]] = {
     "a certificate is gone": (removed("certs/iqua-b.pem"), "certs/iqua-b.pem is missing"),
     "another certificate is the server's": (other_server, "server/server.crt is not the certificate that was recorded"),
     "the authority is another one": (other_ca, "ca.crt is not the certificate authority of the ledger"),
+    "the authority has a key of another kind": (
+        other_kind_of_ca,
+        "ca.crt is not the certificate authority of the ledger",
+    ),
 }
 """What is done, and a part of what is said."""
 REFUSED = {name for name in MANIPULATIONS if "gone" in name or "old" in name or "head" in name} - {
@@ -201,6 +219,22 @@ def test_a_whole_older_folder_agrees_with_itself_and_that_is_said(made: Stand) -
     assert "whether this is the newest copy is not checked here" in audited(backup, None, None).words[-1]
     assert backup.beyond(made.authority.crl()) is not None
     assert made.authority.beyond(backup.crl()) is None
+
+
+def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[Path] = []
+    read = heads.read
+
+    def reading(folder: Path, ca: x509.Certificate) -> heads.Head:
+        looked.append(folder)
+        return read(folder, ca)
+
+    monkeypatch.setattr(heads, "read", reading)
+    assert made.authority.agreement().problems == ()
+    assert looked == [made.folder]
+    other_kind_of_ca(made.folder)
+    assert made.authority.agreement().signed == 0
+    assert looked == [made.folder], "another CA's key says nothing about it"
 
 
 def test_every_way_of_opening_the_key_signs_what_is_there(tmp_path: Path) -> None:
