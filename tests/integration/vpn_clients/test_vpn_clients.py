@@ -108,3 +108,5 @@ def test_networkmanager_imports_each(office: Office, profiles: dict[str, Path], 
             assert Path(one[word]).read_text() == text
             assert Path(one[word]).stat().st_mode & 0o777 == 0o600
         assert Path(one[wanted.wrap]).read_text().strip() == identity.wrap_key.reveal().strip()
+        # Once it takes the profile's `pull-filter`, the page needs its line of `ignore-auto-routes` no more.
+        assert [word for word in one if "pull" in word] == []
