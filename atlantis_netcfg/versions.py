@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Self
 
-__all__ = ["Version"]
+__all__ = ["NEWEST_KNOWN", "Version"]
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -32,3 +32,7 @@ class Version:
         patch = f".{self.patch}" if self.patch else ""
         stage = ("beta", "rc", "")[self.maturity]
         return f"{self.major}.{self.minor}{patch}{stage}{self.build if stage else ''}"
+
+
+NEWEST_KNOWN = Version(7, 24)
+"""The newest version whose command tree is known here; what a newer one has changed nobody has looked at."""

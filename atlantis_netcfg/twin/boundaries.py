@@ -1,13 +1,13 @@
-"""Which version brought a menu, command or argument, and which took it away, where no shipped tree begins there.
+"""Which version brought a menu, command or argument that the oldest shipped tree has.
 
-A router is held to the newest shipped tree that is not newer than itself (7.16, 7.18, 7.21.5), routers before 7.16 to
-that of 7.16. These rows say what is different at the versions between two trees and below the oldest one.
+A router is held to the newest shipped tree that is not newer than itself, routers before 7.16 to that of 7.16. These
+rows say what routers before 7.16 lack of it.
 
 What is known, and what is not:
 
-* 7.9 to 7.24: the first published tree that shows a name, or no longer shows it (`tikoci/restraml`, one or more trees
-  for every minor version). Kept here for the menus that the twin models, for whole menus, and for what our engine
-  sends; below 7.15 one tree for each minor version was published, so that the patch is uncertain.
+* 7.9 to 7.16: the first published tree that shows a name (`tikoci/restraml`, one or more trees for every minor
+  version). Kept here for the menus that the twin models, for whole menus, and for what our engine sends; below 7.15 one
+  tree for each minor version was published, so that the patch is uncertain.
 * 6.49 and 7.0 to 7.8: no tree was published. The rows marked `MANUAL` and `EXPORT` say what is known to be newer than
   RouterOS 6; everything else is taken to be as in 7.16, which it surely is not, and what RouterOS 6 had and 7 has not
   (`/ip route routing-mark=`, `/ip route rule`, `primary-ntp`) is refused.
@@ -15,7 +15,7 @@ What is known, and what is not:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 __all__ = ["BOUNDARIES", "Boundary", "Source"]
@@ -32,15 +32,14 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """A menu (with all below it), a command, or arguments, that routers have from `since` on and before `gone`."""
+    """A menu (with all below it), a command, or arguments, that routers have from `since` on."""
 
     menu: str
     commands: tuple[str, ...] = ()
     """Empty: the whole menu."""
     arguments: tuple[str, ...] = ()
     """Empty: the whole command."""
-    since: str | None = None
-    gone: str | None = None
+    since: str = field(kw_only=True)
     source: Source = Source.TREE
 
 
@@ -50,10 +49,6 @@ _ADD = ("add", "set")
 
 def _row(since: str, menu: str, commands: tuple[str, ...], words: str, source: Source = Source.TREE) -> Boundary:
     return Boundary(menu, commands, tuple(words.split()), since=since, source=source)
-
-
-def _gone(version: str, menu: str, commands: tuple[str, ...], words: str = "") -> Boundary:
-    return Boundary(menu, commands, tuple(words.split()), gone=version)
 
 
 def _menus(since: str, source: Source, words: str) -> tuple[Boundary, ...]:
@@ -103,46 +98,6 @@ _BELOW_7_16 = (
     _row("7.16", "/user", _ADD, "inactivity-policy inactivity-timeout"),
 )
 
-_BETWEEN = (
-    _row("7.17", "/system/device-mode", ("update",), "install-any-version partitions routerboard"),
-    Boundary("/system/device-mode", ("update",), ("authorized-public-key-hash",), since="7.17", gone="7.21.5"),
-    _row("7.17", "/interface/lte/settings", _SET, "esim-channel"),
-    _row("7.17", "/ip/dhcp-server", _ADD, "address-lists"),
-    _row("7.17", "/ip/settings", _SET, "icmp-errors-use-inbound-interface-address tcp-timestamps"),
-    _gone("7.17", "/ip/ssh", _SET, "allow-none-crypto"),
-    _row("7.17", "/ip/ssh", _SET, "ciphers"),
-    _row("7.17", "/ipv6/settings", _SET, "min-neighbor-entries soft-max-neighbor-entries"),
-    _row("7.17", "/ipv6/settings", _SET, "stale-neighbor-detect-interval stale-neighbor-timeout"),
-    _row("7.17", "/system/logging", _ADD, "regex"),
-    _row("7.17", "/tool/netwatch", _ADD, "ignore-initial-down ignore-initial-up"),
-    _row("7.19", "/interface/lte/settings", _SET, "link-recovery-timer"),
-    _row("7.19", "/ip/dhcp-client", _ADD, "allow-reconfigure check-gateway"),
-    _row("7.19", "/ip/dhcp-server", _ADD, "use-reconfigure"),
-    _row("7.19", "/routing/settings", _SET, "connected-in-chain dynamic-in-chain"),
-    _row("7.19.6", "/system/logging/action", _ADD, "vrf"),
-    _row("7.20", "/ip/dhcp-client", _ADD, "dscp use-broadcast vlan-priority"),
-    _row("7.20", "/ip/dhcp-server/network", _ADD, "ntp-none"),
-    _row("7.20", "/ip/firewall/nat", _ADD, "socks5-port socks5-server socksify-service"),
-    _row("7.20", "/tool/netwatch", _ADD, "early-failure-detection early-success-detection"),
-    _row("7.20", "/user/active", ("remove",), "numbers"),
-    _gone("7.20", "/user/active", ("request-logout",)),
-    _row("7.21", "/certificate", ("add", "import", "set"), "trust-store"),
-    _row("7.21", "/ip/dhcp-server", _ADD, "dynamic-lease-identifiers support-broadband-tr101"),
-    _row("7.21", "/ip/dhcp-server/lease", _ADD, "agent-circuit-id agent-remote-id"),
-    *(_row("7.21", f"/ip/firewall/{menu}", _ADD, "tos") for menu in ("filter", "mangle", "nat", "raw")),
-    _gone("7.21", "/ip/ssh", _SET, "always-allow-password-login"),
-    _row("7.21", "/ip/ssh", _SET, "password-authentication publickey-authentication-options"),
-    _row("7.21", "/ipv6/settings", _SET, "accept-router-advertisements-on"),
-    _row("7.21", "/routing/settings", _SET, "check-gateway-ping-count check-gateway-ping-interval"),
-    _row("7.21", "/routing/settings", _SET, "check-gateway-ping-timeout"),
-    _row("7.22", "/ip/dhcp-client", _ADD, "name"),
-    _gone("7.23", "/", ("ping",)),
-    _row("7.23", "/", ("export",), "path"),
-    _gone("7.23", "/interface/bridge", _ADD, "add-dhcp-option82"),
-    _row("7.24", "/system/scheduler", _ADD, "days"),
-)
-"""At 7.23 the root `ping` left the tree and still answers over REST; `/tool/ping` stays: the twin has only that one."""
-
 _NEWER_THAN_6 = (
     *_menus("7.0", Source.MANUAL, "/routing/table /routing/rule /routing/route /routing/settings /routing/id"),
     *_menus("7.0", Source.MANUAL, "/ip/vrf /interface/wireguard /container /interface/veth /zerotier"),
@@ -164,4 +119,4 @@ _NEWER_THAN_6 = (
     _row("7.9", "/tool/netwatch", _ADD, "name type", Source.INFERRED),
 )
 
-BOUNDARIES: tuple[Boundary, ...] = (*_NEWER_THAN_6, *_BELOW_7_16, *_BETWEEN)
+BOUNDARIES: tuple[Boundary, ...] = (*_NEWER_THAN_6, *_BELOW_7_16)

@@ -1,8 +1,9 @@
 """Which menus, commands and arguments a RouterOS version has: read from its own command trees, never guessed.
 
-A version between two trees is held to the older one, and to what is known of its own (`boundaries.py`), so that the
-twin is at worst stricter than the device. Versions below 7.16 have the tree of 7.16 less what is known to be newer;
-what else RouterOS 6 lacks, or had and lost, no published tree tells.
+From 7.16 to 7.24 every published tree is there. A version between two of them is held to the older one, so that the
+twin is at worst stricter than the device; a version beyond the newest is held to that (`versions.NEWEST_KNOWN`).
+Versions below 7.16 have the tree of 7.16 less what is known to be newer (`boundaries.py`); what else RouterOS 6 lacks,
+or had and lost, no published tree tells.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ from atlantis_netcfg.twin.supplement import ADDED, BOARD_FEATURES, PACKAGE_MENUS
 
 __all__ = ["TREES", "Schema", "offered", "version_key"]
 
-TREES = ("7.16", "7.18.2", "7.21.5")
 _FIRST = {"7.18.2": "7.18"}
 """The first version with the very tree of a later one: 7.18 and 7.18.1 are identical to 7.18.2."""
+_WHOLE = ("7.16", "7.18.2", "7.21.5")
+"""Trees that are files of their own; of the others the changes are kept (`data/README.md`)."""
 _MENU_TYPES = ("dir", "path")
 _PRINT_FORMS = ("getall", "listen")
 
@@ -43,6 +45,32 @@ def _load(name: str) -> dict[str, Any]:
     packed = resources.files("atlantis_netcfg.twin").joinpath("data", name).read_bytes()
     data: dict[str, Any] = json.loads(gzip.decompress(packed))
     return data
+
+
+@cache
+def _tree(version: str) -> dict[str, Any]:
+    if version in _WHOLE:
+        return _load(f"{version}.json.gz")
+    step = _load("changes.json.gz")[version]
+    return _patched(_tree(step["after"]), step["change"])
+
+
+def _patched(node: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any]:
+    """Apply a JSON merge patch (RFC 7396); what it leaves alone is shared with the older tree."""
+    result = dict(node)
+    for name, child in patch.items():
+        if child is None:
+            result.pop(name, None)
+        elif isinstance(child, dict):
+            old = result.get(name)
+            result[name] = _patched(old if isinstance(old, dict) else {}, child)
+        else:
+            result[name] = child
+    return result
+
+
+TREES = tuple(sorted((*_WHOLE, *_load("changes.json.gz")), key=version_key))
+"""Versions with a tree, from the oldest to the newest."""
 
 
 @cache
@@ -107,7 +135,7 @@ class Schema:
                 yield name, child
 
     def _node(self, menu: str) -> Mapping[str, Any] | None:
-        node: Any = _load(f"{self.tree}.json.gz")
+        node: Any = _tree(self.tree)
         for part in menu.strip("/").split("/") if menu != "/" else ():
             node = node.get(part) if isinstance(node, Mapping) else None
         return node if isinstance(node, Mapping) else None
@@ -137,18 +165,9 @@ def _words(schema: Schema) -> _Words:
         if schema.at_least(row.since) and (row.feature is None or row.feature in schema.features):
             _add(added, row.menu, row.command, row.arguments)
     for boundary in BOUNDARIES:
-        if not _there(schema, boundary):
+        if not schema.at_least(boundary.since):
             lacking.update(_cells(boundary))
-            continue
-        if boundary.since is not None and version_key(boundary.since) > version_key(schema.tree):
-            for command in boundary.commands:
-                _add(added, boundary.menu, command, boundary.arguments)
     return _Words(added, frozenset(lacking))
-
-
-def _there(schema: Schema, row: Boundary) -> bool:
-    begun = row.since is None or schema.at_least(row.since)
-    return begun and (row.gone is None or not schema.at_least(row.gone))
 
 
 def _cells(row: Boundary) -> Iterator[tuple[str, str, str]]:

@@ -20,8 +20,8 @@ __all__ = ["PINGS", "READING", "unfit"]
 
 READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})
 """Commands of RouterOS' API that change nothing; `monitor` is asked once."""
-PINGS: Final = frozenset({"/ping", "/tool/ping"})
-"""These as well, if they say how often."""
+PINGS: Final = frozenset({"/tool/ping"})
+"""This as well, if it says how often; the `/ping` of the root left RouterOS' command tree at 7.23."""
 _LONGEST_S: Final = 900.0
 
 

@@ -46,7 +46,8 @@ _CHANNEL = (
     text("skip-dfs-channels", None),
     words("secondary-frequency", None),
     text("reselect-interval", None),
-    *since("7.21.5", text("reselect-time", None), boolean("deprioritize-unii-3-4", None)),
+    *since("7.19", text("reselect-time", None)),
+    *since("7.20", boolean("deprioritize-unii-3-4", None)),
 )
 _SECURITY = (
     words("authentication-types", None),
@@ -70,8 +71,8 @@ _SECURITY = (
     time("ft-r0-key-lifetime"),
     time("ft-reassociation-deadline"),
     *texts("owe-transition-interface sae-anti-clogging-threshold sae-max-failure-rate sae-pwe"),
-    *since("7.18.2", text("multi-passphrase-group", None)),
-    *since("7.21.5", text("beacon-protection", None)),
+    *since("7.17", text("multi-passphrase-group", None)),
+    *since("7.21", text("beacon-protection", None)),
 )
 _DATAPATH = (
     interface("bridge"),
@@ -80,7 +81,8 @@ _DATAPATH = (
     boolean("client-isolation", None),
     text("interface-list", None),
     text("vlan-id", None),
-    *since("7.21.5", text("openflow-switch", None), text("traffic-processing", None)),
+    *since("7.19", text("traffic-processing", None)),
+    *since("7.20", text("openflow-switch", None)),
 )
 _CONFIGURATION = (
     text("mode", None),
@@ -97,8 +99,9 @@ _CONFIGURATION = (
     number("dtim-period"),
     text("multicast-enhance", None),
     text("qos-classifier", None),
-    *since("7.18.2", text("installation", None), number("max-clients"), boolean("station-roaming", None)),
-    *since("7.21.5", text("hw-protection-mode", None)),
+    *since("7.17", text("installation", None), boolean("station-roaming", None)),
+    *since("7.18", number("max-clients")),
+    *since("7.21", text("hw-protection-mode", None)),
 )
 
 

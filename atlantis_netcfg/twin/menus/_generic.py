@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 __all__ = ["generic", "unmodelled"]
 
-_NOT_PROPERTIES = {"copy-from", "numbers", "place-before", "comment", "disabled"}
+_NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
+_EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")
 _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
 
@@ -21,17 +22,12 @@ _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
 def generic(schema: Schema, path: str) -> Menu:
     """Make the menu of a path that the command tree has."""
     names = schema.arguments(path, "add") | schema.arguments(path, "set")
-    args = list(unmodelled(path, names))
-    if "comment" in names:
-        args.append(COMMENT)
-    if "disabled" in names:
-        args.append(DISABLED)
     interface = path.startswith("/interface/") and "name" in names and not path.startswith(_NO_INTERFACE)
     unique = (Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
     return Menu(
         path,
         _shape(schema, path),
-        tuple(args),
+        unmodelled(path, names),
         noun=path.rpartition("/")[2].replace("-", " "),
         space="interface" if interface else "",
         unique=unique,
@@ -42,7 +38,8 @@ def generic(schema: Schema, path: str) -> Menu:
 def unmodelled(path: str, names: frozenset[str]) -> tuple[Arg, ...]:
     """Make the arguments of these names: their values are taken as they come."""
     return tuple(
-        Arg(name, _kind(path, name), secret=name.endswith(_SECRETS)) for name in sorted(names - _NOT_PROPERTIES)
+        _EVERYWHERE.get(name) or Arg(name, _kind(path, name), secret=name.endswith(_SECRETS))
+        for name in sorted(names - _NOT_PROPERTIES)
     )
 
 

@@ -18,7 +18,7 @@ DATA = resources.files("atlantis_netcfg.twin").joinpath("data")
 def test_the_data_is_what_the_readme_says() -> None:
     sums = DATA.joinpath("SHA256SUMS").read_text(encoding="utf-8")
     listed = {name: digest for digest, name in (line.split() for line in sums.splitlines())}
-    assert len(listed) == 4
+    assert len(listed) == 5
     for name, digest in listed.items():
         assert hashlib.sha256(DATA.joinpath(name).read_bytes()).hexdigest() == digest
         assert name in DATA.joinpath("README.md").read_text(encoding="utf-8")
@@ -30,13 +30,19 @@ def test_the_data_is_what_the_readme_says() -> None:
         ("6.49.18", "7.16"),
         ("7.9", "7.16"),
         ("7.16", "7.16"),
-        ("7.17.1", "7.16"),
-        ("7.18beta2", "7.16"),
+        ("7.17.1", "7.17"),
+        ("7.18beta2", "7.17"),
         ("7.18", "7.18.2"),
         ("7.18.1", "7.18.2"),
         ("7.18.2", "7.18.2"),
-        ("7.20", "7.18.2"),
-        ("7.22", "7.21.5"),
+        ("7.20", "7.20"),
+        ("7.20.3", "7.20.1"),
+        ("7.22", "7.22"),
+        ("7.22.3", "7.22.2"),
+        ("7.23rc4", "7.22.2"),
+        ("7.23.3", "7.23.2"),
+        ("7.24", "7.24"),
+        ("7.25", "7.24"),
     ],
 )
 def test_the_newest_tree_that_is_not_newer(version: str, tree: str) -> None:
@@ -118,7 +124,10 @@ def test_what_went(last: str, first: str, menu: str, command: str, argument: str
         ("7.20.8", "7.21", "/routing/settings", "set", "check-gateway-ping-timeout"),
         ("7.21.5", "7.22", "/ip/dhcp-client", "add", "name"),
         ("7.22", "7.23", "/", "export", "path"),
-        ("7.23", "7.24", "/system/scheduler", "add", "days"),
+        ("7.21.5", "7.22", "/routing/rule", "add", "chain"),
+        ("7.21.5", "7.22", "/routing/settings", "set", "policy-rules"),
+        ("7.16.2", "7.17", "/interface/wifi", "set", "configuration.installation"),
+        ("7.23.3", "7.24", "/system/scheduler", "add", "days"),
     ],
 )
 def test_version_boundaries(last_without: str, first_with: str, menu: str, command: str, argument: str | None) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.render import CpeView, LteView, RouterView
 
-NEWER = {("/interface/wifi", "configuration.installation"): "7.18.2"}
+NEWER = {("/interface/wifi", "configuration.installation"): "7.17"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""
 _INCLUDE = re.compile(r"\{% include \"([^\"]+)\" %\}")
 _STATEMENT = re.compile(r"\{%-?.*?-?%\}", re.DOTALL)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+from itertools import pairwise
 
 import pytest
 from holes import HOLES, SINCE_ABSENT, Hole
 from spoken import lines, sentence, tokens
-from trees import ROOT, SHIPPED, TREES, VERSIONS, Tree, offered
+from trees import PUBLISHED, ROOT, SHIPPED, TREES, VERSIONS, WHOLE, Tree, apply, grown, offered, steps
 
+from atlantis_netcfg.twin.schema import TREES as SHIPPED_BY_TWIN
 from atlantis_netcfg.twin.supplement import ADDED
+from atlantis_netcfg.versions import NEWEST_KNOWN, Version
 
 BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
 
@@ -20,16 +23,42 @@ def test_the_shipped_trees_are_those_that_were_handed_to_us() -> None:
     beside = {path.name: path.read_bytes() for path in BESIDE.glob("*.json.gz")}
     for name, digest in sums.items():
         assert hashlib.sha256(beside.get(name, (SHIPPED / name).read_bytes())).hexdigest() == digest
-    assert set(sums) == {*(f"{version}.json.gz" for version in VERSIONS), "7.21.5.values.json.gz"}
+    assert set(sums) == {*(f"{version}.json.gz" for version in WHOLE), "7.21.5.values.json.gz", "changes.json.gz"}
 
 
-@pytest.mark.parametrize(("version", "menus"), [("7.16", 522), ("7.18.2", 532), ("7.21.5", 548)])
+def test_every_change_goes_on_from_the_tree_before_it() -> None:
+    """The chain has no gap, and no version twice; a patch that has been applied changes nothing more."""
+    assert PUBLISHED[0] in WHOLE
+    for before, version in pairwise(PUBLISHED):
+        if version not in WHOLE:
+            step = steps()[version]
+            assert step["after"] == before
+            assert grown(version) != grown(before)
+            assert apply(grown(version), step["change"]) == grown(version)
+
+
+def test_what_a_patch_takes_and_gives() -> None:
+    tree = {"_type": "dir", "add": {"_type": "cmd", "a": {"_type": "arg"}}, "old": {"_type": "cmd"}}
+    patch = {"add": {"b": {"_type": "arg"}}, "old": None}
+    assert apply(tree, patch) == {"_type": "dir", "add": {"_type": "cmd", "a": {"_type": "arg"}, "b": {"_type": "arg"}}}
+    assert "old" in tree
+
+
+def test_the_newest_tree_is_what_the_product_calls_known() -> None:
+    assert str(NEWEST_KNOWN) == PUBLISHED[-1] == SHIPPED_BY_TWIN[-1]
+    assert PUBLISHED == SHIPPED_BY_TWIN
+
+
+@pytest.mark.parametrize(
+    ("version", "menus"),
+    [("7.16", 522), ("7.18.2", 532), ("7.21.5", 548), ("7.22.2", 552), ("7.23.2", 550), ("7.24", 554)],
+)
 def test_the_reader_sees_every_menu(version: str, menus: int) -> None:
     assert len(list(Tree(version).menus())) == menus
 
 
 def test_the_values_belong_to_commands_of_the_newest_tree() -> None:
-    newest = TREES[-1]
+    newest = Tree("7.21.5")
     strays = []
     for key in offered():
         path, _, argument = key.rpartition(" ")
@@ -55,7 +84,8 @@ def test_a_hole_is_a_hole(hole: Hole, tree: Tree) -> None:
 
 @pytest.mark.parametrize(("menu", "argument"), SINCE_ABSENT)
 def test_what_left_the_tree_of_the_cloud_hosted_router(menu: str, argument: str) -> None:
-    assert [argument in tree.settable(menu) for tree in TREES] == [True, True, False]
+    gone = Version.parse(SINCE_ABSENT[menu, argument])
+    assert [argument in tree.settable(menu) for tree in TREES] == [Version.parse(name) < gone for name in VERSIONS]
 
 
 def test_what_the_twin_adds_to_a_tree_is_a_known_hole() -> None:

@@ -9,12 +9,16 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.versions import Version
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = ROOT / "atlantis_netcfg" / "twin" / "data"
-VERSIONS = ("7.16", "7.18.2", "7.21.5")
+VERSIONS = ("7.16", "7.18.2", "7.21.5", "7.24")
+"""Those that the twin is compared with word by word."""
+WHOLE = ("7.16", "7.18.2", "7.21.5")
 
 Node = dict[str, Any]
 
@@ -31,6 +35,31 @@ def offered() -> dict[str, list[str]]:
     return _loaded("7.21.5.values.json.gz")
 
 
+def steps() -> Node:
+    """What each version changed on the tree of another one: JSON merge patches (RFC 7396)."""
+    return _loaded("changes.json.gz")
+
+
+@cache
+def grown(version: str) -> Node:
+    """The tree of a version: a file, or the changes from there on, applied one by one."""
+    if version in WHOLE:
+        return _loaded(f"{version}.json.gz")
+    step = steps()[version]
+    return apply(grown(step["after"]), step["change"])
+
+
+def apply(node: Node, patch: Node) -> Node:
+    kept = {name: child for name, child in node.items() if patch.get(name, ...) is not None}
+    given = {name: child for name, child in patch.items() if child is not None}
+    both = {name: apply(kept.get(name) or {}, child) for name, child in given.items() if isinstance(child, dict)}
+    return {**kept, **given, **both}
+
+
+PUBLISHED = tuple(sorted((*WHOLE, *steps()), key=Version.parse))
+"""Every published tree from 7.16 on that differs from the one before it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tree:
     """The vocabulary of one version. Paths are in the form of the API: `/ip/address`; the root is `/`."""
@@ -39,7 +68,7 @@ class Tree:
 
     @property
     def root(self) -> Node:
-        return _loaded(f"{self.version}.json.gz")
+        return grown(self.version)
 
     def node(self, words: Sequence[str]) -> Node | None:
         found: Any = self.root
@@ -97,3 +126,4 @@ def parts(menu: str) -> list[str]:
 
 
 TREES = tuple(Tree(version) for version in VERSIONS)
+EVERY_TREE = tuple(Tree(version) for version in PUBLISHED)
