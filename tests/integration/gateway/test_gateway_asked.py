@@ -103,6 +103,7 @@ def test_a_gateway_is_asked_in_one_command(
     changed = asked(ears, run("who", "id", "-u"))["who"]
     assert changed.trouble is Trouble.NO_PLACE
     assert changed.words == (
-        f"{NAME} was not reached: Host key verification failed.; if it is a new computer or a new card: "
-        f"`ssh-keygen -R {NAME}`, then let `provision` pin its key"
+        f"{NAME} was not reached: it shows another SSH host key than before, so nothing was told to it; "
+        f"only if it was set up anew: `ssh-keygen -R {NAME}`, then `provision trust site=…` on a terminal shows who "
+        "answers, and asks you"
     )

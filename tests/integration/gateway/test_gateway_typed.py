@@ -134,7 +134,8 @@ def test_a_bundle_that_lacks_something_is_refused_before_anything_starts(typed: 
             "key_file: stand-in.gpg #", "key_file: stand-in.gpg\n      packages: [ros-foxy-more] #"
         )
     )
+    before = typed.gateway.traffic.connections
     told = typed.provision(ground, "--yes", "--offline", str(typed.folder / "bundle"))
     assert told["exit"] == 3
     assert "ros-foxy-more" in told["errors"][0]["message"]
-    assert not typed.known.exists()
+    assert typed.gateway.traffic.connections == before, "nobody was contacted"

@@ -75,7 +75,16 @@ class Quay:
 
     def adopt(self) -> None:
         """Pin what `provision adopt` would pin."""
-        Store(self.state).pins.change(ROUTER, self.twins.ready[self.twin]["pin"])
+        self._pin(self.state)
+
+    def laptop(self, name: str) -> dict[str, str]:
+        """Environment of another laptop: it shares nothing with the first one, and its owner trusts the router too."""
+        state = self.state.with_name(name)
+        self._pin(state)
+        return {**self.environment(), "ATLANTIS_STATE": str(state)}
+
+    def _pin(self, state: Path) -> None:
+        Store(state).pins.change(ROUTER, self.twins.ready[self.twin]["pin"])
 
     def environment(self) -> dict[str, str]:
         return {

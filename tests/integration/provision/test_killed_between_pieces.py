@@ -64,7 +64,7 @@ def laptop(at: Quay, name: str, *typed: str) -> tuple[int, dict[str, Any]]:
     """Type a command on another laptop, which shares nothing with the first one."""
     done = subprocess.run(
         [PROVISION, *dict.fromkeys([*typed, "--json", f"inventory={at.inventory}"])],
-        env={**at.environment(), "ATLANTIS_STATE": str(at.state.with_name(name))},
+        env=at.laptop(name),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -27,7 +27,7 @@ def start(at: Quay, laptop: str, inventory: Path) -> subprocess.Popen[str]:
     """Type the command on a laptop: a state folder of its own, so that no lock is in common."""
     return subprocess.Popen(
         [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", "--json", f"inventory={inventory}"],
-        env={**at.environment(), "ATLANTIS_STATE": str(at.state.with_name(laptop))},
+        env=at.laptop(laptop),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

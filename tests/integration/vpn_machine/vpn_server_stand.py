@@ -223,13 +223,14 @@ class Stand:
     def provision(self, *words: str) -> dict[str, Any]:
         """Type it where the operator's laptop stands: in the LAN of the server."""
         typed = [*words, f"inventory={self.inventory}", "--json"]
-        known = f"-o UserKnownHostsFile={self.folder / 'known-typed'}"
+        known = self.folder / "known-typed"
+        known.write_text(f"{NAME} {self.machine.host_key}\n")
         more = {
             "ATLANTIS_STATE": str(self.folder / "state"),
             "ANSIBLE_HOME": str(self.folder / "ansible"),
             "ANSIBLE_SSH_CONTROL_PATH_DIR": str(self.folder / "kept"),
             "ANSIBLE_VAULT_PASSWORD_FILE": str(self.folder / "vault-password"),
-            "ANSIBLE_SSH_EXTRA_ARGS": f"-F none -i {self.key} -o IdentitiesOnly=yes {known}",
+            "ANSIBLE_SSH_EXTRA_ARGS": f"-F none -i {self.key} -o IdentitiesOnly=yes -o UserKnownHostsFile={known}",
         }
         done = subprocess.run(
             [*self.ground.prefix(), sys.executable, "-m", "atlantis_netcfg", *typed],
