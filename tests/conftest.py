@@ -22,6 +22,7 @@ MARKERS = (
 )
 MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
 """Folders whose tests start real systemd hosts; a rehearsal in any other test goes without them."""
+SYSTEM_PROGRAMS = ("/usr/local/sbin", "/usr/sbin", "/sbin")
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
 
 
@@ -36,6 +37,8 @@ def pytest_configure(config: pytest.Config) -> None:
     # A shell makes what it starts in the background ignore Ctrl-C, and what the tests interrupt would inherit that.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Debian's ordinary users do not find what stands beside the programs of everybody: debugfs, sfdisk, openvpn, iw.
+    os.environ["PATH"] = os.pathsep.join(dict.fromkeys([*os.environ["PATH"].split(os.pathsep), *SYSTEM_PROGRAMS]))
     for marker in MARKERS:
         config.addinivalue_line("markers", marker)
 

@@ -178,6 +178,27 @@ def _dns(_topology: Topology, _item: Item) -> Properties:
     return {"dynamic-servers": "", "cache-used": "25"}
 
 
+def _fast_path(family: str) -> Callable[[Topology, Item], Properties]:
+    """Nothing takes it here. That counters are numbers and the rest booleans is inferred."""
+    shown = {
+        f"{family}-{path}-{name}": value
+        for path in ("fast-path", "fasttrack")
+        for name, value in (("active", "false"), ("bytes", "0"), ("packets", "0"))
+    }
+    return lambda _topology, _item: shown
+
+
+def _snmp(_topology: Topology, _item: Item) -> Properties:
+    """MikroTik's enterprise number is 14988 (IANA), 3a8c; the form of RFC 3411 with a text of the router's own."""
+    return {"engine-id": "80003a8c04"}
+
+
+def _romon(topology: Topology, item: Item) -> Properties:
+    """The `id`, or the address of a port (manual, RoMON); what is shown while it is off is inferred."""
+    own = topology.store.text(topology.store.table("/tool/romon"), item, "id")
+    return {"current-id": own or ""}
+
+
 _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
     "/interface/bridge": _bridge,
     "/interface/bridge/port": _port,
@@ -192,6 +213,10 @@ _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
     "/ip/dhcp-server/lease": _lease,
     "/ip/dns": _dns,
     "/ip/route": _route,
+    "/ip/settings": _fast_path("ipv4"),
+    "/ipv6/settings": _fast_path("ipv6"),
+    "/snmp": _snmp,
+    "/tool/romon": _romon,
     "/system/ntp/client": _ntp,
     "/routing/table": _table,
     "/routing/rule": _rule,
