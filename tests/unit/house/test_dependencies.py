@@ -19,7 +19,9 @@ TABLE = re.findall(
     (ROOT / "docs" / "dependencies.md").read_text(),
     re.MULTILINE,
 )
-LOCKS = {name: (ROOT / "requirements" / f"{name}.txt").read_text() for name in ("run", "dev")}
+WITNESSES = ROOT / "tests" / "conformance"
+LOCKS = {name: (ROOT / "requirements" / f"{name}.txt").read_text() for name in ("run", "dev", "awx")}
+LOCKS["witnesses"] = (WITNESSES / "requirements.txt").read_text()
 
 
 def locked(name: str) -> dict[str, tuple[str, list[str]]]:
@@ -57,9 +59,17 @@ def test_every_package_has_its_hashes_and_no_registry_is_named(name: str) -> Non
     assert re.search(r"://|--index|--extra-index|--find-links", LOCKS[name]) is None
 
 
-def test_what_runs_is_what_is_tested() -> None:
-    run, dev = locked("run"), locked("dev")
-    assert {package: dev.get(package) for package in run} == run
+@pytest.mark.parametrize("name", ["dev", "awx"])
+def test_what_runs_is_what_is_tested(name: str) -> None:
+    run, other = locked("run"), locked(name)
+    assert {package: other.get(package) for package in run} == run
+
+
+def test_what_ansible_builder_would_fetch_without_hashes_is_there() -> None:
+    """Its own pip commands, of version 3.2, find these installed."""
+    fetched = {"ansible-core", "ansible-runner", "bindep", "dumb-init", "packaging", "pyyaml"}
+    assert fetched <= locked("awx").keys()
+    assert locked("awx")["dumb-init"][0] == "1.2.5"
 
 
 @pytest.mark.parametrize("kind", DECLARED)
@@ -99,17 +109,15 @@ def test_each_of_run_is_imported() -> None:
     assert [name for name in sorted(DECLARED["run"]) if not provided[name] & imported] == []
 
 
-WITNESSES = ROOT / "tests" / "conformance"
-
-
 def test_witnesses_are_pinned_and_nothing_of_the_product_needs_them() -> None:
     """Clients of others live in an environment of their own; docs/dependencies.md names them."""
     told = (ROOT / "docs" / "dependencies.md").read_text().partition("## Clients of others")[2].partition("\n## ")[0]
-    pinned = dict(re.findall(r"^([\w.-]+)==(\S+)$", (WITNESSES / "requirements.txt").read_text(), re.MULTILINE))
+    pinned = locked("witnesses")
     node = json.loads((WITNESSES / "package.json").read_text())["dependencies"]
     for name in ("ansible", "librouteros", "RouterOS-api", "napalm-ros", "netmiko"):
         assert name in told
-        assert name in pinned
+        assert normal(name) in pinned
+    assert "--require-hashes" in (ROOT / "tools" / "strangers").read_text()
     assert all(name in told and re.fullmatch(r"[\d.]+", version) for name, version in node.items())
     assert {"ansible", "napalm", "napalm-ros", "routeros-api"}.isdisjoint(locked("dev"))
 
