@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.operations.vpn._trouble import AnswerLost
 from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.operations.vpn.link import ServerLink
 
-__all__ = ["PLACE", "Crl", "ServerState", "Session", "observe", "sessions_of"]
+__all__ = ["PLACE", "Crl", "ServerState", "Session", "observe", "sessions_of", "understood"]
 
 PLACE: Mapping[str, str] = {
     "ca": f"{FOLDER}/ca.crt",
@@ -120,36 +122,60 @@ class ServerState:
         return self.unit["ActiveState"] == "active" if "ActiveState" in self.unit else None
 
 
+@contextmanager
+def understood(do: str) -> Iterator[None]:
+    """Read an answer: what it lacks, or has of another kind, is the server's fault. Raises AnswerLost."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, OSError) as error:
+        raise AnswerLost(
+            f"the server's answer to `{do}` makes no sense ({type(error).__name__}: {error})",
+            hint="look at that computer and at who else has worked on it, then type the same again",
+        ) from error
+
+
 def observe(link: ServerLink) -> ServerState:
     """Look at the server, in one request. Raises ServerAway, AnswerLost, ServerRefused."""
     began = time.time()
     told = link.ask("look", place=dict(PLACE))
     middle = (began + time.time()) / 2
+    with understood("look"):
+        return _state(told, middle)
+
+
+def _state(told: Mapping[str, Any], middle: float) -> ServerState:
     return ServerState(
-        ready=told["ready"],
-        files=told["files"],
+        ready=told["ready"] is True,
+        files=_texts(told["files"]),
         crl=_crl(told["list"]),
         members=tuple(map(IPv4Network, told["members"])) if told["members"] is not None else None,
-        firewall_as_file=told["as_file"],
-        firewall_why=told["firewall_why"],
-        redirects=tuple(told["redirects"]),
-        version=told["version"],
-        package=told["package"],
-        unit=told["unit"],
+        firewall_as_file=None if told["as_file"] is None else told["as_file"] is True,
+        firewall_why=str(told["firewall_why"]),
+        redirects=tuple(map(str, told["redirects"])),
+        version=_text(told["version"]),
+        package=_text(told["package"]),
+        unit=_texts(told["unit"]),
         sessions=sessions_of(told),
         asked=told["management"] == _ANSWERS,
-        why=told["why"],
+        why=str(told["why"]),
         at=_moment(told["at"]),
         seen=_seen(told["seen"]),
         clock=_moment(told["clock"]),
-        clock_ahead_s=told["clock"] - middle,
+        clock_ahead_s=float(told["clock"]) - middle,
     )
 
 
 def sessions_of(told: Mapping[str, Any]) -> tuple[Session, ...]:
     """The sessions in an answer."""
     return tuple(
-        Session(one["common_name"], one["real"], one["virtual"], _moment(one["since"]), one["received"], one["sent"])
+        Session(
+            str(one["common_name"]),
+            str(one["real"]),
+            str(one["virtual"]),
+            _moment(one["since"]),
+            int(one["received"]),
+            int(one["sent"]),
+        )
         for one in told["sessions"]
     )
 
@@ -157,7 +183,8 @@ def sessions_of(told: Mapping[str, Any]) -> tuple[Session, ...]:
 def _crl(told: Mapping[str, Any] | None) -> Crl | None:
     if told is None:
         return None
-    return Crl(told["number"], _moment(told["begins"]), _moment(told["ends"]), told["signed"], told["pem"])
+    begins, ends = _moment(told["begins"]), _moment(told["ends"])
+    return Crl(int(told["number"]), begins, ends, told["signed"] is True, str(told["pem"]))
 
 
 def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
@@ -169,6 +196,14 @@ def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
         for name, row in rows.items()
         if isinstance(row, dict) and isinstance(row.get("last"), int | float)
     }
+
+
+def _text(told: object) -> str | None:
+    return None if told is None else str(told)
+
+
+def _texts(told: Mapping[str, object]) -> dict[str, str]:
+    return {str(name): str(value) for name, value in told.items()}
 
 
 def _moment(seconds: float) -> datetime:

@@ -90,7 +90,9 @@ class _Link:
                 f"{self.name}: the toolkit's program there failed at `{do}`: {answer['broken']}",
                 hint="this is our fault: please report it; nothing says how far it came",
             )
-        done: dict[str, Any] = answer["done"]
+        done = answer.get("done")
+        if not isinstance(done, dict):
+            raise self._lost(do)
         return done
 
     def close(self) -> None:
@@ -136,7 +138,7 @@ class _Link:
                 return
 
     def _install(self, tool: Tool, line: bytes) -> None:
-        found = tuple(int(number) for number in line.split()[1:])
+        found = tuple(int(number[:9]) for number in line.split()[1:] if number.isdigit())
         if found < PYTHON:
             is_there, needed = (".".join(map(str, version)) for version in (found, PYTHON))
             raise ServerAway(
@@ -274,5 +276,8 @@ def _unpacked(line: bytes) -> dict[str, Any]:
 
 
 def _not_installed(name: str, line: bytes) -> ServerRefused:
-    told = json.loads(line[len(_INSTALLED) :])
-    return ServerRefused(f"{name}: {told['msg']}", hint=told.get("hint") or None)
+    try:
+        told = json.loads(line[len(_INSTALLED) :])
+        return ServerRefused(f"{name}: {told['msg']}", hint=told.get("hint") or None)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return ServerRefused(f"{name}: the toolkit's program was not installed, and it is not said why")

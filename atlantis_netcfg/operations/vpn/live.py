@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.operations.vpn._drift import drift
-from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, Session, observe, sessions_of
+from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, Session, observe, sessions_of, understood
 from atlantis_netcfg.operations.vpn._trouble import RecordOlder, ServerRefused
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 
@@ -123,12 +123,14 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
     lacks: Collection[str] = ()
     for _ in range(_TRIES):
         told = link.ask("push", place=dict(PLACE), files=[_sent(file, lacks) for file in files], only=[CCD])
-        lacks = [*lacks, *told["lacks"]]
-        if not told["lacks"]:
-            ended = sessions_of({"sessions": told["ended"]})
-            return Pushed(tuple(told["changes"]), ended, tuple(told["told"]))
+        with understood("push"):
+            missing = tuple(map(str, told["lacks"]))
+            if not missing:
+                ended = sessions_of({"sessions": told["ended"]})
+                return Pushed(tuple(map(str, told["changes"])), ended, tuple(map(str, told["told"])))
+        lacks = [*lacks, *missing]
     raise ServerRefused(
-        f"files of the server change while this runs: {', '.join(told['lacks'])}",
+        f"files of the server change while this runs: {', '.join(missing)}",
         hint="somebody else is at work there; type the same again",
     )
 
@@ -151,19 +153,19 @@ def revoke_live(
         common_names=list(names),
         addresses=list(addresses),
     )
-    return Evidence(
-        names,
-        addresses,
-        {file.path: _sha256(file) for file in files},
-        told["out"],
-        told["dead"],
-        tuple(told["left"]),
-        tuple(told["told"]),
-        steps=tuple((name, at) for name, at in told["steps"]),
-        ended=sessions_of({"sessions": told["ended"]}),
-        seconds=time.monotonic() - began,
-        replies=tuple(tuple(one["replies"]) for one in told["ended"]),
-    )
+    seconds = time.monotonic() - began
+    hashes = {file.path: _sha256(file) for file in files}
+    with understood("revoke"):
+        return Evidence(
+            names,
+            addresses,
+            hashes,
+            *_words(told),
+            steps=tuple((str(name), float(at)) for name, at in told["steps"]),
+            ended=sessions_of({"sessions": told["ended"]}),
+            seconds=seconds,
+            replies=tuple(tuple(map(str, one["replies"])) for one in told["ended"]),
+        )
 
 
 def verify(link: ServerLink, evidence: Evidence) -> Evidence:
@@ -175,14 +177,14 @@ def verify(link: ServerLink, evidence: Evidence) -> Evidence:
         addresses=list(evidence.addresses),
         files=dict(evidence.files),
     )
-    return replace(
-        evidence,
-        out=told["out"],
-        dead=told["dead"],
-        left=tuple(told["left"]),
-        told=tuple(told["told"]),
-        looks=evidence.looks + 1,
-    )
+    with understood("verify"):
+        out, dead, left, notes = _words(told)
+    return replace(evidence, out=out, dead=dead, left=left, told=notes, looks=evidence.looks + 1)
+
+
+def _words(told: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tuple[str, ...]]:
+    """Whether they are out and dead, what is left and what was not done; nothing but a plain `true` says yes."""
+    return told["out"] is True, told["dead"] is True, tuple(map(str, told["left"])), tuple(map(str, told["told"]))
 
 
 def go_on(declaration: Declaration, authority: Authority, link: ServerLink, who: str = "") -> Evidence | None:
@@ -198,7 +200,9 @@ def go_on(declaration: Declaration, authority: Authority, link: ServerLink, who:
 
 def sessions(link: ServerLink) -> tuple[Session, ...]:
     """Who is connected now; where the server cannot be asked, who was when it wrote its status file last."""
-    return sessions_of(link.ask("sessions", place=dict(PLACE)))
+    told = link.ask("sessions", place=dict(PLACE))
+    with understood("sessions"):
+        return sessions_of(told)
 
 
 def note_seen(

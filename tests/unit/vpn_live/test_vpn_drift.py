@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.gateway.parts import File
+from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn._drift import drift
 from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, observe
+from atlantis_netcfg.operations.vpn._trouble import AnswerLost
 from atlantis_netcfg.vpn import _server_system
 from atlantis_netcfg.vpn.identity import Roll
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER
@@ -138,16 +141,69 @@ def test_the_stamp_of_the_firewall_is_that_of_the_roles_unit() -> None:
 class Told:
     """A link whose server says this."""
 
-    def __init__(self, **told: Any) -> None:  # noqa: ANN401 - JSON
+    def __init__(self, to: str = "look", /, **told: Any) -> None:  # noqa: ANN401 - JSON
         self.round_trips = 0
-        self.told = told
+        self.to, self.told = to, told
 
     def ask(self, do: str, **_what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
-        assert do == "look"
+        assert do == self.to
         return self.told
 
     def close(self) -> None:
         pass
+
+
+LOOKED: dict[str, Any] = {
+    "clock": 1795330618.5,
+    "ready": True,
+    "files": {},
+    "list": None,
+    "members": ["10.80.17.1/32"],
+    "as_file": True,
+    "firewall_why": "",
+    "redirects": [],
+    "version": None,
+    "package": None,
+    "unit": {},
+    "management": "held",
+    "sessions": [],
+    "at": 0,
+    "why": "silent",
+    "seen": None,
+}
+
+
+@pytest.mark.parametrize("lacks", LOOKED)
+def test_what_an_answer_lacks_is_the_servers_fault(lacks: str) -> None:
+    told = Told(**{name: value for name, value in LOOKED.items() if name != lacks})
+    with pytest.raises(AnswerLost, match=f"the server's answer to `look` makes no sense .KeyError: '{lacks}'"):
+        observe(told)
+
+
+@pytest.mark.parametrize(
+    "kind", ["x", 7, -1e300, [7], [{}], {"seen": {"a": {"last": 1e300}}}, True, ["::1/128"]], ids=ascii
+)
+@pytest.mark.parametrize("name", LOOKED)
+def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> None:  # noqa: ANN401 - JSON
+    """Or is taken for text, and judged."""
+    with suppress(AnswerLost):
+        state = observe(Told(**{**LOOKED, name: kind}))
+        assert all(isinstance(one, str) for one in drift(state, WANTED, ROLL))
+
+
+@pytest.mark.parametrize("lacks", ["out", "dead", "left", "told"])
+def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> None:
+    whole: dict[str, Any] = {"out": True, "dead": True, "left": [], "told": []}
+    evidence = live.Evidence((), (), {}, out=False, dead=False, left=(), told=())
+    assert live.verify(Told("verify", **whole), evidence).confirmed
+    wrongs: tuple[Any, ...] = ("no", 1, {})
+    for wrong in wrongs:
+        with suppress(AnswerLost):
+            told = live.verify(Told("verify", **{**whole, lacks: wrong}), evidence)
+            assert told.confirmed == (lacks not in {"out", "dead"})
+    whole.pop(lacks)
+    with pytest.raises(AnswerLost):
+        live.verify(Told("verify", **whole), evidence)
 
 
 @pytest.mark.parametrize(
@@ -160,11 +216,7 @@ class Told:
     ],
 )
 def test_what_a_server_has_noted_is_read_with_care(seen: Any, names: set[str]) -> None:  # noqa: ANN401 - JSON
-    told = Told(
-        clock=1795330618.5, ready=True, files={}, list=None, members=["10.80.17.1/32"], as_file=True, firewall_why="",
-        redirects=[], version=None, package=None, unit={}, management="held", sessions=[], at=0, why="silent",
-        seen=seen,
-    )  # fmt: skip
+    told = Told(**{**LOOKED, "seen": seen})
     state = observe(told)
     assert state.seen.keys() == names
     assert (state.asked, state.active, state.crl) == (False, None, None)
