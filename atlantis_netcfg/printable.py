@@ -39,7 +39,7 @@ def cleaned(value: Any) -> Any:  # noqa: ANN401 - JSON of any shape
     if isinstance(value, str):
         return lines(value)
     if isinstance(value, Mapping):
-        return {key: cleaned(one) for key, one in value.items()}
+        return {line(key) if isinstance(key, str) else key: cleaned(one) for key, one in value.items()}
     return [cleaned(one) for one in value] if isinstance(value, list | tuple) else value
 
 

@@ -119,6 +119,7 @@ def _typed(card: Card) -> str:
     """What a person types at the question. Raises UsageError when nobody is there to be asked."""
     import sys
 
+    from atlantis_netcfg import printable
     from atlantis_netcfg.errors import UsageError
 
     what = "serial" if card.shown.serial else "name and size"
@@ -128,7 +129,7 @@ def _typed(card: Card) -> str:
             hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
         )
     try:
-        return input(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: ")
+        return input(printable.lines(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: "))
     except EOFError:
         return ""
 

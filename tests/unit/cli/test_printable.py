@@ -41,6 +41,7 @@ def test_what_is_printable_stays() -> None:
 def test_data_is_cleaned_to_its_leaves() -> None:
     told = {"a": ["\x1b", {"b": ("\u202e", 1, None)}], "c": True}
     assert printable.cleaned(told) == {"a": ["\\u001b", {"b": ["\\u202e", 1, None]}], "c": True}
+    assert printable.cleaned({"\x1b\n": {"\u202e": 1}}) == {"\\u001b\\u000a": {"\\u202e": 1}}
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])

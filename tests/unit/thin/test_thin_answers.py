@@ -5,13 +5,17 @@ from __future__ import annotations
 import importlib
 import json
 import re
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ansible.errors import AnsibleConnectionFailure
 from ansible.module_utils.testing import patch_module_args
+from impostor import HOSTILE, control_characters
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import thin
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import answer, checked, masked
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin, answer, checked, masked
 
 MODULES = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
 TOKEN = "glpat-of-nobody"
@@ -138,3 +142,55 @@ def test_a_module_that_tells_no_result_has_failed(output: dict[str, Any], words:
     assert told["failed"] is True
     assert words in told["msg"]
     assert hint in told["hint"]
+
+
+class Asks(Thin):
+    """Asks a gateway that says this, or raises it."""
+
+    module = "clock"
+
+    def __init__(self, says: dict[str, Any] | Exception) -> None:
+        self.says = says
+        self._task = SimpleNamespace(no_log=True, check_mode=False)
+
+    def _called(self, name: str, asked: bytes, variables: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+        if isinstance(self.says, Exception):
+            raise self.says
+        return self.says
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        said(f"{MARK}{json.dumps({'msg': HOSTILE, HOSTILE: {HOSTILE: [HOSTILE]}, 'diff': [{'before': HOSTILE}]})}\n"),
+        said(HOSTILE, HOSTILE, 1),
+        said("", HOSTILE, 127),
+    ],
+    ids=["result", "cut off", "no python"],
+)
+def test_plain_ansible_can_print_what_a_gateway_says(says: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(thin, "end_with_parent", lambda: None)
+    told = Asks(says).thin("clock", {"now": 1}, {})
+    assert control_characters("".join(_texts(told))) == []
+    assert "evil\\u001b]0;owned" in "".join(_texts(told))
+
+
+def test_plain_ansible_can_print_why_a_gateway_was_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(thin, "end_with_parent", lambda: None)
+    with pytest.raises(AnsibleConnectionFailure) as failed:
+        Asks(AnsibleConnectionFailure(f"over ssh:\r\n{HOSTILE}\r\n")).thin("clock", {"now": 1}, {})
+    assert control_characters(str(failed.value)) == []
+    assert str(failed.value).startswith("over ssh:\nevil\\u001b")
+    assert failed.value.__suppress_context__, "Ansible prints causes as well"
+
+
+def test_what_only_ansible_prints_as_its_own_is_not_taken_from_a_gateway() -> None:
+    told = {"warnings": ["a"], "deprecations": [{"msg": "b"}], "exception": "c", "msg": "d"}
+    assert answer(said(f"{MARK}{json.dumps(told)}\n"), "clock") == {"msg": "d"}
+
+
+def _texts(told: Any) -> list[str]:  # noqa: ANN401 - JSON
+    """Every text in it, keys as well."""
+    if isinstance(told, dict):
+        return [text for key, value in told.items() for text in (str(key), *_texts(value))]
+    return [text for one in told for text in _texts(one)] if isinstance(told, list) else [str(told)]

@@ -6,6 +6,7 @@ from typing import Any
 
 from ansible.plugins.callback import CallbackBase
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.operations.play_control import refuse_after_stop
 
 DOCUMENTATION = """
@@ -38,8 +39,12 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
         """One line a failed task."""
         if not ignore_errors:
-            self._display.display(f"{result.host.get_name()}: {result.result.get('msg', 'failed')}", stderr=True)
+            self._tell(result, "failed")
 
     def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
         """One line an unreachable host."""
-        self._display.display(f"{result.host.get_name()}: {result.result.get('msg', 'unreachable')}", stderr=True)
+        self._tell(result, "unreachable")
+
+    def _tell(self, result: Any, otherwise: str) -> None:  # noqa: ANN401
+        words = printable.below(str(result.result.get("msg", otherwise)), 2)
+        self._display.display(f"{result.host.get_name()}: {words}", stderr=True)

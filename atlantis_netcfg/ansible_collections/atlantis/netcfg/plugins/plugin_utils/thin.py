@@ -19,11 +19,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from ansible import constants
+from ansible.errors import AnsibleConnectionFailure
 from ansible.module_utils.common.arg_spec import ArgumentSpecValidator
 from ansible.module_utils.common.parameters import remove_values
 from ansible.module_utils.errors import UnsupportedError
 from ansible.plugins.action import ActionBase
 
+from atlantis_netcfg import printable
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
 from atlantis_netcfg.carried import INSTALL, build
 from atlantis_netcfg.worker import end_with_parent
@@ -43,6 +45,8 @@ _VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
 _NOT_FOUND: Final = 127
 """What a shell ends with where a program is not there (POSIX, Shell & Utilities 2.8.2)."""
 _LAST_LINES: Final = 8
+_ANSIBLES: Final = ("_ansible_", "ansible_", "warnings", "deprecations", "exception")
+"""What no module of ours says, and Ansible would act on, or print as its own words."""
 
 
 class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
@@ -67,8 +71,13 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
             return masked({"failed": True, "msg": wrong}, secrets)
         quiet = self._task.no_log or constants.config.get_config_value("DEFAULT_NO_TARGET_SYSLOG", variables=variables)
         asked = {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
-        said = self._called(name, zlib.compress(json.dumps(asked, default=str).encode(), 9), variables)
-        return masked(answer(said, name), secrets)
+        try:
+            said = self._called(name, zlib.compress(json.dumps(asked, default=str).encode(), 9), variables)
+        except AnsibleConnectionFailure as error:
+            # It quotes whoever answers at the address, and so would its cause.
+            raise AnsibleConnectionFailure(printable.lines(str(error).replace("\r\n", "\n"))) from None
+        told: dict[str, Any] = printable.cleaned(masked(answer(said, name), secrets))
+        return told
 
     def _called(self, name: str, asked: bytes, variables: dict[str, Any]) -> dict[str, Any]:
         tool, python = build(), self._python(variables)
@@ -124,7 +133,7 @@ def answer(said: Mapping[str, Any], name: str) -> dict[str, Any]:
         except ValueError:
             found = None
         if isinstance(found, dict):
-            return {key: value for key, value in found.items() if not key.startswith(("_ansible_", "ansible_"))}
+            return {key: value for key, value in found.items() if not key.startswith(_ANSIBLES)}
     if "python" in said:
         is_there, needed = (".".join(map(str, version)) for version in (said["python"], PYTHON))
         words = f"this computer has Python {is_there}, and at least {needed} is needed"
