@@ -110,12 +110,14 @@ def _meant(name: str, names: tuple[str, ...]) -> bool:
 
 
 def leaving_out(*names: str) -> Answer:
-    """Rows in which these attributes are missing."""
+    """Rows in which these attributes are missing; empty rows where none is named."""
 
     def answer(words: tuple[str, ...]) -> tuple[str, ...]:
         if words[0] != "!re":
             return words
-        return tuple(word for word in words if not word.startswith("=") or word[1:].partition("=")[0] not in names)
+        return tuple(
+            word for word in words if not word.startswith("=") or (names and word[1:].partition("=")[0] not in names)
+        )
 
     return answer
 

@@ -6,14 +6,16 @@ import io
 import json
 import sys
 import unicodedata
-from typing import TYPE_CHECKING
+from functools import partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from impostor import HOSTILE, control_characters
 from pilot_commands import Table
 
 from atlantis_netcfg import printable
-from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli import image, main
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.events import Event, Stage
@@ -71,6 +73,22 @@ def test_an_error_with_a_devices_words_is_told_in_lines_of_ours(
     text = capsys.readouterr().err
     assert control_characters(text) == []
     assert [line for line in text.splitlines() if not line.startswith(("error: ", "       "))] == []
+
+
+def _noted(asked: list[str], question: str) -> str:
+    asked.append(question)
+    return "no"
+
+
+def test_a_question_shows_what_a_card_calls_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python hands a question to the terminal itself, past every stream of ours."""
+    asked: list[str] = []
+    monkeypatch.setattr("builtins.input", partial(_noted, asked))
+    monkeypatch.setattr("sys.stdin", Screen())
+    card: Any = SimpleNamespace(shown=SimpleNamespace(serial=HOSTILE, proof=HOSTILE))
+    assert image._typed(card) == "no"
+    assert "evil" in asked[0]
+    assert control_characters(asked[0]) == []
 
 
 class Screen(io.StringIO):
