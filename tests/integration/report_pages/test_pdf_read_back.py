@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, given, settings
+from impostor import HOSTILE, control_characters
 from pages_example import SHORT, documents, hostile, made
 
 from atlantis_netcfg.report.checklist._pdf import pdf
@@ -96,6 +97,15 @@ def test_hostile_words_are_words() -> None:
     document = hostile(SHORT)
     words = "".join(read(document, {}))
     assert [one for one in SHORT if plain(one) not in words] == []
+
+
+def test_nothing_in_it_moves_turns_or_hides_text() -> None:
+    """Of what a device said: a form feed ends a page for pdftotext, a line feed its lines."""
+    said = hostile((f"before{HOSTILE}after",))
+    told = subprocess.run(["pdftotext", "-raw", "-", "-"], input=pdf(said, {}), check=True, capture_output=True).stdout
+    words = told.decode().replace("\f", "")
+    assert "before" in words
+    assert control_characters(words) == []
 
 
 def test_ten_thousand_letters_are_all_there() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import sys
+import unicodedata
 import xml.etree.ElementTree as ET
 
 import checklist_example as made
@@ -16,6 +19,8 @@ from atlantis_netcfg.report.checklist import Document, lines
 from atlantis_netcfg.report.checklist._grid import grid
 from atlantis_netcfg.report.checklist._html import html
 from atlantis_netcfg.report.checklist._junit import junit
+
+CONTROLS = frozenset({"Cc", "Cf", "Zl", "Zp"})
 
 
 def harmless(document: Document) -> None:
@@ -64,6 +69,21 @@ def test_hostile_words_are_words_in_the_page() -> None:
     holds(page, document)
     words = "".join(page.text.split())
     assert [one for one in HOSTILE if shown(one) not in words] == []
+
+
+SEEN = re.compile("[\u0600-\u0605\u06dd\u070f\u0890\u0891\u08e2\U000110bd\U000110cd\U00013430-\U0001345f]")
+"""Signs of scripts that Unicode counts among its controls: numbers' strokes, and what joins hieroglyphs."""
+JOINING = {"\u200c", "\u200d"}
+
+
+def test_nothing_on_a_page_moves_turns_or_hides_text() -> None:
+    """A line feed is the layout's; what joins letters or pictures hides none."""
+    every = "".join(one for one in map(chr, range(sys.maxunicode + 1)) if unicodedata.category(one) in CONTROLS)
+    document = hostile((f"before{every}after", "\n\tbefore\r\n"))
+    for page in (html(document, {}).decode(), junit(document).decode(), lines(document)):
+        assert "before" in page
+        rest = {one for one in page if unicodedata.category(one) in CONTROLS} - JOINING - {"\n"}
+        assert [ascii(one) for one in sorted(rest) if not SEEN.match(one)] == []
 
 
 @pytest.mark.parametrize("document", [made.example(), made.green(), made.empty()], ids=["example", "green", "empty"])
