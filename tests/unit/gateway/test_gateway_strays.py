@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FOLDER = "/etc/ours"
-KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": "0", "group": "0"}
+KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": str(os.geteuid()), "group": str(os.getegid())}
 
 
 def configured(root: Path, *, check: bool = False, **told: Any) -> list[str]:  # noqa: ANN401 - of the module

@@ -83,6 +83,7 @@ def test_the_folder_of_a_living_owner_stays(place: Path) -> None:
         assert (folder / "deep" / "image").read_bytes() == b"gigabytes"
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="making a PID namespace needs root")
 @pytest.mark.namespace
 def test_an_owner_in_another_pid_namespace_lives(place: Path) -> None:
     with owner(place, "unshare", "--pid", "--fork", "--kill-child") as (_, folder):
@@ -145,6 +146,7 @@ def test_a_link_inside_is_not_followed(place: Path) -> None:
     assert (place / "kept").exists()
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount")
 @pytest.mark.namespace
 def test_what_is_mounted_in_an_orphan_is_not_removed(place: Path) -> None:
     ours, inside = place / "ours", place / MARK / "here"
