@@ -52,6 +52,13 @@ class Facts:
     history: int
     """Entries in `/system/history` before the run."""
 
+    def upgrade(self, to: Version) -> str:
+        """Return the hint for a device whose version is below `to`."""
+        return (
+            f"put RouterOS {to} or later on it: `provision upgrade site=… device=… packages=FILE.npk`, where FILE.npk "
+            f"is MikroTik's package for {self.architecture}"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class PortCounts:

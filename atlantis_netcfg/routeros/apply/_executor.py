@@ -44,6 +44,10 @@ __all__ = ["converge"]
 _READING = (Mode.PLAN, Mode.DRIFT)
 """Ways that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"
+_STAND_BY = (
+    "pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
+    "--without-protection with somebody standing beside it"
+)
 
 
 class Busy(DeviceFailed):
@@ -230,14 +234,15 @@ def _toll(work: Work, mode: Mode) -> DeviceResult | None:
 def _judge(work: Work, mode: Mode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     found = work.aim
-    reasons = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)]
+    reasons, hint = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)], None
     if work.protection is Protection.NONE and not all(action.inert for action in found.actions):
         if work.job.unprotected:
             work.notes.append("nothing protects this change: what goes wrong has to be repaired by a person")
         else:
             reasons.append(_unprotected(work))
+            hint = _STAND_BY
     if reasons:
-        return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons))
+        return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
     if mode is Mode.PLAN:
         return None
     if work.job.agreed is not None and work.job.agreed != plan_hash(found):
@@ -251,11 +256,7 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
 
 def _unprotected(work: Work) -> str:
     own = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
-    return (
-        f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{own}."
-        " Pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18,"
-        " or say --without-protection with somebody standing beside it"
-    )
+    return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{own}"
 
 
 def _protect(work: Work) -> None:

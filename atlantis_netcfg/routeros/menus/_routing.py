@@ -50,6 +50,8 @@ _SETTINGS = Menu(
             time("check-gateway-ping-timeout", "1s"),
             number("check-gateway-ping-count", "2"),
         ),
+        # In which order the chains of routing rules are asked; ours are in `user`, which has to come before `main`.
+        *since("7.22", text("policy-rules", "mangle,vrf-lookup,vrf-unreach,local,user,main")),
     ),
 )
 
@@ -97,6 +99,8 @@ _RULE = Menu(
         interface("interface"),
         text("routing-mark"),
         number("min-prefix"),
+        # A rule of another chain is asked at another moment, or, where `policy-rules` does not name it, never.
+        *since("7.22", text("chain", "user"), text("realm"), text("vrf")),
     ),
 )
 

@@ -129,7 +129,8 @@ async def _run(work: Transaction, mode: Mode) -> Results | None:
     refusal = _refusal(work, mode)
     if refusal:
         text = f"refused, nothing was changed: {refusal}"
-        return work.near.result(Status.REFUSED, text), work.far.result(Status.REFUSED, text)
+        near, far = (end.result(Status.REFUSED, text, hint=end.hint()) for end in (work.near, work.far))
+        return near, far
     return None if mode is Mode.PLAN else await _honestly(work)
 
 
@@ -163,7 +164,7 @@ async def _alone(work: Transaction, gone: DeviceResult) -> Results:
     near = work.near
     refused = "; ".join(near.refusals())
     if refused:
-        return near.result(Status.REFUSED, f"refused, nothing was changed: {refused}"), gone
+        return near.result(Status.REFUSED, f"refused, nothing was changed: {refused}", hint=near.hint()), gone
     ended = await follow(work)
     if ended is not None:
         return ended, gone

@@ -29,6 +29,7 @@ from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
+from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 __all__ = ["End", "NotAsDeclared"]
 
 _SHOWN = 3
+_SAFE_MODE = Version(7, 18)
+"""The first that has it over the API."""
 _STAGES = {Status.UNCHANGED: Stage.DONE, Status.CHANGED: Stage.CONFIRMED, Status.ROLLED_BACK: Stage.UNROLLED}
 
 
@@ -172,12 +175,17 @@ class End:
         yield from objections(self.plan, self.seen, path)
         yield from missing(self.plan, self.seen)
         if not facts.has_safe_mode:
-            yield f"RouterOS {facts.version} has no safe mode over the API (7.18 and later have); upgrade it first"
+            yield f"RouterOS {facts.version} has no safe mode over the API, which {_SAFE_MODE} and later have"
         if facts.safe_mode_owner is not None:
             yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
         yield from self._too_dear(self.plan)
         if self.job.agreed is not None and self.job.agreed != plan_hash(self.plan):
             yield "the device has changed since the plan was shown; look at the new plan and agree to it"
+
+    def hint(self) -> str | None:
+        """What to do about a refusal, where that is one thing."""
+        facts = self.seen.facts
+        return None if facts.has_safe_mode or not self.actions else facts.upgrade(_SAFE_MODE)
 
     def _too_dear(self, found: Plan) -> Iterator[str]:
         """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""

@@ -17,12 +17,13 @@ from atlantis_netcfg.routeros.planner._firstmatch import plan_first_match
 from atlantis_netcfg.routeros.planner._identified import plan_identified
 from atlantis_netcfg.routeros.planner._rename import new_names, renamed, renaming_order
 from atlantis_netcfg.routeros.planner._simulate import after, simulate
+from atlantis_netcfg.versions import NEWEST_KNOWN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.routeros._items import Desired, Item
-    from atlantis_netcfg.routeros._types import Observed, Row
+    from atlantis_netcfg.routeros._types import Facts, Observed, Row
     from atlantis_netcfg.versions import Version
 
 __all__ = ["CannotPlan", "after", "as_renamed", "plan", "simulate"]
@@ -35,7 +36,9 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     KeyError for a menu of the text that was not read.
     """
     menus = sorted(desired.menus, key=rank)
-    problems = [problem for path in menus for problem in _unsupported(path, desired, observed.facts.version)]
+    facts = observed.facts
+    lacking = [each for path in menus for each in _unsupported(path, desired, facts.version)]
+    problems = [problem for problem, _ in lacking]
     names = new_names(desired, observed.rows)
     rows = as_renamed(desired, observed.rows)
     # Until it is known what our user may read, a secret that reads as empty counts as one: then it will be asked.
@@ -47,7 +50,8 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
         _order_renames(part, names)
         problems += part.problems
     if problems:
-        raise CannotPlan("\n".join(f"{device}: {desired.source}, {problem}" for problem in problems))
+        message = "\n".join(f"{device}: {desired.source}, {problem}" for problem in problems)
+        raise CannotPlan(message, hint=_other_version([since for _, since in lacking], facts))
     changed = {part.menu.path for part in parts if part.changes}
     remarks = [remark for path, remark in desired.remarks if path in changed]
     return Plan(
@@ -56,8 +60,21 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
         hidden=tuple(hidden for part in parts for hidden in part.hidden),
-        notes=(*desired.notes, *remarks, *dict.fromkeys(note for part in parts for note in part.notes)),
+        notes=(
+            *_beyond(observed.facts.version),
+            *desired.notes,
+            *remarks,
+            *dict.fromkeys(note for part in parts for note in part.notes),
+        ),
     )
+
+
+def _beyond(version: Version) -> Iterator[str]:
+    if version > NEWEST_KNOWN:
+        yield (
+            f"RouterOS {version} is newer than anything known here, which ends at {NEWEST_KNOWN}: what it has changed "
+            "since then nobody has looked at"
+        )
 
 
 def as_renamed(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, tuple[Row, ...]]:
@@ -66,21 +83,32 @@ def as_renamed(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> dict[st
     return {path: renamed(path, rows[path], names) for path in desired.menus}
 
 
-def _unsupported(path: str, desired: Desired, version: Version) -> Iterator[str]:
+def _unsupported(path: str, desired: Desired, version: Version) -> Iterator[tuple[str, Version | None]]:
+    """Yield what this version lacks, and the first that has it; None: only older ones have."""
     menu = MENUS[path]
     if menu.since is not None and version < menu.since:
-        yield f"{menu.title} is there from RouterOS {menu.since} on, and this device has {version}"
+        yield f"{menu.title} is there from RouterOS {menu.since} on, and this device has {version}", menu.since
     for item in desired.items[path]:
         for name in item.values:
             field = menu.by_name[name]
             if field.since is not None and version < field.since:
-                yield _version_problem(item, name, f"from RouterOS {field.since} on", version)
+                yield _version_problem(item, name, f"from RouterOS {field.since} on", version), field.since
             elif not field.exists(version):
-                yield _version_problem(item, name, f"only before RouterOS {field.gone}", version)
+                yield _version_problem(item, name, f"only before RouterOS {field.gone}", version), None
 
 
 def _version_problem(item: Item, name: str, when: str, version: Version) -> str:
     return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, and this device has {version}"
+
+
+def _other_version(lacking: Sequence[Version | None], facts: Facts) -> str | None:
+    """What to do about a version that lacks something; None: it lacks nothing."""
+    if not lacking:
+        return None
+    newer = [version for version in lacking if version is not None]
+    if len(newer) < len(lacking):
+        return "take from the text what RouterOS has no more, in the lines that are named"
+    return f"{facts.upgrade(max(newer))}; or take the named lines out of the text"
 
 
 def _plan_menu(path: str, desired: Desired, rows: tuple[Row, ...], context: Context) -> MenuPlan:

@@ -122,9 +122,8 @@ def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypat
     technician.at.adopt()
     refused = technician.type("site=coastal", code=4)
     hint = (
-        "nothing would take this change back if it went wrong: {}; it moves traffic{}. Pin its SSH host key with "
-        "`provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say --without-protection with somebody "
-        "standing beside it"
+        "pin its SSH host key with `provision adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
+        "--without-protection with somebody standing beside it"
     )
     technician.follow(refused, hint, code=7)
     assert met == [ROUTER]
@@ -132,17 +131,44 @@ def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypat
     technician.type("site=coastal", "--without-protection")
 
 
-def test_a_router_that_is_too_old_is_upgraded_and_joins(
-    technician: Technician, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def old(technician: Technician, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put a router of an older version in the place of the one that is there; it is back from a boot within seconds."""
     at = technician.at
-    # An emulated router is back within seconds.
     monkeypatch.setattr(upgrade, "Waiting", lambda: Waiting(poll_s=0.2, connect_s=1.0))
     at.replace("old", version="7.16")
     at.adopt()
     at.do("knobs", boot_s=0.3)
     Store(at.state).pins.change_host_key(ROUTER, at.twins.ready["old"]["host_key"])
     at.stack.enter_context(forwarded(Door(at.twins.ready["old"]["ssh"]), 22))
+
+
+def test_a_router_that_lacks_what_is_declared_is_upgraded_and_has_it(
+    technician: Technician, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at = technician.at
+    at.configure()
+    words = ["=name=siem", "=target=remote", "=remote=10.99.1.9", "=remote-log-format=cef"]
+    at.do("console", words=["/system/logging/action/add", *words])
+    at.configure()
+    old(technician, monkeypatch)
+    restore = ("restore", f"device={ROUTER}", "to=latest", "--yes")
+    refused = technician.type(*restore, code=4)
+    hint = (
+        "put RouterOS {} or later on it: `provision upgrade site=… device=… packages=FILE.npk`, where FILE.npk is "
+        "MikroTik's package for {}"
+    )
+    words, *_ = advised(said(refused, hint))
+    assert "put RouterOS 7.18 or later on it" in refused
+    file = write(tmp_path, "routeros", "7.21.5", "arm64")
+    technician.type(*(word.replace("FILE.npk", str(file)) for word in words))
+    technician.type(*restore)
+    assert "siem" in {row["name"] for row in technician.rows("/system/logging/action")}
+
+
+def test_a_router_that_is_too_old_is_upgraded_and_joins(
+    technician: Technician, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old(technician, monkeypatch)
     technician.type("vpn", "init")
     handed = technician.type("vpn", "onboard", f"host={ROUTER}", code=5)
     (install,) = (words for words in advised(handed) if words[:2] == ["vpn", "install"])
