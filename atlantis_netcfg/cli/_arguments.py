@@ -87,6 +87,10 @@ UNPROTECTED = Flag(
 ACCEPT_COST = Flag(
     "accept-cost", "pay for what is sent over a link that is paid by the byte; `--yes` does not say that"
 )
+REMOVE_FOREIGN = Flag(
+    "remove-foreign",
+    "remove rows of others by the hundred from menus that are ours entirely; `--yes` does not say that",
+)
 ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 

@@ -1,4 +1,4 @@
-"""A person's word before devices change, and before money is spent: two questions, neither answers the other."""
+"""A person's word before devices change, money is spent, or many rows of others go: no question answers another."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from atlantis_netcfg.operations.costs import unpaid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Declined", "agreed", "pays"]
+__all__ = ["Declined", "agreed", "pays", "removes"]
 
-_PAY = "pay"
+_PAY, _REMOVE = "pay", "remove"
 
 
 class Declined(DeviceFailed):
@@ -53,3 +53,17 @@ def pays(words: Sequence[str], *, ask: bool) -> None:
     answer = _answer(f"Pay for it? Type {_PAY} to go on: ")
     if answer.strip().lower() != _PAY:
         raise unpaid(words)
+
+
+def removes(words: Sequence[str], *, ask: bool) -> None:
+    """Return when the person lets the rows go that the words tell of. Raises Declined, UsageError with nobody there."""
+    if not ask or not sys.stdin.isatty():
+        raise UsageError(
+            f"nobody is here to agree to this, so nothing was changed: {'; '.join(words)}",
+            hint="look at them with `--plan`, then type the same with `--yes --remove-foreign`",
+        )
+    for each in words:
+        print(each)
+    answer = _answer(f"Remove them? Type {_REMOVE} to go on: ")
+    if answer.strip().lower() != _REMOVE:
+        raise Declined("not agreed, so nothing was changed")

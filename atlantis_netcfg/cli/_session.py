@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from atlantis_netcfg import paths
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, STREAM, UNPROTECTED
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
-from atlantis_netcfg.cli._consent import agreed, pays
+from atlantis_netcfg.cli._consent import agreed, pays, removes
 from atlantis_netcfg.cli._outcome import Stopped, as_typed, carried
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
@@ -64,6 +64,8 @@ class Session:
     """Restore: the run that has read back what the device shall be."""
     offline: Path | None = None
     """A bundle, which gateways take everything from."""
+    remove_foreign: bool = False
+    """A person has agreed that rows of others go by the hundred."""
     changed: list[str] = field(default_factory=list)
     """Devices that plays of this command have changed, as they were read back."""
     _runner: PlaybookRunner | None = None
@@ -120,6 +122,7 @@ class Session:
             offline=self.offline,
             unprotected=self.arguments.given(UNPROTECTED),
             accept_cost=self.arguments.given(ACCEPT_COST),
+            remove_foreign=self.arguments.given(REMOVE_FOREIGN) or self.remove_foreign,
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
 
@@ -253,6 +256,10 @@ class Session:
         dear = [asked(one["cost"]) for one in planned.devices.values() if one["planned"] and "cost" in one]
         if dear and not self.arguments.given(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
+        many = [f"{name}: the plan {one['foreign_words']}" for name, one in planned.devices.items() if _foreign(one)]
+        if many and not self.arguments.given(REMOVE_FOREIGN):
+            removes(many, ask=not self.as_json)
+            self.remove_foreign = True
         changing = (name for name, one in planned.devices.items() if one["planned"] or one["status"] == "planned")
         agreed(f"Change {', '.join(changing)} now")
         plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
@@ -280,6 +287,11 @@ class Session:
         """Print how it ended."""
         print(json.dumps(report.as_json(), ensure_ascii=False) if self.as_json else report.as_text())
         return report.exit
+
+
+def _foreign(result: Mapping[str, Any]) -> bool:
+    """Whether rows of others go by the hundred; what no engine of ours has planned removes none."""
+    return bool(result.get("foreign_words"))
 
 
 @contextmanager

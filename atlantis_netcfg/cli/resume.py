@@ -9,6 +9,7 @@ from atlantis_netcfg.cli._arguments import (
     ASK_VAULT_PASS,
     INVENTORY,
     JSON,
+    REMOVE_FOREIGN,
     UNPROTECTED,
     VERBOSE,
     Command,
@@ -32,7 +33,7 @@ COMMAND = Command(
         Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
         INVENTORY,
     ),
-    flags=(ACCEPT_COST, UNPROTECTED, ASK_VAULT_PASS, JSON, VERBOSE),
+    flags=(ACCEPT_COST, UNPROTECTED, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE),
     changes=True,
     plays=True,
 )

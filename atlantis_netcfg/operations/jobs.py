@@ -58,6 +58,7 @@ def device_job(
         ssh=_console(host, access, request, store.pins),
         run=journal.run if isinstance(journal, Journal) else "",
         unprotected=request.unprotected,
+        remove_foreign=request.remove_foreign or request.rehearsed,
         history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
     )
 

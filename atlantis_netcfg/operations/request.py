@@ -14,10 +14,12 @@ from atlantis_netcfg.paths import hold_own, state_dir
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "Mode", "Request", "StandIns", "Target", "consent"]
+__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "REMOVE_FOREIGN", "Mode", "Request", "StandIns", "Target", "consent"]
 
 ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
+REMOVE_FOREIGN = "atlantis_remove_foreign"
+"""The same for rows of others that go by the hundred."""
 PLAIN_ANSIBLE = "ansible-playbook"
 """What the journal calls a run that was not asked for by `provision`."""
 
@@ -26,15 +28,17 @@ _SAID = {"true": True, "yes": True, "false": False, "no": False}
 
 
 def consent(variables: Mapping[str, object]) -> dict[str, bool]:
-    """What Ansible's variables say of links that are paid by the byte, as fields of a request. Raises UsageError."""
-    if ACCEPT_COST not in variables:
-        return {}
-    said = str(variables[ACCEPT_COST])
-    if said.lower() not in _SAID:
-        raise UsageError(
-            f"{ACCEPT_COST} is neither true nor false: {said}", hint=f"type `-e {ACCEPT_COST}=true`, or leave it out"
-        )
-    return {"accept_cost": _SAID[said.lower()]}
+    """What Ansible's variables agree to beyond the run itself, as fields of a request. Raises UsageError."""
+    agreed = {}
+    for name in (ACCEPT_COST, REMOVE_FOREIGN):
+        said = str(variables.get(name, "false"))
+        if said.lower() not in _SAID:
+            raise UsageError(
+                f"{name} is neither true nor false: {said}", hint=f"type `-e {name}=true`, or leave it out"
+            )
+        if name in variables:
+            agreed[name.removeprefix("atlantis_")] = _SAID[said.lower()]
+    return agreed
 
 
 class Mode(StrEnum):
@@ -124,6 +128,8 @@ class Request(_Data):
     """A person has said that devices may be changed although nothing would take the change back."""
     accept_cost: bool = False
     """A person has agreed to pay for what is sent over links that are paid by the byte."""
+    remove_foreign: bool = False
+    """A person has agreed that rows of others go by the hundred from menus that are ours entirely."""
     events_fd: int | None = None
     """File descriptor for events, one JSON object a line."""
     command: str = PLAIN_ANSIBLE

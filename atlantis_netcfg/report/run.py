@@ -153,13 +153,19 @@ def _plan(result: Mapping[str, Any]) -> Iterable[str]:
     if estimate is not None:
         size = estimate["bytes"] / 1000
         cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
-        yield f"  {result['planned']} changes over {estimate['bearer']}: {cost}"
+        yield f"  {_changes(result)} over {estimate['bearer']}: {cost}"
     elif result["planned"]:
         yield "  no estimate"
     if "cost" in result:
         yield f"  {asked(result['cost'])}"
     if result["planned"] or estimate is not None:
         yield f"  protection: {result['protection_words']}"
+
+
+def _changes(result: Mapping[str, Any]) -> str:
+    """Actions, and rows where one action is about several."""
+    number, rows = result["planned"], result.get("rows", 0)
+    return f"{number} changes" if rows in (0, number) else f"{number} changes of {rows} rows"
 
 
 def _left(one: Pass) -> str:

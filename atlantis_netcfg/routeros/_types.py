@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.secret import MASK
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.versions import Version
 
 __all__ = [
+    "FEW_FOREIGN",
     "Action",
     "Drift",
     "Facts",
@@ -27,6 +28,9 @@ __all__ = [
     "Row",
     "Verb",
 ]
+
+FEW_FOREIGN: Final = 100
+"""So many rows of others may go from menus that are ours entirely without being asked for apart."""
 
 Row = Mapping[str, str]
 """One item of a menu as the device's API returned it: property name to the device's own string, `.id` included."""
@@ -179,6 +183,21 @@ class Plan:
     drift: tuple[Drift, ...] = ()
     hidden: tuple[Hidden, ...] = ()
     notes: Sequence[str] = field(default_factory=tuple)
+    foreign: tuple[tuple[str, int], ...] = ()
+    """Menus (as a person writes them) that are ours entirely, and how many rows without our mark go from each."""
+
+    @property
+    def foreign_rows(self) -> int:
+        """How many rows without our mark the plan removes."""
+        return sum(number for _, number in self.foreign)
+
+    @property
+    def foreign_words(self) -> str:
+        """What a person has to agree to apart; empty: so few rows go that the plan says enough."""
+        if self.foreign_rows <= FEW_FOREIGN:
+            return ""
+        parts = ", ".join(f"{number} from {title}" for title, number in self.foreign)
+        return f"removes {self.foreign_rows} rows that carry no mark of ours: {parts}"
 
     @property
     def weight(self) -> int:

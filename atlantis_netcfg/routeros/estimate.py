@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import Layer, Verb
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Layer, Verb
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.routeros.observe import LEAVES, printing
+from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 
@@ -172,6 +172,13 @@ def _read_back(
     )
 
 
+def _look_again(tally: _Tally, rows: Mapping[str, Sequence[Row]]) -> None:
+    """Read everything once more before the first change; menus with very many rows are counted."""
+    short = {path: there for path, there in rows.items() if len(there) <= FEW_FOREIGN}
+    _read(tally, tuple(short), short, PREFLIGHT if len(short) == len(rows) else AGAIN)
+    tally.spend(trips=0, up=(len(rows) - len(short)) * COUNT_UP, down=(len(rows) - len(short)) * COUNT_DOWN)
+
+
 def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Estimate:
     """Estimate the run of a plan; an empty plan costs the reading that found it empty.
 
@@ -220,6 +227,8 @@ def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[s
     """Save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
     tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
+    if observed is not None and observed.facts.history >= HISTORY - 1:
+        _look_again(tally, observed.rows)
     stages = _stages(plan)
     if stages.before:
         _script(tally, stages.before)

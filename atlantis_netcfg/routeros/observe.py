@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import Channel
 
 __all__ = [
+    "HISTORY",
     "LATER",
     "LEAVES",
     "MenuMissing",
@@ -61,6 +62,8 @@ LEAVES: Final = frozenset(
     }
 )
 """Menus of which a row may come, go or change and no row of another menu changes with it."""
+HISTORY: Final = 100
+"""Entries that a device's history keeps: beyond them their number does not tell whether somebody has changed it."""
 _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
 

@@ -14,18 +14,22 @@ from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.events import Stage
 from atlantis_netcfg.journal import Protected, Signed
 from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.routeros._types import FEW_FOREIGN
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.apply._claim import CLAIMS, claim, claimed, claimed_by, is_claiming, signs
+from atlantis_netcfg.routeros.apply._claim import CLAIMS, SIGNS, claim, claimed, claimed_by, is_claiming, signs
 from atlantis_netcfg.routeros.apply._deadman import arm
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._shield import Held, Hold, held_by
 from atlantis_netcfg.routeros.apply._state import differing, restoring
-from atlantis_netcfg.routeros.observe import observe
+from atlantis_netcfg.routeros.observe import HISTORY, counting_rows, merged, number_of_rows, observe, printing
 from atlantis_netcfg.routeros.scheduler_jobs import WillNotRun
 from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._work import Work
     from atlantis_netcfg.routeros.apply._writer import Writer
@@ -35,8 +39,6 @@ __all__ = ["begin", "safe_mode_first", "take"]
 _COUNT = Command("/system/history/print", (("count-only", ""),))
 _ACTIONS = Command("/system/history/print", ((".proplist", "action"),))
 _READS_FILES = Version(7, 13)
-_FULL = 100
-"""Entries that the history keeps: beyond them their number tells nothing."""
 _SIGN_S = 1800.0
 _SHOWN = 5
 
@@ -137,7 +139,7 @@ async def _arm(work: Work) -> None:
 def _is_untouched(work: Work, history: Reply) -> bool:
     """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
     known = work.seen.facts.history
-    if known >= _FULL - 1:
+    if known >= HISTORY - 1:
         return False
     if history.ret is not None:
         return history.ret == str(known)
@@ -146,11 +148,33 @@ def _is_untouched(work: Work, history: Reply) -> bool:
 
 
 async def _look_again(work: Work) -> None:
-    """Read everything once more: it has to be what the plan was made for."""
-    now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+    """Read everything once more: it has to be what the plan was made for.
+
+    Of a menu with very many rows they are counted: over a satellite each thousand costs 94 kB. Given up: what somebody
+    sets there in these seconds; where the plan touches the menu, it is read in full before anything becomes permanent.
+    """
+    rows = work.seen.rows
+    long = [path for path in rows if len(rows[path]) > FEW_FOREIGN]
+    if long:
+        now = await _counted(work, long)
+    else:
+        now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(rows))
     changed = differing(work.seen, now, work.job.desired.run_time)
     if changed:
         raise Interfered(
             f"somebody else has changed the device since it was read ({', '.join(changed[:_SHOWN])})",
             hint="run the same command again: it plans from what is there now",
         )
+
+
+async def _counted(work: Work, long: Sequence[str]) -> Observed:
+    """Read all menus but the `long` ones, whose rows are counted, and read where they have become more or fewer."""
+    rows = work.seen.rows
+    short = [path for path in rows if path not in long]
+    replies = await work.channel.flight([*map(printing, short), *map(counting_rows, long)])
+    # Our own sign is a row, too.
+    known = {path: len(rows[path]) + (path == SIGNS and work.sign is not None) for path in long}
+    numbers = zip(long, replies[len(short) :], strict=True)
+    moved = [path for path, reply in numbers if number_of_rows(reply) != known[path]]
+    now = merged(work.seen, short, replies[: len(short)])
+    return merged(now, moved, await work.channel.flight([*map(printing, moved)])) if moved else now

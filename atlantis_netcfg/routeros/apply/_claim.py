@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CLAIMS",
+    "SIGNS",
     "Claimed",
     "Sign",
     "Signer",
@@ -38,11 +39,12 @@ __all__ = [
 ]
 
 _LIST = "atlantis-run"
-_MENU = "/ip/firewall/address-list"
+SIGNS = "/ip/firewall/address-list"
+"""The menu that signs are rows of."""
 _ADDRESS = "192.0.2.1"
 """Of a documentation range: nothing can ever be sent to it, whatever uses the list."""
 
-CLAIMS = Command(f"{_MENU}/print", ((".proplist", ".id,list,comment,timeout"),), (f"?list={_LIST}",))
+CLAIMS = Command(f"{SIGNS}/print", ((".proplist", ".id,list,comment,timeout"),), (f"?list={_LIST}",))
 
 
 class Claimed(DeviceFailed):
@@ -103,7 +105,7 @@ def signs(rows: Sequence[Row]) -> tuple[Sign, ...]:
 
 def seen(observed: Observed) -> tuple[Sign, ...]:
     """Return the signs on the device as it was read."""
-    return signs(observed.rows.get(_MENU, ()))
+    return signs(observed.rows.get(SIGNS, ()))
 
 
 def claimed_by(sign: Sign, site: str) -> Claimed:
@@ -120,7 +122,7 @@ def claimed_by(sign: Sign, site: str) -> Claimed:
 def claim(ours: str, seconds: float) -> Command:
     """Return the command that puts the sign up."""
     values = {"list": _LIST, "address": _ADDRESS, "timeout": f"{seconds:.0f}s", "comment": ours}
-    return Command(f"{_MENU}/add", tuple(values.items()))
+    return Command(f"{SIGNS}/add", tuple(values.items()))
 
 
 async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: Signer) -> str:
@@ -141,7 +143,7 @@ async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequenc
 
 def withdrawing(sign: str) -> Command:
     """Return the command that takes the sign down; that it has gone by itself is as good."""
-    return Command(f"{_MENU}/remove", ((".id", sign),))
+    return Command(f"{SIGNS}/remove", ((".id", sign),))
 
 
 def is_claiming(action: str) -> bool:

@@ -26,7 +26,7 @@ from atlantis_netcfg.routeros.apply._shield import HOLD, ApiShield, Held
 from atlantis_netcfg.routeros.apply._shields import console_of, shield_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
-from atlantis_netcfg.routeros.apply._telling import planned
+from atlantis_netcfg.routeros.apply._telling import AGREE_APART, number_of, planned, unagreed
 from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.apply.leftovers import look
 from atlantis_netcfg.routeros.estimate import estimate
@@ -245,6 +245,8 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
         return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
     if mode is Mode.PLAN:
         return None
+    if apart := unagreed(work.job, found):
+        return work.result(Status.REFUSED, f"refused, nothing was changed: {apart}", hint=AGREE_APART)
     if work.job.agreed is not None and work.job.agreed != plan_hash(found):
         return work.result(
             Status.REFUSED,
@@ -388,5 +390,4 @@ async def _backup(work: Work) -> DeviceResult:
 
 
 def _actions(work: Work) -> str:
-    number = len(work.aim.actions)
-    return f"{number} action{'s' if number != 1 else ''}"
+    return number_of(work.aim)

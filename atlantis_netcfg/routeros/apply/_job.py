@@ -200,6 +200,8 @@ class DeviceJob:
     history: History = field(default_factory=NoHistory)
     unprotected: bool = False
     """A person has said that a change may be made although nothing would take it back."""
+    remove_foreign: bool = False
+    """A person has said that rows of others may go by the hundred from menus that are ours entirely."""
     counted: tuple[str, ...] = ()
     """Ports whose byte counters are read along, where that costs no round trip."""
     toll: Toll | None = None
@@ -217,6 +219,10 @@ class DeviceResult:
     hint: str | None = None
     planned: int = 0
     """Actions of the plan."""
+    rows: int = 0
+    """Rows that they change: one action removes as many as go at once."""
+    foreign_words: str = ""
+    """What of the plan a person has to agree to apart; empty: nothing."""
     confirmed: int = 0
     """Actions that were read back and are permanent."""
     diff: str = ""
@@ -254,6 +260,8 @@ class DeviceResult:
             "hint": self.hint,
             "busy": self.busy,
             "planned": self.planned,
+            "rows": self.rows,
+            "foreign_words": self.foreign_words,
             "confirmed": self.confirmed,
             "diff": self.diff,
             "drift": [_drift(each) for each in self.drift],

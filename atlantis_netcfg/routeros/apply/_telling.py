@@ -13,10 +13,27 @@ from atlantis_netcfg.secret import MASK
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.routeros._types import Action, Observed
+    from atlantis_netcfg.routeros._types import Action, Observed, Plan
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
-__all__ = ["cleaned", "ended", "planned"]
+__all__ = ["AGREE_APART", "cleaned", "ended", "number_of", "planned", "unagreed"]
+
+AGREE_APART = (
+    "`--plan` shows them; to let them go, type the same with `--remove-foreign` (plain Ansible: with "
+    "`-e atlantis_remove_foreign=true`), for `--yes` does not say that"
+)
+
+
+def unagreed(job: DeviceJob, plan: Plan) -> str:
+    """Return why the plan needs a person's word of its own, and has none; empty: it may go on."""
+    return "" if job.remove_foreign or not plan.foreign_words else f"nobody has agreed that it {plan.foreign_words}"
+
+
+def number_of(plan: Plan) -> str:
+    """Say how much a plan does: actions, and rows where one action is about several."""
+    number, rows = len(plan.actions), plan.weight
+    words = f"{number} action{'s' if number != 1 else ''}"
+    return words if rows == number else f"{words} on {rows} rows"
 
 
 def planned(action: Action) -> PlannedAction:

@@ -161,6 +161,8 @@ class Work:
             message=complete(self.clean(message), site=self.job.site, device=self.job.name),
             hint=hint and complete(hint, site=self.job.site, device=self.job.name),
             planned=len(plan.actions) if plan is not None else 0,
+            rows=plan.weight if plan is not None else 0,
+            foreign_words=plan.foreign_words if plan is not None else "",
             confirmed=self.confirmed,
             diff=plan.diff if plan is not None else "",
             drift=plan.drift if plan is not None else (),

@@ -21,7 +21,7 @@ from atlantis_netcfg.routeros.apply._claim import Signer
 from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
 from atlantis_netcfg.routeros.apply._prerequisites import missing
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
-from atlantis_netcfg.routeros.apply._telling import cleaned, ended, planned
+from atlantis_netcfg.routeros.apply._telling import AGREE_APART, cleaned, ended, planned, unagreed
 from atlantis_netcfg.routeros.apply.leftovers import Leftovers, look
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
@@ -179,13 +179,17 @@ class End:
         if facts.safe_mode_owner is not None:
             yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
         yield from self._too_dear(self.plan)
+        if apart := unagreed(self.job, self.plan):
+            yield apart
         if self.job.agreed is not None and self.job.agreed != plan_hash(self.plan):
             yield "the device has changed since the plan was shown; look at the new plan and agree to it"
 
     def hint(self) -> str | None:
         """What to do about a refusal, where that is one thing."""
         facts = self.seen.facts
-        return None if facts.has_safe_mode or not self.actions else facts.upgrade(_SAFE_MODE)
+        if not facts.has_safe_mode and self.actions:
+            return facts.upgrade(_SAFE_MODE)
+        return AGREE_APART if self.plan is not None and unagreed(self.job, self.plan) else None
 
     def _too_dear(self, found: Plan) -> Iterator[str]:
         """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""
@@ -273,6 +277,8 @@ class End:
             message=complete(self.clean(message), site=self.job.site, device=self.name),
             hint=hint and complete(hint, site=self.job.site, device=self.name),
             planned=len(self.actions),
+            rows=self.plan.weight if self.plan is not None else 0,
+            foreign_words=self.plan.foreign_words if self.plan is not None else "",
             confirmed=self.confirmed,
             diff=self.plan.diff if self.plan is not None else "",
             drift=self.plan.drift if self.plan is not None else (),

@@ -6,6 +6,7 @@ opposite order. `simulate` tells what a plan leaves behind: planning again from 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
@@ -54,12 +55,13 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
         raise CannotPlan(message, hint=_other_version([since for _, since in lacking], facts))
     changed = {part.menu.path for part in parts if part.changes}
     remarks = [remark for path, remark in desired.remarks if path in changed]
-    return Plan(
+    result = Plan(
         device=device,
         actions=tuple(_numbered(parts)),
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
         hidden=tuple(hidden for part in parts for hidden in part.hidden),
+        foreign=tuple((part.menu.title, part.foreign) for part in parts if part.foreign),
         notes=(
             *_beyond(observed.facts.version),
             *desired.notes,
@@ -67,6 +69,8 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
             *dict.fromkeys(note for part in parts for note in part.notes),
         ),
     )
+    words = result.foreign_words
+    return replace(result, notes=(*result.notes, f"the plan {words}")) if words else result
 
 
 def _beyond(version: Version) -> Iterator[str]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.diff import Line
     from atlantis_netcfg.routeros.menus import Field, Menu
 
-__all__ = ["CannotPlan", "Change", "Context", "MenuPlan", "Names", "added", "removed", "writes"]
+__all__ = ["CannotPlan", "Change", "Context", "MenuPlan", "Names", "added", "writes"]
 
 _SHOWN_NAMES = 3
 
@@ -51,6 +51,13 @@ class MenuPlan:
     hidden: list[Hidden] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    foreign: int = 0
+    """Rows without our mark that are removed."""
+
+    def remove(self, rows: list[Row], layer: Layer = Layer.CLEANUP) -> None:
+        """Remove rows, in that order."""
+        self.changes.append(removed(self.menu, rows, layer))
+        self.foreign += sum(not self.menu.is_ours(row) for row in rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +108,7 @@ def added(menu: Menu, values: tuple[tuple[str, str], ...], names: Names, before:
     return Change(menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert)
 
 
-def removed(menu: Menu, rows: list[Row], layer: Layer = Layer.CLEANUP) -> Change:
+def removed(menu: Menu, rows: list[Row], layer: Layer) -> Change:
     """Return the change that removes rows, in that order."""
     names = [menu.name_of(row) for row in rows]
     subject = ", ".join(names[:_SHOWN_NAMES])

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
 from atlantis_netcfg.routeros.diff import Line, added_row, existing_row
-from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, removed, writes
+from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, writes
 from atlantis_netcfg.routeros.planner._lcs import common
 from atlantis_netcfg.routeros.planner._sequence import Rule, insertion, removal
 
@@ -232,7 +232,7 @@ def _remove(lists: _Lists) -> None:
     )
     order = [standing[at] for at in removal(rules) if standing[at] in going]
     if order:
-        lists.report.changes.append(removed(lists.menu, [lists.old[place] for place in order]))
+        lists.report.remove([lists.old[place] for place in order])
 
 
 def _is_ours(lists: _Lists, row: Row) -> bool:
@@ -267,9 +267,10 @@ def _cosmetic(menu: Menu) -> list[str]:
 
 def _warn(lists: _Lists) -> None:
     """Name chains that change together with those that call them, since then the two changes meet."""
-    changed = {lists.chain(lists.old[place]) for place in range(len(lists.old)) if place not in lists.kept.values()}
+    staying = set(lists.kept.values())
+    changed = {lists.chain(lists.old[place]) for place in range(len(lists.old)) if place not in staying}
     changed |= {lists.chain(item.given) for place, item in enumerate(lists.new) if place not in lists.kept}
-    for place in lists.kept.values():
+    for place in staying:
         row = lists.old[place]
         caller, target = lists.chain(row), row.get("jump-target", "")
         if row.get("action") == "jump" and caller != target and {caller, target} <= changed:

@@ -10,7 +10,7 @@ from atlantis_netcfg.routeros._items import Item
 from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
 from atlantis_netcfg.routeros.diff import Line, added_row, existing_row, set_lines
 from atlantis_netcfg.routeros.menus import Menu, Shape
-from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, removed, writes
+from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, writes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -204,7 +204,7 @@ def _is_removable(work: _Rows, row: Row) -> bool:
 def _report_changes(work: _Rows) -> None:
     menu, report = work.menu, work.report
     if work.early:
-        report.changes.append(removed(menu, work.early, menu.layer))
+        report.remove(work.early, menu.layer)
         report.lines += [Line("-", existing_row(menu, row)) for row in work.early]
     for match in work.matches:
         if match.row is None or match.replaced:
@@ -243,7 +243,7 @@ def _report_left(work: _Rows) -> None:
         return
     going = [row for row in work.left if _is_removable(work, row) and row not in work.early]
     if going:
-        work.report.changes.append(removed(menu, going[::-1]))
+        work.report.remove(going[::-1])
         work.report.lines += [Line("-", existing_row(menu, row)) for row in going]
     for row in work.left:
         if not _is_removable(work, row) and not menu.is_stock(row):

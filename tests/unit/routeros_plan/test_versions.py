@@ -159,3 +159,22 @@ def test_older_routers_are_not_asked_for_chains() -> None:
     assert new.isdisjoint(MENUS["/routing/rule"].proplist(Version(7, 21, 5)))
     assert new <= set(MENUS["/routing/rule"].proplist(Version(7, 22)))
     assert "policy-rules" in MENUS["/routing/settings"].proplist(Version(7, 22))
+
+
+WIFI = "/interface wifi\nset [ find default-name=wifi1 ] configuration.installation=outdoor\n"
+
+
+@pytest.mark.parametrize("version", ["7.17", "7.18", "7.24"])
+def test_the_radio_of_a_cpe_is_planned_from_7_17_on(version: str) -> None:
+    seen = observed("/interface wifi\nset [ find default-name=wifi1 ] name=wifi1\n", version)
+    assert lines(plan("cpe", read(WIFI, source="the text"), seen)) == [
+        "/interface/wifi/set *1 configuration.installation=outdoor"
+    ]
+
+
+def test_the_radio_of_a_cpe_is_refused_before() -> None:
+    seen = observed("/interface wifi\nset [ find default-name=wifi1 ] name=wifi1\n", "7.16.2")
+    with pytest.raises(CannotPlan, match=r"from RouterOS 7\.17 on, and this device has 7\.16\.2") as refused:
+        plan("cpe", read(WIFI, source="the text"), seen)
+    assert refused.value.hint is not None
+    assert refused.value.hint.startswith("put RouterOS 7.17 or later on it: `provision upgrade")
