@@ -61,7 +61,7 @@ _ROUTE = Menu(
     Layer.POLICY,
     keys=("dst-address", "gateway", "routing-table"),
     subject="{dst-address} via {gateway} {comment}",
-    flags=("dynamic", "active", "connect", "inactive", "immediate-gw"),
+    flags=("dynamic", "active", "connect", "immediate-gw"),
     late=(("dst-address", "0.0.0.0/0"), ("routing-table", "main")),
     fields=(
         network("dst-address", "0.0.0.0/0"),
@@ -87,7 +87,7 @@ _RULE = Menu(
     Layer.POLICY,
     ordered=True,
     subject="{action} {table} {src-address} {dst-address} {comment}",
-    flags=("dynamic", "inactive"),
+    flags=("dynamic",),
     since=Version(7, 0),
     fields=(
         COMMENT,

@@ -85,7 +85,7 @@ REFUSALS = {
     "routeros/apply/_begin.py": "refuses nothing by version: an older device is saved in another way",
     "routeros/apply/_executor.py": "tests/integration/engine/test_refusals.py::test_a_device_without_any_protection",
     "routeros/menus/_model.py": "refuses nothing: it tells",
-    "routeros/pair/_end.py": "tests/integration/pair: End.hint",
+    "routeros/pair/_end.py": "tests/integration/pair/test_pair_versions.py",
     "routeros/planner/__init__.py": "above",
     "vpn/routeros.py": "above",
 }
