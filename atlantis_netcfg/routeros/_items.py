@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import UsageError
@@ -74,6 +74,8 @@ class Desired:
     """By menu; within a menu in the order of the text. A menu may be there without rows."""
     entire: frozenset[str] = frozenset()
     """Menus that are ours entirely: rows that the text does not name are removed, whoever added them."""
+    undeclared: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """By menu of fixed rows: what those rows shall have that the text does not name."""
     restores: bool = False
     """The text is a saved state: in its entire menus, what it leaves out is at its default."""
     notes: tuple[str, ...] = ()

@@ -102,6 +102,8 @@ class Verb(StrEnum):
 class Layer(IntEnum):
     """Order of dependence: a row may only name rows of lower layers, and removal comes after everything is in place."""
 
+    NAMES = -1
+    """Names of ports, before anything speaks of them."""
     FOUNDATION = 0
     """Names that others refer to: bridges, interface lists, routing tables, pools, address lists, settings."""
     ATTACHMENT = 1

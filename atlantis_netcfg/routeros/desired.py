@@ -1,6 +1,7 @@
 """Desired state: export-style text, plus directives in comments, to the rows that a device shall have.
 
 `# atlantis:entire /ip firewall filter` says that the menu is ours entirely.
+`# atlantis:undeclared /interface ethernet disabled=yes` says what rows get that the device has and the text does not.
 `# atlantis:run-time /ip route distance=10 distance=110` says that the device itself puts 110 where 10 is declared while
 it works, so that a row with either is as declared.
 `# atlantis:note /tool netwatch: asking takes 1 MB a day` is told with every plan that changes that menu.
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
-_ENTIRE, _RUN_TIME, _NOTE = "entire", "run-time", "note"
+_ENTIRE, _UNDECLARED, _RUN_TIME, _NOTE = "entire", "undeclared", "run-time", "note"
+_ONE = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)")
 _EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
 
@@ -36,10 +38,11 @@ def read(text: str, source: str = "text") -> Desired:
     export = parse(text, source)
     mistakes: list[str] = []
     entire: dict[str, None] = {}
+    undeclared: dict[str, dict[str, str]] = {}
     run_time: list[RunTime] = []
     remarks: list[tuple[str, str]] = []
-    _directives(text, source, mistakes, (entire, run_time, remarks))
-    items: dict[str, list[Item]] = {menu: [] for menu in (*export.menus, *entire) if menu in MENUS}
+    _directives(text, source, mistakes, (entire, undeclared, run_time, remarks))
+    items: dict[str, list[Item]] = {menu: [] for menu in (*export.menus, *entire, *undeclared) if menu in MENUS}
     first: dict[tuple[str, tuple[str, ...]], int] = {}
     for statement in export.statements:
         try:
@@ -52,26 +55,29 @@ def read(text: str, source: str = "text") -> Desired:
     if mistakes:
         raise Mistake("\n".join(mistakes))
     declared = {menu: tuple(rows) for menu, rows in items.items()}
-    return Desired(source, declared, frozenset(entire), run_time=tuple(run_time), remarks=tuple(remarks))
+    return Desired(source, declared, frozenset(entire), undeclared, run_time=tuple(run_time), remarks=tuple(remarks))
 
 
-_Found = tuple[dict[str, None], list[RunTime], list[tuple[str, str]]]
+_Found = tuple[dict[str, None], dict[str, dict[str, str]], list[RunTime], list[tuple[str, str]]]
 
 
 def _directives(text: str, source: str, mistakes: list[str], found: _Found) -> None:
-    entire, run_time, remarks = found
+    entire, undeclared, run_time, remarks = found
     for match in _DIRECTIVE.finditer(text):
         word, argument = match.groups()
         try:
             if word == _ENTIRE:
                 entire[_entire_menu(argument)] = None
+            elif word == _UNDECLARED:
+                menu, name, value = _value_in_menu(argument)
+                undeclared.setdefault(menu, {})[name] = value
             elif word == _RUN_TIME:
                 run_time.append(_run_time(argument))
             elif word == _NOTE:
                 title, _, remark = argument.partition(": ")
                 remarks.append((_menu_named(title).path, remark))
             else:
-                known = (_ENTIRE, _RUN_TIME, _NOTE)
+                known = (_ENTIRE, _UNDECLARED, _RUN_TIME, _NOTE)
                 raise Mistake(f"`atlantis:{word}` is no directive{near(word, known)}")  # noqa: TRY301
         except Mistake as mistake:
             line = text.count("\n", 0, match.start()) + 1
@@ -91,6 +97,19 @@ def _run_time(argument: str) -> RunTime:
     if name not in menu.by_name:
         raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
     return RunTime(menu.path, name, declared, instead)
+
+
+def _value_in_menu(argument: str) -> tuple[str, str, str]:
+    match = _ONE.fullmatch(argument)
+    if match is None:
+        raise Mistake("write `atlantis:undeclared /menu property=value`")
+    title, name, value = match.groups()
+    menu = _menu_named(title)
+    if menu.shape is not Shape.FIXED or menu.readonly:
+        raise Mistake(f"{menu.title} has no rows that are there whether or not they are declared")
+    if name not in menu.by_name or name in menu.keys:
+        raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
+    return menu.path, name, value
 
 
 def _entire_menu(argument: str) -> str:

@@ -14,11 +14,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Observed, Verb
+from atlantis_netcfg.routeros._types import Layer, Observed, Verb
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
+from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ def inverse(seen: Observed, aim: Plan) -> str:
         back = plan(aim.device, restoring(seen), then).actions
     except CannotPlan as problem:
         raise CannotInvert(f"the way back cannot be planned: {problem}") from problem
+    # Names of ports go back first, so that every line below speaks of them as they were.
+    then = Observed(seen.facts, after(then.rows, [each for each in back if each.layer is Layer.NAMES]))
     lines = [*_changes(back, seen, then), *_orders(back, aim.actions, seen, then)]
     text = "".join(f"{line}\n" for line in lines)
     if len(text.encode("utf-8", "surrogateescape")) > LIMIT:

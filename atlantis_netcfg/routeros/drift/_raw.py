@@ -53,6 +53,7 @@ def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) 
     """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new."""
     by_id = {row.get(".id", ""): row for row in rows}
     found: list[Raw] = []
+    place: dict[str, int] = {}
     missing: list[_Values] = []
     gone: list[_Values] = []
     for action in actions:
@@ -64,7 +65,11 @@ def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) 
         elif action.verb is Verb.MOVE:
             found += [Raw(DriftKind.ORDER, row, row) for row in there]
         else:
-            found += [Raw(DriftKind.CHANGED, _after(row, action), row) for row in there or [*rows[:1], {}][:1]]
+            for row in there or [*rows[:1], {}][:1]:
+                # A port gets its name by itself, and one of two that swap theirs gets it in two steps: it is one row.
+                at = place.setdefault(row.get(".id", ""), len(found))
+                before = found.pop(at).declared if at < len(found) else None
+                found.insert(at, Raw(DriftKind.CHANGED, _after(before or row, action), row))
     found += [_together(menu, declared, row) for declared, row in _pairs(menu, missing, gone)]
     found += [Raw(DriftKind.MISSING, declared=values) for values in missing]
     return found + [Raw(DriftKind.ADDED, found=row) for row in gone]
@@ -82,7 +87,7 @@ def marked(values: Mapping[str, str]) -> str | None:
     return comment if comment.startswith(MARK) else None
 
 
-def _after(row: Row, action: Action) -> dict[str, str]:
+def _after(row: _Values, action: Action) -> dict[str, str]:
     unset = {name[1:] for name, _ in action.values if name.startswith("!")}
     kept = {name: value for name, value in row.items() if name not in unset}
     return kept | {name: value for name, value in action.values if not name.startswith("!")}

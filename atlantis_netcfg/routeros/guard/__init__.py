@@ -7,10 +7,12 @@ against the plan, unless it was the same before: then our session proves that it
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.guard import _access, _firewall, _link, _route
-from atlantis_netcfg.routeros.guard._state import ManagementPath, State
+from atlantis_netcfg.routeros.guard._state import INTERFACES, ManagementPath, State
 from atlantis_netcfg.routeros.guard._touch import touches_path
 from atlantis_netcfg.routeros.planner import after, simulate
 
@@ -43,15 +45,29 @@ MENUS = (
 
 
 def objections(plan: Plan, observed: Observed, path: ManagementPath) -> tuple[str, ...]:
-    """Return why the plan would cut `path`, one sentence each, with what to do instead; nothing if it would not."""
-    before = State(observed.rows, path)
+    """Return why the plan would cut `path`, one sentence each, with what to do instead; nothing if it would not.
+
+    A new name of a port moves no packet, so that before and after are compared under the new names; how a port is
+    called today is said beside them.
+    """
+    names = [action for action in plan.actions if action.layer is Layer.NAMES]
+    before = State(after(observed.rows, names), path)
     later = State(simulate(observed.rows, plan), path)
     link = tuple(_link.objections(before, later))
     # Without its address or interface there is no way back either: one reason is enough.
     route = () if link else tuple(_route.objections(before, later))
-    return tuple(
-        dict.fromkeys((*link, *_firewall.objections(before, later), *_access.objections(before, later), *route))
-    )
+    reasons = (*link, *_firewall.objections(before, later), *_access.objections(before, later), *route)
+    return tuple(dict.fromkeys(_with_names_of_today(reason, observed, before) for reason in reasons))
+
+
+def _with_names_of_today(reason: str, observed: Observed, renamed: State) -> str:
+    said = [
+        f"{now['name']} is the port that is called {row['name']} today"
+        for menu in INTERFACES
+        for row, now in zip(observed.rows.get(menu, ()), renamed.all(menu), strict=True)
+        if row.get("name") != now.get("name") and re.search(rf"(?<![\w-]){re.escape(now['name'])}(?![\w-])", reason)
+    ]
+    return f"{reason} ({', '.join(said)})" if said else reason
 
 
 def touches(plan: Plan, observed: Observed, path: ManagementPath) -> bool:

@@ -49,7 +49,8 @@ def _address(before: State, after: State, row: Row) -> Iterator[str]:
     elif _lost(before, after, row.get("interface", ""), now.get("interface", "")):
         yield (
             f"/ip address: {before.path.local}, to which your session goes, would move from {row.get('interface')} to "
-            f"{now.get('interface')}, where your cable does not lead: change it from another port"
+            f"{now.get('interface')}, where your cable does not lead: change it from another port, or declare the "
+            f"ports as they are plugged in"
         )
 
 

@@ -10,6 +10,7 @@ from atlantis_netcfg.routeros.menus._fields import (
     COMMENT,
     DISABLED,
     boolean,
+    interface,
     kept,
     number,
     rate,
@@ -79,7 +80,8 @@ _TREE = Menu(
         text("name", None),
         COMMENT,
         DISABLED,
-        text("parent"),
+        # A port or a queue.
+        interface("parent", ""),
         words("packet-mark"),
         number("priority", "8"),
         text("queue", "default-small"),

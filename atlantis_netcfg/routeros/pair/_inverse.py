@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape, canonical
+from atlantis_netcfg.routeros.planner import after
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
@@ -27,7 +28,11 @@ class NotInvertible(ValueError):
 
 def inverse(actions: Sequence[Action], rows: Mapping[str, tuple[Row, ...]]) -> str:
     """Return the lines that take `actions` back on a device that had `rows` before. Raises NotInvertible."""
-    lines = [line for action in reversed(actions) for line in _lines(action, rows.get(action.menu, ()))]
+    lines: list[str] = []
+    for action in actions:
+        # As the rows are when its turn comes: a port may have a new name by then, and so has everyone who names it.
+        lines = [*_lines(action, rows.get(action.menu, ())), *lines]
+        rows = after(rows, (action,))
     return "".join(f":do {{\n{line}\n}} on-error={{\n}}\n" for line in lines)
 
 

@@ -1,7 +1,8 @@
 """From what is declared and what is on the device to the actions between them: a pure function, without I/O.
 
-Additions and changes go layer by layer, so that a row only names rows that are there; removals come last, in the
-opposite order. `simulate` tells what a plan leaves behind: planning again from there gives nothing to do.
+New names of ports come first, so that every row below speaks of the sockets that the text means. Additions and changes
+go layer by layer, so that a row only names rows that are there; removals come last, in the opposite order. `simulate`
+tells what a plan leaves behind: planning again from there gives nothing to do.
 """
 
 from __future__ import annotations
@@ -10,18 +11,25 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
-from atlantis_netcfg.routeros.diff import render
+from atlantis_netcfg.routeros.diff import render, set_lines
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
 from atlantis_netcfg.routeros.pin import sim_of
 from atlantis_netcfg.routeros.planner._change import CannotPlan, Change, Context, MenuPlan, Names
 from atlantis_netcfg.routeros.planner._firstmatch import plan_first_match
 from atlantis_netcfg.routeros.planner._identified import plan_identified
-from atlantis_netcfg.routeros.planner._rename import new_names, renamed, renaming_order
+from atlantis_netcfg.routeros.planner._rename import (
+    Rename,
+    conflicts,
+    is_named_port,
+    rename_changes,
+    renamed,
+    renames,
+)
 from atlantis_netcfg.routeros.planner._simulate import after, simulate
 from atlantis_netcfg.versions import NEWEST_KNOWN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.routeros._items import Desired, Item
     from atlantis_netcfg.routeros._types import Facts, Observed, Row
@@ -39,8 +47,8 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     menus = sorted(desired.menus, key=rank)
     facts = observed.facts
     lacking = [each for path in menus for each in _unsupported(path, desired, facts.version)]
-    problems = [problem for problem, _ in lacking]
-    names = new_names(desired, observed.rows)
+    found = renames(desired, observed.rows)
+    problems = [*(problem for problem, _ in lacking), *conflicts(found, observed.rows)]
     rows = as_renamed(desired, observed.rows)
     # Until it is known what our user may read, a secret that reads as empty counts as one: then it will be asked.
     policies = observed.facts.policies
@@ -48,7 +56,7 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     context = Context(desired, Names(observed.rows), sensitive, sim_of(observed.modem))
     parts = [_plan_menu(path, desired, rows[path], context) for path in menus]
     for part in parts:
-        _order_renames(part, names)
+        _take_names_out(part, found)
         problems += part.problems
     if problems:
         message = "\n".join(f"{device}: {desired.source}, {problem}" for problem in problems)
@@ -57,7 +65,7 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     remarks = [remark for path, remark in desired.remarks if path in changed]
     result = Plan(
         device=device,
-        actions=tuple(_numbered(parts)),
+        actions=tuple(_numbered([*rename_changes(found, observed), *_in_order(parts)])),
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
         hidden=tuple(hidden for part in parts for hidden in part.hidden),
@@ -83,7 +91,7 @@ def _beyond(version: Version) -> Iterator[str]:
 
 def as_renamed(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, tuple[Row, ...]]:
     """Return the rows of the declared menus as they will read once the ports have their declared names."""
-    names = new_names(desired, rows)
+    names = {each.old: each.name for each in renames(desired, rows)}
     return {path: renamed(path, rows[path], names) for path in desired.menus}
 
 
@@ -125,28 +133,29 @@ def _plan_menu(path: str, desired: Desired, rows: tuple[Row, ...], context: Cont
     return plan_identified(menu, items, rows, context)
 
 
-def _order_renames(part: MenuPlan, names: Mapping[str, str]) -> None:
-    """Put changes of names in an order in which every new name is free."""
-    targets = {dict(change.values)["name"]: change for change in part.changes if _is_rename(change)}
-    if not targets:
+def _take_names_out(part: MenuPlan, found: list[Rename]) -> None:
+    """Leave names of ports to the layer that is theirs, and say which port was only in the way."""
+    if not is_named_port(part.menu):
         return
-    order = renaming_order({old: new for old, new in names.items() if new in targets})
-    if order is None:
-        part.problems.append(
-            f"the new names of {', '.join(sorted(targets))} go round in a circle: choose one that is free"
-        )
-        return
-    rest = [change for change in part.changes if not _is_rename(change)]
-    part.changes = [*(targets[names[old]] for old in order), *rest]
+    shown = {row_id for each in part.changes if "name" in dict(each.values) for row_id in each.ids}
+    shorter = [replace(each, values=tuple(pair for pair in each.values if pair[0] != "name")) for each in part.changes]
+    part.changes = [each for each in shorter if each.values]
+    for each in found:
+        if each.menu is part.menu and each.row[".id"] not in shown:
+            part.lines += set_lines(each.menu, each.row, (("name", each.name),))
+        if each.menu is part.menu and each.in_the_way:
+            port = each.menu.name_of(each.row)
+            part.notes.append(
+                f"{each.menu.title}: {port} has the name {each.old} of another port, and gets its own back"
+            )
 
 
-def _is_rename(change: Change) -> bool:
-    return change.menu.shape is Shape.FIXED and change.verb is Verb.SET and "name" in dict(change.values)
+def _in_order(parts: list[MenuPlan]) -> list[Change]:
+    return sorted((change for part in parts for change in part.changes), key=_turn)
 
 
-def _numbered(parts: list[MenuPlan]) -> Iterator[Action]:
-    changes = [change for part in parts for change in part.changes]
-    for number, change in enumerate(sorted(changes, key=_turn), start=1):
+def _numbered(changes: Iterable[Change]) -> Iterator[Action]:
+    for number, change in enumerate(changes, start=1):
         yield Action(
             number=number,
             layer=change.layer,

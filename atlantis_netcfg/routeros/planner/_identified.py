@@ -82,7 +82,8 @@ def _match(work: _Rows, items: Iterable[Item], rows: list[Row]) -> None:
     for match in work.matches:
         if match.row is None and (match.item.exists or menu.shape is not Shape.LIST):
             work.report.problems.append(_missing(menu, match.item, rows))
-    work.matches += [_Match(Item(menu.path, _keys(menu, row)), row) for row in _implied(work)]
+    undeclared = work.context.desired.undeclared.get(menu.path, {})
+    work.matches += [_Match(Item(menu.path, {**_keys(menu, row), **undeclared}), row) for row in _implied(work)]
     work.left = _not_matched(work, work.left)
 
 
@@ -111,7 +112,9 @@ def _keys(menu: Menu, row: Row) -> dict[str, str | None]:
 
 
 def _implied(work: _Rows) -> list[Row]:
-    """Return rows that a saved state does not mention because they were at their defaults."""
+    """Return rows that a saved state does not mention because they were at their defaults, and ports without a use."""
+    if work.menu.path in work.context.desired.undeclared:
+        return list(work.left)
     if not (work.context.desired.restores and work.context.is_entire(work.menu)):
         return []
     if work.menu.shape is Shape.LIST:

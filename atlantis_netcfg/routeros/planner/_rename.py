@@ -1,35 +1,159 @@
-"""Renamed ports: whoever names an interface follows on the device by itself, so that nothing else must be changed."""
+"""Names of ports. A port is its socket, and a socket is its `default-name`: whatever it is called, it gets its name.
+
+Rows refer to an interface by its id, so that whoever names a renamed port follows on the device by itself, and no
+packet notices. Two interfaces never have one name: where ports wait for each other's names, one that our session does
+not come by has a name of its own for a moment.
+"""
+
+# Inferred: that a new name shows in every row that refers to the port, gateways of routes and parents of queues too.
+# Were it not so, what is read back would not be as declared, and the device would take the change back.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from ipaddress import ip_address, ip_interface
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros._types import Layer, Verb
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape
+from atlantis_netcfg.routeros.planner._change import Change
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.routeros._items import Desired
-    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros._types import Observed, Row
 
-__all__ = ["new_names", "renamed", "renaming_order"]
+__all__ = ["Rename", "conflicts", "is_named_port", "rename_changes", "renamed", "renames"]
 
 _FOLLOWING = (Kind.INTERFACE, Kind.GATEWAY)
+_FOR_A_MOMENT = "-atlantis"
 
 
-def new_names(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, str]:
-    """Return which names of fixed interfaces change, old to new."""
-    changes: dict[str, str] = {}
+@dataclass(frozen=True, slots=True)
+class Rename:
+    """A port that gets another name."""
+
+    menu: Menu
+    row: Row
+    name: str
+    line: int = 0
+    """Where the text declares the port; 0: it does not."""
+    in_the_way: bool = False
+    """Nobody declares the port, and it has the name of one that is declared."""
+
+    @property
+    def old(self) -> str:
+        """The name that it has."""
+        return self.row["name"]
+
+
+def is_named_port(menu: Menu) -> bool:
+    """Tell whether rows of the menu are the device's own ports, radios or modems, which have a name to choose."""
+    return menu.shape is Shape.FIXED and "name" not in menu.keys and "name" in menu.by_name
+
+
+def renames(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> list[Rename]:
+    """Return the ports that get another name: those declared, and those that hold the name of such a port."""
+    found: list[Rename] = []
+    others: list[tuple[Menu, Row]] = []
+    names: set[str] = set()
     for path, items in desired.items.items():
         menu = MENUS[path]
-        if menu.shape is Shape.FIXED and "name" not in menu.keys and "name" in menu.by_name:
-            wanted = {item.identity: item.given.get("name") for item in items}
-            for row in rows[path]:
-                default = menu.default_of("name", row) if desired.restores else None
-                name = wanted.get(menu.identity(row)) or default
-                if name is not None and name != row.get("name"):
-                    changes[row.get("name", "")] = name
-    return changes
+        if not is_named_port(menu):
+            continue
+        declared = {item.identity: item for item in items}
+        for row in rows[path]:
+            item = declared.get(menu.identity(row))
+            default = menu.default_of("name", row) if desired.restores else None
+            name = (item.given.get("name") if item is not None else None) or default
+            if name is None:
+                others.append((menu, row))
+                continue
+            names.add(name)
+            found.append(Rename(menu, row, name, item.line if item is not None else 0))
+    found += _in_the_way(others, names)
+    return [each for each in found if each.row.get("name") and each.name != each.row["name"]]
+
+
+def _in_the_way(others: list[tuple[Menu, Row]], names: set[str]) -> Iterator[Rename]:
+    """Give ports their factory names back that hold a name which somebody else shall have."""
+    while there := next((other for other in others if other[1].get("name") in names), None):
+        others.remove(there)
+        menu, row = there
+        if default := menu.default_of("name", row):
+            names.add(default)
+            yield Rename(menu, row, default, in_the_way=True)
+
+
+def conflicts(found: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
+    """Say which new names somebody else has, and keeps."""
+    going = {each.old: each for each in found}
+    owners: dict[str, tuple[Menu, Row]] = {}
+    for path, menu in MENUS.items():
+        if path.startswith("/interface/") and "name" in menu.by_name and menu.by_name["name"].kind is Kind.INTERFACE:
+            owners |= {row["name"]: (menu, row) for row in rows.get(path, ()) if row.get("name")}
+    taken: dict[str, Rename] = {}
+    for each in found:
+        port = each.menu.name_of(each.row)
+        where = f"line {each.line}: " if each.line else ""
+        if other := taken.setdefault(each.name, each):
+            if other is not each:
+                yield f"{where}{port} and {other.menu.name_of(other.row)} cannot both be called {each.name}"
+            elif each.name in owners and each.name not in going:
+                menu, row = owners[each.name]
+                title, key = menu.title, menu.keys[0]
+                yield (
+                    f"{where}{port} is called {each.old}, and cannot be called {each.name}: {title} has a row of that"
+                    f" name. Give it another one on the device:"
+                    f" `{title} set [find {key}={row.get(key, each.name)}] name={each.name}-old`"
+                )
+
+
+def rename_changes(found: Iterable[Rename], observed: Observed) -> Iterator[Change]:
+    """Yield the new names in an order in which each is free when its turn comes."""
+    waiting = {each.old: each for each in found}
+    used = {row["name"] for rows in observed.rows.values() for row in rows if row.get("name")} | {
+        each.name for each in waiting.values()
+    }
+    managed = set(_session_ports(observed))
+    while waiting:
+        now = next((name for name, each in waiting.items() if each.name not in waiting), None)
+        if now is not None:
+            each = waiting.pop(now)
+            yield _change(each, each.name)
+            continue
+        # All that are left wait for each other.
+        now = next((name for name in waiting if name not in managed), next(iter(waiting)))
+        each = waiting.pop(now)
+        spare = each.name + _FOR_A_MOMENT
+        while spare in used:
+            spare += "-"
+        used.add(spare)
+        waiting[spare] = each
+        yield _change(each, spare)
+
+
+def _change(each: Rename, name: str) -> Change:
+    subject = each.menu.name_of(each.row)
+    return Change(each.menu, Verb.SET, Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),))
+
+
+def _session_ports(observed: Observed) -> Iterator[str]:
+    """Yield the interfaces by which our session may come: those of a network with its address, and ports of bridges."""
+    try:
+        technician = ip_address(observed.facts.session_address)
+    except ValueError:
+        return
+    for row in observed.rows.get("/ip/address", ()):
+        try:
+            here = technician in ip_interface(row.get("address", "")).network
+        except ValueError:
+            continue
+        if here and (name := row.get("interface")):
+            yield name
+            ports = observed.rows.get("/interface/bridge/port", ())
+            yield from (port["interface"] for port in ports if port.get("bridge") == name and "interface" in port)
 
 
 def renamed(path: str, rows: Iterable[Row], names: Mapping[str, str]) -> tuple[Row, ...]:
@@ -57,16 +181,3 @@ def _follow(text: str, names: Mapping[str, str]) -> str:
 def _word(word: str, names: Mapping[str, str]) -> str:
     address, sign, interface = word.rpartition("%")
     return f"{address}{sign}{names.get(interface, interface)}"
-
-
-def renaming_order(names: Mapping[str, str]) -> list[str] | None:
-    """Return the old names in an order in which no new name is still in use, or None if they go round in a circle."""
-    waiting = dict(names)
-    order: list[str] = []
-    while waiting:
-        free = next((old for old, new in waiting.items() if new not in waiting), None)
-        if free is None:
-            return None
-        order.append(free)
-        del waiting[free]
-    return order

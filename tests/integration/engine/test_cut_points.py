@@ -32,17 +32,24 @@ class Clean:
 
 
 @cache
-def clean(text: str, execute: Execute) -> Clean:
+def clean(text: str, execute: Execute, seed: str = "", version: str = "7.18.2") -> Clean:
     async def act(bench: Bench) -> Clean:
         before = bench.export()
         await bench.converge()
         return Clean(before, bench.export(), bench.router.counters().sentences)
 
     with TemporaryDirectory() as folder:
-        return on(Bench(Path(folder), text=text, spec={"execute": execute}), act)
+        return on(Bench(Path(folder), text=text, spec={"execute": execute, "seed": seed, "version": version}), act)
 
 
-def cut(tmp_path: Path, fault: Fault, text: str = TEXT, execute: Execute = Execute.OUTPUT) -> DeviceResult:
+def cut(  # noqa: PLR0913, PLR0917 - what is cut, and on what router
+    tmp_path: Path,
+    fault: Fault,
+    text: str = TEXT,
+    execute: Execute = Execute.OUTPUT,
+    seed: str = "",
+    version: str = "7.18.2",
+) -> DeviceResult:
     """Cut one run, hold it to its word, and see that the next one gets through."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, str, DeviceResult, str]:
@@ -52,8 +59,9 @@ def cut(tmp_path: Path, fault: Fault, text: str = TEXT, execute: Execute = Execu
         bench.router.disarm()
         return result, then, await bench.converge(Mode.RESUME), bench.export()
 
-    whole = clean(text, execute)
-    result, then, resumed, end = on(Bench(tmp_path, text=text, spec={"execute": execute}), act)
+    whole = clean(text, execute, seed, version)
+    spec = {"execute": execute, "seed": seed, "version": version}
+    result, then, resumed, end = on(Bench(tmp_path, text=text, spec=spec), act)
     assert then == (whole.after if result.status is Status.CHANGED else whole.before), (fault, result.message)
     assert result.status in (Status.CHANGED, Status.ROLLED_BACK, Status.LEFT_AS_FOUND), (fault, result.message)
     assert resumed.status is (Status.UNCHANGED if result.status is Status.CHANGED else Status.CHANGED), fault

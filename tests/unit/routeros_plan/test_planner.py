@@ -113,8 +113,9 @@ def test_going_back_restores_what_an_export_leaves_out_and_keeps_what_it_hides()
     planned = plan("r", desired, device)
     assert sorted(lines(planned)) == sorted(
         [
-            '/interface/ethernet/set *1 name=ether1 comment=""',
+            "/interface/ethernet/set *1 name=ether1",
             "/interface/ethernet/set *2 name=wan",
+            '/interface/ethernet/set *1 comment=""',
             "/interface/ovpn-client/set *1 connect-to=vpn.example.org",
             "/ip/dns/set servers=9.9.9.9 allow-remote-requests=no",
             "/ip/firewall/filter/add action=drop chain=input place-before=*1",

@@ -15,10 +15,10 @@ set enabled=no
 /interface lte apn
 add apn=internet.example authentication=none comment="atlantis: the SIM's contract" name=atlantis use-network-apn=no use-peer-dns=no
 /interface lte
-set [ find default-name=lte1 ] allow-roaming=no apn-profiles=atlantis band=3,7,20 comment="atlantis: 4G" disabled=no
+set [ find default-name=lte1 ] allow-roaming=no apn-profiles=atlantis band=3,7,20 comment="atlantis: 4G" disabled=no name=lte1
 # The link to the site's router. The default route is the modem's own, made and taken back with its connection.
 /interface ethernet
-set [ find default-name=ether1 ] comment="atlantis: cable to the router" disabled=no
+set [ find default-name=ether1 ] comment="atlantis: cable to the router" disabled=no name=ether1
 /ip address
 add address=10.10.1.1/29 comment="atlantis: management" interface=ether1
 # atlantis:entire /ip dhcp-client

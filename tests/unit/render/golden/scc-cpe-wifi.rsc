@@ -6,13 +6,13 @@ set name=scc-cpe
 /system note
 set note="ATLANTIS scc-cpe (Control centre): provisioned from the pilot's declaration. Change the declaration, and both ends of the bridge with it, not the radio." show-at-login=yes
 /interface ethernet
-set [ find default-name=ether1 ] comment="atlantis: cable to the router" disabled=no
+set [ find default-name=ether1 ] comment="atlantis: cable to the router" disabled=no name=ether1
 # Radio. Both ends agree on everything but the mode. The station looks for the access point on every legal channel, so that
 # it follows when a radar has driven the access point away. skip-dfs-channels keeps that way clear of channels with ten
 # minutes of listening. A fixed power is the same at every rate: on a short link full power overdrives the other receiver.
 # An antenna whose gain is not declared keeps the gain that the factory has set for it.
 /interface wifi
-set [ find default-name=wifi1 ] channel.band=5ghz-ac channel.frequency=5500 channel.skip-dfs-channels=10min-cac channel.width=20mhz comment="atlantis: bridge to coastal-cpe" configuration.antenna-gain=16 configuration.country=Portugal configuration.installation=outdoor configuration.mode=ap configuration.ssid=EXAMPLE-ATLANTIS-PTP configuration.tx-power=10 disabled=no security.authentication-types=wpa2-psk security.passphrase=EXAMPLE-ptp-key security.wps=disable
+set [ find default-name=wifi1 ] channel.band=5ghz-ac channel.frequency=5500 channel.skip-dfs-channels=10min-cac channel.width=20mhz comment="atlantis: bridge to coastal-cpe" configuration.antenna-gain=16 configuration.country=Portugal configuration.installation=outdoor configuration.mode=ap configuration.ssid=EXAMPLE-ATLANTIS-PTP configuration.tx-power=10 disabled=no name=wifi1 security.authentication-types=wpa2-psk security.passphrase=EXAMPLE-ptp-key security.wps=disable
 # Bridge: cable and radio, nothing else. No spanning tree: two ports make no loop, and its waiting would be added to every
 # return of the link.
 /interface bridge

@@ -6,7 +6,7 @@ set name=scc-cpe
 /system note
 set note="ATLANTIS scc-cpe (Control centre): provisioned from the pilot's declaration. Change the declaration, and both ends of the bridge with it, not the radio." show-at-login=yes
 /interface ethernet
-set [ find default-name=ether1 ] comment="atlantis: cable to the router" disabled=no
+set [ find default-name=ether1 ] comment="atlantis: cable to the router" disabled=no name=ether1
 # Radio. Both ends agree on everything but the mode. The station looks for the access point on every legal channel, so that
 # it follows when a radar has driven the access point away. skip-dfs-channels keeps that way clear of channels with ten
 # minutes of listening. A fixed power is the same at every rate: on a short link full power overdrives the other receiver.
@@ -14,7 +14,7 @@ set [ find default-name=ether1 ] comment="atlantis: cable to the router" disable
 /interface wireless security-profiles
 add authentication-types=wpa2-psk comment="atlantis: bridge" group-ciphers=aes-ccm mode=dynamic-keys name=atlantis-ptp unicast-ciphers=aes-ccm wpa2-pre-shared-key=EXAMPLE-ptp-key
 /interface wireless
-set [ find default-name=wlan1 ] antenna-gain=16 band=5ghz-a/n/ac bridge-mode=enabled channel-width=20mhz comment="atlantis: bridge to coastal-cpe" country=portugal disabled=no distance=dynamic frequency=5500 frequency-mode=regulatory-domain installation=outdoor mode=bridge nv2-cell-radius=10 nv2-preshared-key=EXAMPLE-ptp-key nv2-security=enabled scan-list=default security-profile=atlantis-ptp skip-dfs-channels=10min-cac ssid=EXAMPLE-ATLANTIS-PTP tx-power=10 tx-power-mode=all-rates-fixed wireless-protocol=nv2
+set [ find default-name=wlan1 ] antenna-gain=16 band=5ghz-a/n/ac bridge-mode=enabled channel-width=20mhz comment="atlantis: bridge to coastal-cpe" country=portugal disabled=no distance=dynamic frequency=5500 frequency-mode=regulatory-domain installation=outdoor mode=bridge name=wlan1 nv2-cell-radius=10 nv2-preshared-key=EXAMPLE-ptp-key nv2-security=enabled scan-list=default security-profile=atlantis-ptp skip-dfs-channels=10min-cac ssid=EXAMPLE-ATLANTIS-PTP tx-power=10 tx-power-mode=all-rates-fixed wireless-protocol=nv2
 # Bridge: cable and radio, nothing else. No spanning tree: two ports make no loop, and its waiting would be added to every
 # return of the link.
 /interface bridge

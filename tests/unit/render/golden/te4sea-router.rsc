@@ -5,17 +5,19 @@
 set name=te4sea-router
 /system note
 set note="ATLANTIS te4sea-router (Support vessel TE4SEA): provisioned from the pilot's declaration. Change the declaration, not the router." show-at-login=yes
-# Ports keep their factory names; the comment says what a port is for. Power goes to the radio heads; of two ports the
-# one with the lower poe-priority keeps its power longer. Ports without a use are off.
+# Ports have their factory names, which are those of the sockets: a port that somebody has renamed gets its name back. The
+# comment says what a port is for. Power goes to the radio heads; of two ports the one with the lower poe-priority keeps
+# its power longer. Ports without a use are off, also those that nobody has declared, like the cage of an SFP.
+# atlantis:undeclared /interface ethernet disabled=yes
 /interface ethernet
-set [ find default-name=ether1 ] comment="atlantis: 4g" disabled=no poe-out=auto-on poe-priority=2
-set [ find default-name=ether2 ] comment="atlantis: satellite" disabled=no poe-out=auto-on poe-priority=0
-set [ find default-name=ether3 ] comment="atlantis: lan" disabled=no
-set [ find default-name=ether4 ] comment="atlantis: lan" disabled=no
-set [ find default-name=ether5 ] comment="atlantis: off" disabled=yes
-set [ find default-name=ether6 ] comment="atlantis: off" disabled=yes
-set [ find default-name=ether7 ] comment="atlantis: off" disabled=yes
-set [ find default-name=ether8 ] comment="atlantis: management" disabled=no
+set [ find default-name=ether1 ] comment="atlantis: 4g" disabled=no name=ether1 poe-out=auto-on poe-priority=2
+set [ find default-name=ether2 ] comment="atlantis: satellite" disabled=no name=ether2 poe-out=auto-on poe-priority=0
+set [ find default-name=ether3 ] comment="atlantis: lan" disabled=no name=ether3
+set [ find default-name=ether4 ] comment="atlantis: lan" disabled=no name=ether4
+set [ find default-name=ether5 ] comment="atlantis: off" disabled=yes name=ether5
+set [ find default-name=ether6 ] comment="atlantis: off" disabled=yes name=ether6
+set [ find default-name=ether7 ] comment="atlantis: off" disabled=yes name=ether7
+set [ find default-name=ether8 ] comment="atlantis: management" disabled=no name=ether8
 # LAN: one bridge over the LAN ports. rstp, because on a quay a cable is soon plugged in twice, and one loop would stop the
 # whole site. The management port never joins the bridge: it is the way in when the bridge is at fault.
 /interface bridge

@@ -1,0 +1,220 @@
+"""Ports with other names than declared: the site ends on the right sockets, or nothing changes and it is said why."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+from engine_bench import TEXT, Bench, on
+from test_cut_points import GAP_S, clean, cut, faults
+
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros.drift import DriftKind
+from atlantis_netcfg.twin import Execute, Fault, FaultKind
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+USED = ("ether1", "ether3", "ether4", "ether5", "ether8")
+NAMED = "# atlantis:undeclared /interface ethernet disabled=yes\n/interface ethernet\n" + "".join(
+    f'set [ find default-name={port} ] comment="atlantis: used" disabled=no name={port}\n' for port in USED
+)
+SITE = TEXT.replace('costs \\"$\\"; & more', "costs")
+DECLARED = NAMED + SITE
+"""ether1: a bearer; ether3: a bearer that a rule names; ether4 and ether5: the LAN's bridge; ether8: management."""
+
+
+def called(names: Mapping[str, str]) -> str:
+    """What a person types who gives sockets these names."""
+    first = "".join(f"set [ find default-name={port} ] name=x-{port}\n" for port in names)
+    then = "".join(f"set [ find default-name={port} ] name={name}\n" for port, name in names.items())
+    return f"/interface ethernet\n{first}{then}"
+
+
+RENAMED = {
+    "LAN": {"ether4": "robots"},
+    "bearer": {"ether1": "wifi"},
+    "bearer in a rule": {"ether3": "starlink"},
+    "management": {"ether8": "laptop"},
+    "all": {"ether1": "wifi", "ether3": "starlink", "ether4": "robots", "ether8": "laptop"},
+    "unused has its name": {"ether3": "starlink", "ether7": "ether3"},
+    "LAN and bearer": {"ether4": "ether1", "ether1": "ether4"},
+    "two bearers": {"ether1": "ether3", "ether3": "ether1"},
+    "two of the LAN": {"ether4": "ether5", "ether5": "ether4"},
+    "management and LAN": {"ether8": "ether4", "ether4": "ether8"},
+    "management and bearer": {"ether8": "ether1", "ether1": "ether8"},
+    "circle": {"ether8": "ether4", "ether4": "ether1", "ether1": "ether8"},
+}
+SWAPPED_BEFORE = ("LAN and bearer", "two bearers", "two of the LAN")
+LOCKS_OUT = ("management and LAN", "management and bearer", "circle")
+
+
+def body(text: str) -> str:
+    """The text without directives, and without the address that an adopted router has already."""
+    return "".join(line + "\n" for line in text.splitlines() if not line.startswith("#") and "10.64.101.1/" not in line)
+
+
+AFTER_ALL = {name: body(DECLARED) + called(names) for name, names in RENAMED.items()}
+"""Somebody renamed ports of a router that was as declared: everything stays on its socket."""
+BY_NAME = {name: called(RENAMED[name]) + body(SITE) for name in (*SWAPPED_BEFORE, *LOCKS_OUT)}
+"""The names were wrong before, and the site was set up by them: it is on the wrong sockets."""
+
+
+def as_declared() -> str:
+    return clean(DECLARED, Execute.OUTPUT).after
+
+
+async def twice(bench: Bench) -> tuple[DeviceResult, str, DeviceResult]:
+    first = await bench.converge()
+    return first, bench.export(), await bench.converge()
+
+
+@pytest.mark.parametrize("name", RENAMED)
+def test_a_port_that_somebody_renamed_gets_its_name_back_and_nothing_else_moves(tmp_path: Path, name: str) -> None:
+    first, export, second = on(Bench(tmp_path, text=DECLARED, spec={"seed": AFTER_ALL[name]}), twice)
+    assert first.status is Status.CHANGED, first.message
+    assert all("/interface ethernet" in line or "default-name" in line for line in first.diff.splitlines()), first.diff
+    assert export == as_declared()
+    assert second.status is Status.UNCHANGED
+
+
+@pytest.mark.parametrize("name", SWAPPED_BEFORE)
+def test_a_site_on_the_wrong_sockets_is_put_on_the_right_ones(tmp_path: Path, name: str) -> None:
+    first, export, second = on(Bench(tmp_path, text=DECLARED, spec={"seed": BY_NAME[name]}), twice)
+    assert first.status is Status.CHANGED, first.message
+    assert sorted(export.splitlines()) == sorted(as_declared().splitlines())
+    assert second.status is Status.UNCHANGED
+
+
+@pytest.mark.parametrize("name", LOCKS_OUT)
+def test_nobody_is_shut_out_of_a_site_on_the_wrong_sockets_and_the_way_out_is_one(tmp_path: Path, name: str) -> None:
+    """The cable of management is in the socket that has its name; declared so, everything stays where it is plugged."""
+    names = RENAMED[name]
+    socket = {name: port for port, name in names.items()}
+    plugged = socket["ether8"]
+
+    async def act(bench: Bench) -> tuple[list[DeviceResult], list[str]]:
+        exports = [bench.export()]
+        results = [await bench.converge(Mode.PLAN), await bench.converge()]
+        exports.append(bench.export())
+        bench.text = NAMED + re.sub(
+            r"interface=(ether\d)", lambda word: f"interface={socket.get(word[1], word[1])}", SITE
+        )
+        results += [await bench.converge(), await bench.converge()]
+        return results, exports
+
+    spec = {"seed": BY_NAME[name], "management": {"port": plugged}}
+    (planned, refused, declared, again), exports = on(Bench(tmp_path, text=DECLARED, spec=spec), act)
+    for result in (planned, refused):
+        assert (result.status, result.exit) == (Status.REFUSED, 4)
+        assert f"10.64.101.1, to which your session goes, would move from {plugged} to ether8" in result.message
+        assert "change it from another port, or declare the ports as they are plugged in" in result.message
+        assert f"{plugged} is the port that is called ether8 today" in result.message
+    assert exports[0] == exports[1]
+    assert declared.status is Status.CHANGED, declared.message
+    assert "/ip address" not in declared.diff
+    assert again.status is Status.UNCHANGED
+
+
+CUT = {
+    "swap after": AFTER_ALL["management and LAN"],
+    "circle after": AFTER_ALL["circle"],
+    "swap before": BY_NAME["LAN and bearer"],
+}
+
+
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.POWER])
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/login", 2), ("/safe-mode/release", 1)])
+@pytest.mark.parametrize("seed", CUT)
+def test_names_are_all_new_or_all_old(  # noqa: PLR0913, PLR0917 - where it is cut, and how
+    tmp_path: Path, seed: str, path: str, nth: int, when: str, kind: FaultKind
+) -> None:
+    fault = Fault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when})
+    assert cut(tmp_path, fault, DECLARED, seed=CUT[seed]).status is not Status.LEFT_AS_FOUND
+
+
+@pytest.mark.parametrize("version", ["7.18.2", "7.16"])
+@pytest.mark.parametrize("nth", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", ["circle after", "swap before"])
+def test_a_router_that_runs_no_scripts_is_cut_between_two_names(
+    tmp_path: Path, seed: str, nth: int, version: str
+) -> None:
+    """The session that holds safe mode dies, or the job of a router without it takes back what was done."""
+    fault = Fault(do=FaultKind.DROP, match="/interface/ethernet/set", sentence=nth, when="after")
+    result = cut(tmp_path, fault, DECLARED, Execute.NONE, CUT[seed], version)
+    assert result.status is (Status.ROLLED_BACK if nth <= 3 + ("circle" in seed) else Status.CHANGED)
+
+
+EVERYWHERE = [
+    ("circle after", Execute.NONE, "7.18.2"),
+    ("swap before", Execute.OUTPUT, "7.18.2"),
+    ("swap after", Execute.NONE, "7.16"),
+]
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("kind", "when"), list(faults()))
+@pytest.mark.parametrize(("seed", "execute", "version"), EVERYWHERE)
+def test_names_are_cut_everywhere(  # noqa: PLR0913, PLR0917 - every way to cut
+    tmp_path: Path, seed: str, execute: Execute, version: str, kind: FaultKind, when: str
+) -> None:
+    for sentence in range(1, clean(DECLARED, execute, CUT[seed], version).sentences + 1):
+        fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
+        cut(tmp_path / str(sentence), Fault.model_validate(fault), DECLARED, execute, CUT[seed], version)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
+@pytest.mark.parametrize("seed", [*AFTER_ALL.values(), *(BY_NAME[name] for name in SWAPPED_BEFORE)])
+def test_every_set_of_names_is_cut_everywhere(tmp_path: Path, seed: str, execute: Execute) -> None:
+    for sentence in range(1, clean(DECLARED, execute, seed).sentences + 1):
+        cut(tmp_path / str(sentence), Fault(do=FaultKind.DROP, sentence=sentence), DECLARED, execute, seed)
+
+
+def test_names_and_ports_that_nobody_declares_are_told_as_drift_and_put_right(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> list[DeviceResult]:
+        drifted = await bench.converge(Mode.DRIFT)
+        await bench.converge()
+        return [drifted, await bench.converge(Mode.DRIFT)]
+
+    ports = tuple(f"ether{number}" for number in range(1, 9))
+    spec = {
+        "ports": (*ports, "sfp-sfpplus1"),
+        "seed": AFTER_ALL["management and LAN"] + "set [ find default-name=sfp-sfpplus1 ] disabled=no\n",
+    }
+    drifted, then = on(Bench(tmp_path, text=DECLARED, spec=spec), act)
+    assert drifted.comparison is not None
+    found = {
+        one.subject: [(each.name, each.declared, each.found) for each in one.fields]
+        for one in drifted.comparison.differences
+    }
+    assert {one.kind for one in drifted.comparison.differences} == {DriftKind.CHANGED}
+    assert found == {
+        **{port: [("disabled", "yes", "no")] for port in ("ether2", "ether6", "ether7", "sfp-sfpplus1")},
+        "ether4": [("name", "ether4", "ether8")],
+        "ether8": [("name", "ether8", "ether4")],
+    }
+    assert (then.status, then.message) == (Status.UNCHANGED, "as declared")
+
+
+def test_a_name_that_somebody_else_has_is_refused_with_a_command_that_frees_it(tmp_path: Path) -> None:
+    bridge = "/interface bridge\nadd name=ether3\n"
+    seed = body(DECLARED) + called({"ether3": "starlink"}) + bridge
+
+    async def act(bench: Bench) -> list[DeviceResult]:
+        refused = await bench.converge()
+        command = refused.message.rpartition("`")[0].rpartition("`")[2]
+        path, _, rest = command.partition(" set ")
+        found = re.fullmatch(r"\[find name=(\S+)\] name=(\S+)", rest)
+        assert found is not None
+        words = [f"{path.replace(' ', '/')}/set", f"=.id={found[1]}", f"=name={found[2]}"]
+        await bench.router.console(words)
+        return [refused, await bench.converge(), await bench.converge()]
+
+    refused, first, second = on(Bench(tmp_path, text=DECLARED, spec={"seed": seed}), act)
+    assert (refused.status, refused.exit) == (Status.REFUSED, 4)
+    assert first.status is Status.CHANGED, first.message
+    assert second.status is Status.UNCHANGED
