@@ -22,10 +22,11 @@ _UNITS: Final = (604_800, 86_400, 3_600, 60, 1)
 
 
 def counting(ports: Sequence[str]) -> Command:
-    """The command that reads the counters of these ports, one or more."""
+    """The command that reads the counters of these ports, one or more; a port is its socket, whatever its name is."""
     first, *others = ports
-    either = [word for port in others for word in (f"?name={port}", "?#|")]
-    return Command("/interface/print", ((".proplist", "name,rx-byte,tx-byte"),), (f"?name={first}", *either))
+    either = [word for port in others for word in (f"?default-name={port}", "?#|")]
+    properties = (".proplist", "default-name,rx-byte,tx-byte")
+    return Command("/interface/print", (properties,), (f"?default-name={first}", *either))
 
 
 def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[Command], list[Command]]:
@@ -50,9 +51,9 @@ def closing(ports: Sequence[str]) -> list[Command]:
 def read_counts(reply: Reply, resource: Reply) -> PortCounts | None:
     """Read an answer; None if the device refused it or knows none of the ports."""
     ports = {
-        row["name"]: (int(row["rx-byte"]), int(row["tx-byte"]))
+        row["default-name"]: (int(row["rx-byte"]), int(row["tx-byte"]))
         for row in reply.rows
-        if "name" in row and row.get("rx-byte", "").isdecimal() and row.get("tx-byte", "").isdecimal()
+        if "default-name" in row and row.get("rx-byte", "").isdecimal() and row.get("tx-byte", "").isdecimal()
     }
     if reply.trap is not None or not ports:
         return None

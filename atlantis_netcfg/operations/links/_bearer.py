@@ -144,6 +144,10 @@ def _of_port(seen: Seen) -> Iterator[Finding]:
     if reading is not None and reading.ports is not None and port is None:
         hint = "compare `ports` in the router's host_vars with the box"
         yield Finding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
+    elif reading is not None and (called := reading.renamed.get(name or "")) is not None:
+        hint = "run the site: ports get their names back, and what is declared for a port comes to its socket"
+        message = f"port {name} of the router is called {called} there: what the router does by names is elsewhere"
+        yield Finding(Verdict.FAIL, "port-renamed", message, hint)
     elif port is not None and port.disabled:
         hint = "run the site to enable it, or look who has disabled it"
         yield Finding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)

@@ -7,7 +7,7 @@ Nothing is asked that changes anything. The only packets that it causes on a lin
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ __all__ = ["PINGS", "Echo", "Neighbour", "Port", "RouterReading", "questions", "
 
 PINGS = 3
 """To each canary."""
-_PORT = ("name", "running", "disabled", "rx-byte", "tx-byte")
+_PORT = ("name", "default-name", "running", "disabled", "rx-byte", "tx-byte")
 _RULE = ("chain", "action", "disabled", "packets", "bytes")
 _NEIGHBOUR = ("address", "interface", "mac-address", "complete", "disabled", "invalid")
 _MENUS = 5
@@ -76,13 +76,15 @@ class RouterReading:
     """When it had answered, by this computer's clock."""
     uptime_s: float | None = None
     ports: Mapping[str, Port] | None = None
-    """By name, which is the factory name: the template renames none."""
+    """By factory name."""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    """Factory names of ports that are called otherwise on the router, and how."""
     routes: tuple[Row, ...] | None = None
     """The default routes of all tables."""
     echoes: Mapping[str, tuple[Echo, ...]] | None = None
     """By bearer; only the canaries whose pings were carried out."""
     neighbours: Mapping[str, tuple[Neighbour, ...]] | None = None
-    """By port."""
+    """By port; None, too, where a port is called otherwise: what its name stands for is another one then."""
     dropped: Mapping[str, tuple[int, int]] | None = None
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
@@ -93,7 +95,7 @@ def questions(ways: Sequence[Way]) -> tuple[tuple[Command, ...], tuple[Probe, ..
     ports = [way.port for way in ways if way.port is not None]
     menus = (
         Command("/system/resource/print", ((".proplist", "uptime"),)),
-        Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("name", ports)),
+        Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("default-name", ports)),
         Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
         Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
         Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
@@ -119,12 +121,15 @@ async def read_router(door: Door, ways: Sequence[Way]) -> RouterReading:
 def read(replies: Sequence[Reply], probes: Sequence[Probe]) -> RouterReading:
     """Read the answers to `questions`, in their order."""
     resource, ports, routes, neighbours, rules = (rows(reply) for reply in replies[:_MENUS])
+    called = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
+    renamed = {port: name for port, name in called.items() if name != port}
     return RouterReading(
         uptime_s=seconds(resource[0].get("uptime", "")) if resource else None,
-        ports=None if ports is None else {row["name"]: _port(row) for row in ports if "name" in row},
+        ports=None if ports is None else {row["default-name"]: _port(row) for row in ports if "default-name" in row},
+        renamed=renamed,
         routes=routes,
         echoes=_echoes(probes, replies[_MENUS:]),
-        neighbours=None if neighbours is None else _by_port(neighbours),
+        neighbours=None if neighbours is None or renamed else _by_port(neighbours),
         dropped=None if rules is None else _by_chain(rules),
     )
 

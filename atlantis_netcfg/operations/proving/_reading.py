@@ -67,7 +67,7 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
     """The questions, for one flight; `read` understands the answers in this order."""
     both = (*(f"?chain={chain}" for chain in chains), "?#|")
     return (
-        Command("/interface/print", ((".proplist", "name,rx-byte,tx-byte"),), (f"?name={port}",)),
+        Command("/interface/print", ((".proplist", "default-name,rx-byte,tx-byte"),), (f"?default-name={port}",)),
         Command("/ip/firewall/filter/print", ((".proplist", _RULE),), both),
         Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
         Command("/interface/ovpn-client/print", ((".proplist", "name,running"),)),
@@ -77,12 +77,11 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
 def read(port: str, replies: Sequence[Reply]) -> Reading:
     """Understand the answers to `reads`. Raises DeviceFailed if the port is not there, Refused."""
     interfaces, rules, routes, tunnels = (reply.checked().rows for reply in replies)
-    found = next((row for row in interfaces if row.get("name") == port), None)
+    found = next((row for row in interfaces if row.get("default-name") == port), None)
     if found is None or "rx-byte" not in found or "tx-byte" not in found:
         raise DeviceFailed(
             f"the router tells no byte counters of port {port}, and without them nothing is sent",
-            hint="is the port of the satellite declared as it is called on the router?"
-            " `provision drift site=…` compares",
+            hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
         )
     return Reading(
         port_bytes=_number(found, "rx-byte") + _number(found, "tx-byte"),

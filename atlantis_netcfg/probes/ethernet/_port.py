@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["asks", "judge"]
 
-_COUNTERS = ("name", "running", "disabled", "rx-error", "tx-error", "link-downs")
+_COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-error", "link-downs")
 _TRUE = frozenset({"true", "yes"})
 _SLOW = frozenset({"10Mbps"})
 """What a cable with a broken pair, or an end set by hand, falls back to."""
@@ -48,6 +48,12 @@ def judge(router: str, port: str, heard: Mapping[str, Answer]) -> Judged:
         return Judged((unasked(router, answers[0]),))
     monitor, interfaces = (rows_of(one) for one in answers)
     counted = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
+    socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
+    if (socket or {}).get("name", port) != port or (counted or {}).get("default-name", port) != port:
+        called = f"is called {socket['name']} there" if socket is not None else "is another socket there"
+        message = f"port {port} of {router} {called}, so that what is told under that name is not about it"
+        hint = "run the site, which gives ports their names back"
+        return Judged((Finding(Verdict.FAIL, "port-renamed", message, hint),))
     if interfaces is not None and counted is None:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"

@@ -125,7 +125,7 @@ def test_looks_take_the_room_that_is_left(beside: int, first: int, last: int) ->
 
 def test_one_command_asks_for_all_ports() -> None:
     assert counting(("ether1", "ether2", "ether3")).queries == (
-        "?name=ether1", "?name=ether2", "?#|", "?name=ether3", "?#|",
+        "?default-name=ether1", "?default-name=ether2", "?#|", "?default-name=ether3", "?#|",
     )  # fmt: skip
 
 
@@ -139,13 +139,12 @@ def test_times_of_routeros_are_read(text: str, expected: float | None) -> None:
 
 def test_answers_without_numbers_are_no_counters() -> None:
     resource = Reply(({"uptime": "1m"},))
-    whole = Reply(
-        ({"name": "ether1", "rx-byte": "7", "tx-byte": "8"}, {"name": "ether2", "rx-byte": "", "tx-byte": "8"})
-    )
+    rows = (("ether1", "7"), ("ether2", ""))
+    whole = Reply(tuple({"default-name": name, "rx-byte": rx, "tx-byte": "8"} for name, rx in rows))
     found = read_counts(whole, resource)
     assert found is not None
     assert (dict(found.ports), found.uptime_s) == ({"ether1": (7, 8)}, 60.0)
     assert read_counts(replace(whole, rows=whole.rows[1:]), resource) is None
     assert counting(("ether1",)) == Command(
-        "/interface/print", ((".proplist", "name,rx-byte,tx-byte"),), ("?name=ether1",)
+        "/interface/print", ((".proplist", "default-name,rx-byte,tx-byte"),), ("?default-name=ether1",)
     )

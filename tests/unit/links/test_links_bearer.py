@@ -35,7 +35,12 @@ def reading(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -
         Echo(target, sent, received, 4.0 if received else None) for target, sent, received in case.get("echoes", [])
     )
     neighbours = tuple(Neighbour(address, "02:00:5E:00:00:01") for address in case.get("neighbours", []))
-    return RouterReading(ports=ports, echoes={name: echoes} if echoes else {}, neighbours={port: neighbours})
+    return RouterReading(
+        ports=ports,
+        renamed={port: case["renamed"]} if "renamed" in case else {},
+        echoes={name: echoes} if echoes else {},
+        neighbours={port: neighbours},
+    )
 
 
 def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> Seen:

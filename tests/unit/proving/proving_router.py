@@ -89,7 +89,7 @@ class Fake:
     def _port(self) -> Reply:
         self.readings += 1
         self.bytes += self.burst_bytes
-        return Reply(rows=({"name": PORT, "rx-byte": "0", "tx-byte": str(self.bytes)},))
+        return Reply(rows=({"default-name": PORT, "rx-byte": "0", "tx-byte": str(self.bytes)},))
 
     def _filter(self, command: Command) -> Reply:
         if (ours := self._ours(command)) is not None:

@@ -158,7 +158,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     ),
     "another port": (
         another_port,
-        "is the port of the satellite declared as it is called on the router? `provision drift site=…` compares",
+        "is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
         0,
         [],
     ),

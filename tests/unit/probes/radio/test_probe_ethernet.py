@@ -43,6 +43,8 @@ HEALTHY: dict[str, Answer] = {
     "monitor": monitor(),
     "interfaces": port(),
 }
+CALLED = "FAIL port-renamed: port ether5 of coastal-router is called {}, so that what is told under that name is"
+CALLED += " not about it"
 LINK = "PASS link: port ether5 of coastal-router has a link of 1Gbps"
 ANSWERS = "PASS answers: ECA ROV (10.64.1.26) answers 20 of 20 pings, in 0.6 ms"
 AWAY = Rows(Trouble.NO_PLACE, "coastal-router: connection refused")
@@ -236,6 +238,29 @@ CASES = (
         SILENT | {"interfaces": port(running="false"), "monitor": Rows(None, "", None)},
     ),
     Case(
+        "the port is called otherwise",
+        (CALLED.format("robots there"), ANSWERS),
+        {"interfaces": port(name="robots", **{"default-name": "ether5"}), "monitor": Rows(None, "", None)},
+    ),
+    Case(
+        "two ports have swapped their names",
+        (CALLED.format("ether4 there"), ANSWERS),
+        {
+            "interfaces": Rows(
+                None,
+                rows=(
+                    {"name": "ether5", "default-name": "ether4", "running": "true"},
+                    {"name": "ether4", "default-name": "ether5", "running": "false"},
+                ),
+            )
+        },
+    ),
+    Case(
+        "a port with its own name",
+        (LINK, ANSWERS),
+        {"interfaces": port(**{"default-name": "ether5"})},
+    ),
+    Case(
         "no such port",
         ("FAIL no-port: coastal-router has no port ether5", ANSWERS),
         {"interfaces": Rows(None, rows=({"name": "ether1", "running": "true"},)), "monitor": Rows(None, "", None)},
@@ -322,6 +347,7 @@ def test_every_code_has_its_case() -> None:
         "ping-cut-short",
         "ping-not-understood",
         "port-disabled",
+        "port-renamed",
         "port-down",
         "port-unknown",
         "rate-low",
