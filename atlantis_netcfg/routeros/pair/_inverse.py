@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Verb
+from atlantis_netcfg.routeros._types import Layer, Verb
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape, canonical
-from atlantis_netcfg.routeros.planner import after
+from atlantis_netcfg.routeros.planner import after, renamed
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
@@ -28,15 +28,26 @@ class NotInvertible(ValueError):
 
 def inverse(actions: Sequence[Action], rows: Mapping[str, tuple[Row, ...]]) -> str:
     """Return the lines that take `actions` back on a device that had `rows` before. Raises NotInvertible."""
-    lines: list[str] = []
-    for action in actions:
-        # As the rows are when its turn comes: a port may have a new name by then, and so has everyone who names it.
-        lines = [*_lines(action, rows.get(action.menu, ())), *lines]
-        rows = after(rows, (action,))
+    names = [action for action in actions if action.layer is Layer.NAMES]
+    lines = _names_back(names, rows)
+    # By then every port is called as it was, and so is whatever names it.
+    called = {dict(action.values)["name"]: row["name"] for action in names for row in _those(action, rows[action.menu])}
+    for action in reversed(actions):
+        if action.layer is not Layer.NAMES:
+            lines += _lines(action, rows.get(action.menu, ()), called)
     return "".join(f":do {{\n{line}\n}} on-error={{\n}}\n" for line in lines)
 
 
-def _lines(action: Action, rows: tuple[Row, ...]) -> Iterator[str]:
+def _names_back(names: Sequence[Action], rows: Mapping[str, tuple[Row, ...]]) -> list[str]:
+    """Give ports their old names, step by step: of two that have swapped theirs, one goes round by another name."""
+    lines: list[str] = []
+    for action in names:
+        lines = [*_lines(action, rows[action.menu], {}), *lines]
+        rows = after(rows, (action,))
+    return lines
+
+
+def _lines(action: Action, rows: tuple[Row, ...], called: Mapping[str, str]) -> Iterator[str]:
     menu = MENUS[action.menu]
     if action.verb is Verb.SET:
         names = [name.lstrip("!") for name, _ in action.values]
@@ -46,7 +57,8 @@ def _lines(action: Action, rows: tuple[Row, ...]) -> Iterator[str]:
         for row in _those(action, rows):
             yield f"{menu.path}/set {row['.id']} {_given(menu, row, names)}"
     elif action.verb is Verb.ADD:
-        yield f"{menu.path}/remove [find {_where(menu, dict(action.values))}]"
+        (added,) = renamed(action.menu, (dict(action.values),), called)
+        yield f"{menu.path}/remove [find {_where(menu, added)}]"
     elif action.verb is Verb.REMOVE and not menu.ordered:
         for row in _those(action, rows):
             yield f"{menu.path}/add {_given(menu, row, [each.name for each in menu.fields if each.name in row])}"

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Facts, Observed, Row
     from atlantis_netcfg.versions import Version
 
-__all__ = ["CannotPlan", "after", "as_renamed", "plan", "simulate"]
+__all__ = ["CannotPlan", "after", "as_renamed", "plan", "renamed", "simulate"]
 
 
 def plan(device: str, desired: Desired, observed: Observed) -> Plan:

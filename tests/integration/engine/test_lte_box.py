@@ -55,6 +55,22 @@ def test_it_converges_and_then_has_the_declared_access_point(tmp_path: Path, ver
     on(box(tmp_path, version), act)
 
 
+def test_cable_and_modem_that_have_swapped_their_names_get_them_back(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        assert (await bench.converge()).status == "changed"
+        before = bench.export()
+        for path, name, new in (("ethernet", "ether1", "x"), ("lte", "lte1", "ether1"), ("ethernet", "x", "lte1")):
+            await bench.router.console([f"/interface/{path}/set", f"=.id={name}", f"=name={new}"])
+        assert bench.export() != before
+        again = await bench.converge()
+        assert (again.status, again.planned) == ("changed", 3)
+        assert bench.export() == before
+        assert await findings(bench) == ()
+        assert (await bench.converge()).status == "unchanged"
+
+    on(box(tmp_path), act)
+
+
 def test_the_way_back_leads_to_what_it_was(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = bench.export()

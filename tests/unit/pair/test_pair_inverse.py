@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +76,48 @@ def test_takes_back_however_far_it_came(done: int) -> None:
     seen = rows(bench, RADIO, PROFILES, CONNECT)
     before = bench.text()
     actions = change(seen)
+    for text, _ in scripts(actions[:done]):
+        assert bench.script(text).startswith("ok")
+    assert (bench.text() != before) == (done > 0)
+    assert bench.script(inverse(actions, seen)) == ""
+    assert bench.text() == before
+
+
+PORT, MEMBER = "/interface/ethernet", "/interface/bridge/port"
+SWAPPED = """\
+/interface ethernet
+set ether1 name=cable
+/interface wireless
+set wlan1 name=ether1
+/interface ethernet
+set cable name=wlan1
+/interface bridge
+add name=b
+/interface bridge port
+add bridge=b comment=hers interface=wlan1
+"""
+"""Cable and radio are called as the other one should be, and the bridge has the cable."""
+
+
+def name(number: int, menu: str, row: str, new: str) -> Action:
+    return replace(action(number, menu, Verb.SET, ids=(row,), values=(("name", new),)), layer=Layer.NAMES)
+
+
+@pytest.mark.parametrize("done", range(6))
+def test_takes_names_back_however_far_it_came(done: int) -> None:
+    bench = make(**SPEC)
+    assert bench.script(SWAPPED) == ""
+    seen = rows(bench, RADIO, PORT, MEMBER)
+    before = bench.text()
+    cable = next(row[".id"] for row in seen[PORT] if row["name"] == "wlan1")
+    radio, member = seen[RADIO][0][".id"], seen[MEMBER][0][".id"]
+    actions = (
+        name(1, PORT, cable, "ether1-atlantis"),
+        name(2, RADIO, radio, "wlan1"),
+        name(3, PORT, cable, "ether1"),
+        action(4, MEMBER, Verb.ADD, values=(("bridge", "b"), ("interface", "wlan1"))),
+        action(5, MEMBER, Verb.SET, ids=(member,), values=(("comment", "ours"), ("interface", "ether2"))),
+    )
     for text, _ in scripts(actions[:done]):
         assert bench.script(text).startswith("ok")
     assert (bench.text() != before) == (done > 0)
