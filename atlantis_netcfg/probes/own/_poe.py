@@ -16,7 +16,7 @@ from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.site.model import PoeMode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.probes.answers import Answer
     from atlantis_netcfg.probes.questions import Question
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["of"]
 
+_NAMES = "names"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _FAULTS: Mapping[str, str] = {
     "short-circuit": "a short circuit: take the cable off and look for water in the plug",
@@ -69,7 +70,9 @@ class _Poe:
     def asks(self) -> tuple[Question, ...]:
         """Each port by itself: one that cannot feed would take the answer for all others along."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        return tuple(self._monitor(self.site.router.name, port) for port in _ports(self.site))
+        name = self.site.router.name
+        names = Ask(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
+        return (*(self._monitor(name, port) for port in _ports(self.site)), names)
 
     @staticmethod
     def _monitor(host: str, port: str) -> Ask:
@@ -82,6 +85,11 @@ class _Poe:
         silence = [one for one in told.values() if isinstance(one, Finding)]
         if len(silence) == len(told):
             return Judged((_board(name, told) or silence[0],))
+        names = rows(heard[_NAMES], name, "the names of its ports", "default-name")
+        if isinstance(names, Finding):
+            return Judged((names,))
+        if renamed := tuple(_renamed(name, told, names)):
+            return Judged(renamed)
         ports = {port: row for port, found in told.items() if (row := _row_of(port, found)) is not None}
         modes = {one.name: one.poe.out for one in self.site.device.ports if one.poe is not None}
         wrong = [
@@ -95,6 +103,15 @@ class _Poe:
         if not drawn:
             return good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
         return good("powered", f"{listed(drawn)} {'draws' if len(drawn) == 1 else 'draw'} power from the router")
+
+
+def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[Finding]:
+    """What was told under the name of a port is about another socket, or none."""
+    called = {row.get("default-name", ""): row.get("name", "") for row in names}
+    for port in ports:
+        if called.get(port, port) != port:
+            message = f"{port} of {name} is called {called[port]} there, so that its power was not told"
+            yield fail("port-renamed", message, "run the site, which gives ports their names back")
 
 
 def _board(name: str, told: Mapping[str, object]) -> Finding | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.gateway.network import gateway_network
 from atlantis_netcfg.probes.answers import Ran, Trouble
-from atlantis_netcfg.probes.own._reading import Held, addresses
+from atlantis_netcfg.probes.own._reading import Held, addresses, rows
 from atlantis_netcfg.probes.own._site import Computer, OwnSite, ask, run, step
 from atlantis_netcfg.probes.own._words import declared, fail, good, listed, read, silent, unknown, warn
 from atlantis_netcfg.probes.step import Judged
@@ -43,13 +43,14 @@ class _Static:
     def asks(self) -> tuple[Question, ...]:
         return (
             *ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
+            *ask("sockets", self.site, "/interface/ethernet", "name", "default-name"),
             *run("gateway", self.site, "ip -j addr show"),
             *(question for path in FILES for question in run(path, self.site, f"cat {path}")),
         )
 
     def judge(self, heard: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        held = addresses(heard["router"], self.site.router.name)
+        held = _on_sockets(heard, self.site.router.name)
         found = [held] if isinstance(held, Finding) else list(self._of_router(self.site.router.name, held))
         evidence = [declared(f"address of {name}", address) for name, address in self._wanted()]
         gateway = self.site.gateway
@@ -104,6 +105,18 @@ class _Static:
         )
         hint = f"declare `network:` of {gateway.name} and run the site, or restart it once and repeat the check"
         return unknown("no-file", message, hint)
+
+
+def _on_sockets(heard: Mapping[str, Answer], router: str) -> tuple[Held, ...] | Finding:
+    """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
+    held = addresses(heard["router"], router)
+    ports = rows(heard["sockets"], router, "the names of its ports", "default-name")
+    if isinstance(held, Finding):
+        return held
+    if isinstance(ports, Finding):
+        return ports
+    socket = {row.get("name", ""): row.get("default-name", "") for row in ports}
+    return tuple(replace(one, interface=socket.get(one.interface, one.interface)) for one in held)
 
 
 def _says(text: str, wanted: IPv4Interface) -> bool:

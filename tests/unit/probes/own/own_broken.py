@@ -464,6 +464,17 @@ BROKEN: dict[str, Callable[[], World]] = {
     "a word for power that nobody knows": lambda: load(status="meditating"),
     "a box draws nothing": lambda: load(milliamps=0),
     "power is switched off": lambda: typed("/interface ethernet set ether2 poe-out=off"),
+    "a port that feeds has another name": lambda: typed("/interface ethernet set ether2 name=starlink"),
+    "two ports that feed have swapped their names": lambda: typed(
+        "/interface ethernet set ether2 name=x; /interface ethernet set ether3 name=ether2;"
+        " /interface ethernet set x name=ether3"
+    ),
+    "two links are on each other's sockets, under names that were swapped": lambda: typed(
+        "/interface ethernet set ether2 name=x; /interface ethernet set ether3 name=ether2;"
+        " /interface ethernet set x name=ether3; /ip address set [find interface=ether2] comment=was interface=ether4;"
+        " /ip address set [find interface=ether3] interface=ether2; /ip address set [find comment=was] interface=ether3"
+    ),
+    "a port that feeds nobody has another name": lambda: typed("/interface ethernet set ether8 name=laptop"),
     "a router that tells the power of one port only": lambda: lines_of(
         "/interface/ethernet/poe", {"name": "ether1", "poe-out-status": "powered-on"}
     ),
