@@ -1,8 +1,8 @@
 """The grammar of RouterOS export text (`.rsc`): technicians read devices in it, templates declare and plans show them.
 
 `parse` reads what `export` of RouterOS 6 and 7 prints (compact, verbose, terse; LF or CRLF) into statements,
-`print_export` writes them back wrapped as the device wraps, `quote` and `unquote` do one value. The language of
-scripts (`:if`, `{ }`) is not read.
+`print_export` writes them back wrapped as the device wraps, `quote` and `unquote` do one value, `in_quotes` quotes what
+would do without. The language of scripts (`:if`, `{ }`) is not read.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from atlantis_netcfg.rsc._model import Export, RscError, Statement
 from atlantis_netcfg.rsc._parse import parse
 from atlantis_netcfg.rsc._print import WIDTH, console_path, print_export, print_statement
-from atlantis_netcfg.rsc._values import quote, unquote
+from atlantis_netcfg.rsc._values import in_quotes, quote, unquote
 from atlantis_netcfg.rsc._volatile import VOLATILE_COMMENTS, drop_volatile, is_volatile
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Statement",
     "console_path",
     "drop_volatile",
+    "in_quotes",
     "is_volatile",
     "parse",
     "print_export",

@@ -19,6 +19,7 @@ __all__ = ["dispatch"]
 _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/certificate/import": (certificate.import_, "policy"),
     "/certificate/sign": (certificate.sign, "policy"),
+    "/console/inspect": (read.inspect, "read"),
     "/execute": (files.execute, "write"),
     "/export": (files.export, "read"),
     "/file/add": (files.add, "write"),

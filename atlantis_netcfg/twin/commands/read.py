@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.answers import Category, Trap
@@ -11,13 +12,16 @@ from atlantis_netcfg.twin.commands.radio import amounting
 from atlantis_netcfg.twin.console.where import Where, fits
 from atlantis_netcfg.twin.menus import Shape
 from atlantis_netcfg.twin.query import matches
+from atlantis_netcfg.twin.schema import offered
 from atlantis_netcfg.twin.views import rows, without_counters
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from atlantis_netcfg.twin.commands._call import Call
     from atlantis_netcfg.twin.core import Core
 
-__all__ = ["all_rows", "find", "get", "print_", "select"]
+__all__ = ["all_rows", "find", "get", "inspect", "print_", "select"]
 
 _GOING_ON = ("follow", "follow-only", "interval")
 _PROPLIST = (".proplist", "proplist")
@@ -115,3 +119,53 @@ def _one(core: Core, call: Call) -> dict[str, str]:
 
 def _is_settings(core: Core, menu: str) -> bool:
     return menu in COMPUTED or core.store.table(menu).menu.shape is Shape.SETTINGS
+
+
+def inspect(core: Core, call: Call) -> Result:
+    """`/console/inspect`: what is below a path (`child`), and which values are offered for an argument (`completion`).
+
+    Paths are words with commas between them; slashes find nothing (tikoci/centrs, commands/api/AGENTS.md: CHR 7.23.1).
+    """
+    # Inferred: queries pick among the rows, as they do among those of `print`.
+    # Inferred: every version offers the values of 7.21.5 for those arguments that it has.
+    requests: dict[str, Callable[[Core, Call], list[dict[str, str]]]] = {"child": _children, "completion": _offers}
+    request = call.arguments.get("request", "")
+    if request not in requests:
+        raise Trap(f"not rehearsed by the twin: {call.path} request={request}")
+    found = [row for row in requests[request](core, call) if matches(call.queries, row)]
+    wanted = _proplist(call)
+    return Result(
+        rows=found if wanted is None else [{name: row[name] for name in wanted if name in row} for row in found]
+    )
+
+
+def _walked(call: Call) -> list[str]:
+    path = call.arguments.get("path", "")
+    return [word for word in path.split(",") if word] if "/" not in path else ["/"]
+
+
+def _children(core: Core, call: Call) -> list[dict[str, str]]:
+    words = _walked(call)
+    menu, schema = "/" + "/".join(words), core.schema
+    kinds = dict.fromkeys(schema.submenus(menu), "dir") if schema.has_menu(menu) else {}
+    kinds |= dict.fromkeys(schema.commands(menu), "cmd")
+    if not kinds and words:
+        kinds = dict.fromkeys(schema.arguments("/" + "/".join(words[:-1]), words[-1]), "arg")
+    return [{"name": name, "node-type": kinds[name], "type": "child"} for name in sorted(kinds)]
+
+
+def _offers(core: Core, call: Call) -> list[dict[str, str]]:
+    """Values for the argument that the path names, or that the input ends with: `add action=`."""
+    typed = call.arguments.get("input", "")
+    words = [*_walked(call), *re.split(r"[/ =]+", typed.strip("/ ").rpartition("=")[0] if "=" in typed else typed)]
+    *path, argument = [word for word in words if word] or [""]
+    *menu, command = path or [""]
+    where = "/" + "/".join(menu)
+    if argument not in core.schema.arguments(where, command):
+        return []
+    started = typed.rpartition("=")[2] if "=" in typed else ""
+    return [
+        {"completion": value, "preference": "80", "show": "true", "style": "none", "text": ""}
+        for value in offered(where, argument)
+        if value.startswith(started)
+    ]

@@ -1,7 +1,10 @@
 """Statements of the subset: `:put`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus with their arguments.
 
 A condition of `:if` compares a number with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
-`([:len [/ip route find disabled=no]] > 0)`.
+`([:len [/ip route find disabled=no]] > 0)`, or a variable with a regular expression: `($v ~ "^ok")`.
+
+Besides, what hands texts to the device's own parser: `:put [:parse "..."]`, `:foreach` over texts, and `:local` with
+what a command returns, `[:execute script=(...) as-string]`.
 
 Names are looked up while parsing, as RouterOS does: a script with a misspelt menu, command or argument does not start.
 """
@@ -12,7 +15,20 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.twin.console._statements import Attempt, Choice, Command, Find, Put, Statement, Variable
+from atlantis_netcfg.twin.console._statements import (
+    Attempt,
+    Choice,
+    Command,
+    Each,
+    Find,
+    Local,
+    Parse,
+    Put,
+    Statement,
+    Template,
+    Variable,
+)
+from atlantis_netcfg.twin.console._text import ConsoleError
 from atlantis_netcfg.twin.console.where import Condition
 
 if TYPE_CHECKING:
@@ -32,8 +48,12 @@ _DELAY = re.compile(r":delay[ \t]+\d+(?:ms|[smh])?(?![\w.])")
 """What a device needs time for, the twin has done at once."""
 _IF = re.compile(r":if(?=\s|\()")
 _LEN = re.compile(r"\[:len\s+")
-_VARIABLE = re.compile(r"\$(?:\"[a-z0-9-]+\"|[a-z0-9]+)")
-_COMPARISON = re.compile(r"!=|<=|>=|[=<>]")
+_COMPARISON = re.compile(r"!=|<=|>=|[=<>~]")
+_FOREACH = re.compile(r":foreach[ \t]+([a-z]+),([a-z]+)[ \t]+in=\{")
+_LOCAL = re.compile(r":local[ \t]+([a-z]+)[ \t]+(?=\[)")
+_PARSE = re.compile(r"\[:parse(?=[\s\"$(])")
+_ROOT = re.compile(r":(?=execute\s)")
+_REST = re.compile(r"[^\n;\]}]*")
 _INTEGER = re.compile(r"\d+")
 _THEN, _ELSE = re.compile(r"do="), re.compile(r"else=")
 _PROPERTY = re.compile(r"\.?[A-Za-z0-9][A-Za-z0-9.-]*")
@@ -85,15 +105,11 @@ class Parser:
                 return bool(self.text.peek())
 
     def _statement(self) -> Statement | None:
-        if self.text.match(_PUT) is not None:
-            self.text.space()
-            return Put(self._bracket() if self.text.peek() == "[" else self._put_text())
-        if self.text.match(_DO) is not None:
-            return self._attempt()
         if self.text.match(_DELAY) is not None:
             return None
-        if self.text.match(_IF) is not None:
-            return self._choice()
+        word = self._scripting()
+        if word is not None:
+            return word
         if self.text.peek() in tuple(":{}()[]$\\\"'"):
             raise self.text.error("syntax error")
         command = self._command()
@@ -101,6 +117,19 @@ class Parser:
             return command
         self.menu = command.menu
         return None
+
+    def _scripting(self) -> Statement | None:
+        """Read a statement that is no command of a menu, if one comes."""
+        if self.text.match(_PUT) is not None:
+            self.text.space()
+            return Put(self._put())
+        if self.text.match(_DO) is not None:
+            return self._attempt()
+        if self.text.match(_IF) is not None:
+            return self._choice()
+        if (local := self.text.match(_LOCAL)) is not None:
+            return Local(local.split()[1], self._bracket())
+        return self._each() if self.text.peek() == ":" else None
 
     def _attempt(self) -> Attempt:
         menu = self.menu
@@ -119,8 +148,9 @@ class Parser:
         self.text.space()
         sign = self.text.match(_COMPARISON)
         self.text.space()
-        right = self.text.match(_INTEGER)
-        if sign is None or right is None:
+        pattern = sign == "~" and isinstance(left, Variable) and self.text.peek() == '"'
+        right = self.text.value() if pattern else self.text.match(_INTEGER)
+        if sign is None or right is None or (sign == "~" and not pattern):
             raise self.text.error("syntax error")
         self._expect(")")
         self.text.space()
@@ -130,12 +160,32 @@ class Parser:
         self.text.space()
         otherwise = self._block() if self.text.match(_ELSE) is not None else ()
         self.menu = menu
-        return Choice(left, sign, int(right), then, otherwise)
+        return Choice(left, sign, right if pattern else int(right), then, otherwise)
+
+    def _each(self) -> Each | None:
+        names = _FOREACH.match(self.text.source, self.text.at)
+        if names is None:
+            return None
+        self.text.at = names.end()
+        menu = self.menu
+        texts: list[Template] = []
+        while not self.text.take("}"):
+            if texts and not self.text.take(";"):
+                raise self.text.error("syntax error")
+            if self.text.peek() != '"':
+                raise self.text.error("syntax error")
+            texts.append(self.text.template())
+        self.text.space()
+        if self.text.match(_THEN) is None:
+            raise self.text.error("syntax error")
+        body = self._block()
+        self.menu = menu
+        return Each(names[1], names[2], tuple(texts), body)
 
     def _counted(self) -> Variable | Find:
         self.text.space()
-        if (variable := self.text.match(_VARIABLE)) is not None:
-            return Variable(variable.strip('$"'))
+        if self.text.peek() == "$":
+            return self.text.variable()
         if self.text.match(_LEN) is None:
             raise self.text.error("syntax error")
         found = self._bracket()
@@ -165,17 +215,35 @@ class Parser:
             raise self.text.error("syntax error")
         return tuple(inside)
 
-    def _put_text(self) -> str:
-        if self.text.peek() != '"':
+    def _put(self) -> Template | Command | Find | Parse:
+        if self.text.match(_PARSE) is not None:
+            self.text.space()
+            parse = Parse(self._template())
+            self._expect("]")
+            return parse
+        return self._bracket() if self.text.peek() == "[" else self._template()
+
+    def _template(self) -> Template:
+        """Read a text in quotes, a variable, or several of them in parentheses, joined by dots."""
+        if self.text.peek() == '"':
+            return self.text.template()
+        if self.text.peek() == "$":
+            return (self.text.variable(),)
+        if not self.text.take("("):
             raise self.text.error("syntax error")
-        return self.text.value()
+        pieces = list(self._template())
+        while self.text.take("."):
+            pieces += self._template()
+        if not self.text.take(")"):
+            raise self.text.error("syntax error")
+        return tuple(pieces)
 
     # --- commands --------------------------------------------------------------------------------------------------
 
     def _command(self) -> Command:
         """Read path, command and arguments; a command without name is a path alone."""
         place = self.text.at
-        menu = "/" if self.text.take("/") else self.menu
+        menu = "/" if self.text.take("/") or self.text.match(_ROOT) is not None else self.menu
         schema = self.core.schema
         while True:
             start = self.text.at
@@ -191,7 +259,7 @@ class Parser:
                 self._arguments(command)
                 return command
             else:
-                raise self.text.error(f"bad command name {word}", start)
+                raise self._bad_command(word, start)
 
     def _step(self) -> None:
         """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.
@@ -202,6 +270,24 @@ class Parser:
             raise self.text.error("expected command name")
         if not self.text.take("/"):
             self.text.space()
+
+    def _bad_command(self, word: str, start: int) -> ConsoleError:
+        """`:parse` returns code that holds the mistake, with the words from there on."""
+        # Inferred: recorded on 7.20.8 to 7.23.3; older and newer versions are taken to answer so, too.
+        words = self.text.placed(f"bad command name {word}", start)
+        rest = _REST.match(self.text.source, start)
+        return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
+
+    def _bad_parameter(self, command: Command, name: str, start: int) -> ConsoleError:
+        """From 7.23 `:parse` names the argument; before, it says what the console says."""
+        # Inferred: recorded on 7.22.1 and on 7.23 to 7.23.3; others are taken to answer as the next of these.
+        words = self.text.placed("expected end of command", start)
+        if not self.core.schema.at_least("7.23"):
+            return ConsoleError(words)
+        path = f"{command.menu.rstrip('/')}/{command.name}"
+        # Inferred: of a first argument the column is behind its name, of a later one before it, as in four records.
+        column = start if command.arguments else start + len(name)
+        return ConsoleError(words, f"(evl {self.text.placed(f'bad parameter {name}', column)} {path})")
 
     def _arguments(self, command: Command) -> None:
         """Read the rest of the command; brackets in it begin in the command's own menu."""
@@ -220,10 +306,10 @@ class Parser:
         while self._more():
             start = self.text.at
             if (unset := self.text.match(_UNSET)) is not None:
-                self._check(unset[1:], known, start)
+                self._check(command, unset[1:], known, start)
                 command.unset.append(unset[1:])
             elif (name := self.text.match(_NAME)) is not None:
-                self._check(name, known, start)
+                self._check(command, name, known, start)
                 self.text.at += 1
                 command.arguments[name] = self._value()
             elif command.name == "print" and self._where(command):
@@ -242,9 +328,9 @@ class Parser:
         self.text.space()
         return self.text.peek() not in ("\n", ";", "]", "}", "")
 
-    def _check(self, name: str, known: frozenset[str], start: int) -> None:
+    def _check(self, command: Command, name: str, known: frozenset[str], start: int) -> None:
         if name not in known:
-            raise self.text.error("expected end of command", start)
+            raise self._bad_parameter(command, name, start)
 
     def _positional(self, command: Command, known: frozenset[str], positional: list[str], start: int) -> None:
         if positional:
@@ -253,15 +339,15 @@ class Parser:
         word = self.text.match(_SEGMENT)
         if word is None:
             raise self.text.error("syntax error", start)
-        self._check(word, known, start)
+        self._check(command, word, known, start)
         if self.text.peek() == "=":
             raise self.text.error("syntax error")
         command.arguments[word] = ""
 
-    def _value(self) -> str | Find | Command:
+    def _value(self) -> str | Template | Find | Command:
         if self.text.peek() == "[":
             return self._bracket()
-        return self.text.value()
+        return self._template() if self.text.peek() in ("$", "(") else self.text.value()
 
     # --- brackets --------------------------------------------------------------------------------------------------
 

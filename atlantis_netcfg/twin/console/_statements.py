@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.console.where import Where
 
-__all__ = ["Attempt", "Choice", "Command", "Find", "Put", "Statement", "Variable"]
+__all__ = ["Attempt", "Choice", "Command", "Each", "Find", "Local", "Parse", "Put", "Statement", "Template", "Variable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """What a script or whoever runs it has put in: `$"response-count"`."""
+
+    name: str
+
+
+Template = tuple[str | Variable, ...]
+"""A text with variables in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +37,42 @@ class Command:
 
     menu: str
     name: str
-    arguments: dict[str, str | Find | Command] = field(default_factory=dict)
+    arguments: dict[str, str | Template | Find | Command] = field(default_factory=dict)
     unset: list[str] = field(default_factory=list)
     where: Where = ()
     place: int = 0
 
 
 @dataclass(frozen=True, slots=True)
-class Put:
-    """`:put` with a text or a command whose return value it prints."""
+class Parse:
+    """`[:parse text]`."""
 
-    what: str | Command | Find
+    text: Template
+
+
+@dataclass(frozen=True, slots=True)
+class Put:
+    """`:put` with a text, or with a command or the code of a text, whose value it prints."""
+
+    what: Template | Command | Find | Parse
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """`:local name [command]`."""
+
+    name: str
+    value: Command | Find
+
+
+@dataclass(frozen=True, slots=True)
+class Each:
+    """`:foreach index,value in={"text";"text"} do={ ... }`; of other loops nothing is rehearsed."""
+
+    index: str
+    value: str
+    texts: tuple[Template, ...]
+    body: tuple[Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +84,14 @@ class Attempt:
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
-    """What whoever runs the script has put in: `$"response-count"`."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
 class Choice:
-    """`:if (left sign right) do={ ... } else={ ... }`."""
+    """`:if (left sign right) do={ ... } else={ ... }`; right of `~` stands a regular expression."""
 
     left: Variable | Find
     sign: str
-    right: int
+    right: int | str
     then: tuple[Statement, ...]
     otherwise: tuple[Statement, ...] = ()
 
 
-Statement = Command | Put | Attempt | Choice
+Statement = Command | Put | Attempt | Choice | Local | Each

@@ -9,6 +9,14 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.twin.console._statements import Variable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.twin.console._statements import Template
 
 __all__ = ["ConsoleError", "Text"]
 
@@ -27,13 +35,21 @@ _ESCAPES = {
     "v": "\v",
 }
 _HEX = re.compile(r"[0-9A-F]{2}")
-_VARIABLE = re.compile(r"[A-Za-z0-9_]+")
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+_QUOTED_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _BARE = re.compile(r"[^\s\"\\$&'();=?\[\]^{|}]+")
 _INDENT = " \t"
 
 
 class ConsoleError(Exception):
-    """The console does not understand the text; `str()` is its message, with line and column."""
+    """The console does not understand the text; `str()` is its message, with line and column.
+
+    `verdict` is what `:parse` returns for it, where that is another text.
+    """
+
+    def __init__(self, message: str, verdict: str = "") -> None:
+        super().__init__(message)
+        self.verdict = verdict or message
 
 
 @dataclass(slots=True)
@@ -52,9 +68,13 @@ class Text:
 
     def error(self, words: str, at: int | None = None) -> ConsoleError:
         """Make the error for a position, by default the present one."""
-        offset = self.at if at is None else at
-        line = bisect_right(self._starts, offset) - 1
-        return ConsoleError(f"{words} (line {line + 1} column {offset - self._starts[line] + 1})")
+        return ConsoleError(self.placed(words, self.at if at is None else at))
+
+    def placed(self, words: str, at: int) -> str:
+        """Return the words with line and column of a position; columns count bytes."""
+        line = bisect_right(self._starts, at) - 1
+        before = self.source[self._starts[line] : at]
+        return f"{words} (line {line + 1} column {len(before.encode(errors='surrogateescape')) + 1})"
 
     def peek(self) -> str:
         """Return the next character, "" at the end."""
@@ -100,7 +120,7 @@ class Text:
         while self._join():
             pass
         if self.peek() == '"':
-            return self._quoted()
+            return "".join(part for part in self.template() if isinstance(part, str))
         start = self.at
         parts = []
         while (part := self.match(_BARE)) is not None:
@@ -111,25 +131,40 @@ class Text:
             raise self.error("syntax error", self.at if parts else start)
         return "".join(parts)
 
-    def _quoted(self) -> str:
+    def template(self) -> Template:
+        """Read a text in quotes: its pieces, with the variables between them. Raises ConsoleError."""
         start = self.at
         self.at += 1
+        pieces = list(self._pieces(start))
+        self.at += 1
+        return tuple(pieces)
+
+    def _pieces(self, start: int) -> Iterator[str | Variable]:
         found: list[str] = []
         while self.peek() != '"':
             if self.at >= self.end:
                 raise self.error("syntax error", start)
-            found.append(self._character())
+            if self.peek() == "$":
+                yield _decoded(found)
+                found = []
+                yield self.variable()
+            else:
+                found.append(self._character())
+        yield _decoded(found)
+
+    def variable(self) -> Variable:
+        """Read `$name` or `$"name"`. Raises ConsoleError."""
+        start = self.at
         self.at += 1
-        return "".join(found).encode(errors="surrogateescape").decode(errors="surrogateescape")
+        quoted = self.take('"')
+        name = self.match(_QUOTED_NAME if quoted else _NAME)
+        if name is None or (quoted and not self.take('"')):
+            raise self.error("syntax error", start)
+        return Variable(name)
 
     def _character(self) -> str:
         if self.peek() == "\\":
             return "" if self._join() else self._escape()
-        if self.peek() == "$":
-            self.at += 1
-            if self.match(_VARIABLE) is None:
-                raise self.error("syntax error", self.at - 1)
-            return ""
         self.at += 1
         return self.source[self.at - 1]
 
@@ -144,3 +179,7 @@ class Text:
             raise self.error("syntax error", start)
         self.at += 1
         return _ESCAPES[char]
+
+
+def _decoded(found: list[str]) -> str:
+    return "".join(found).encode(errors="surrogateescape").decode(errors="surrogateescape")

@@ -7,6 +7,7 @@ a mistake in its last line has changed the router by then. Both stop at the firs
 from __future__ import annotations
 
 import operator
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,19 @@ from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.commands._call import Call, MissingArgument
 from atlantis_netcfg.twin.commands.read import all_rows, select
 from atlantis_netcfg.twin.console._parse import Parser
-from atlantis_netcfg.twin.console._statements import Attempt, Choice, Command, Find, Put, Statement
+from atlantis_netcfg.twin.console._statements import (
+    Attempt,
+    Choice,
+    Command,
+    Each,
+    Find,
+    Local,
+    Parse,
+    Put,
+    Statement,
+    Template,
+    Variable,
+)
 from atlantis_netcfg.twin.console._text import ConsoleError, Text
 from atlantis_netcfg.twin.console.people import View, reported, shown, summed
 from atlantis_netcfg.twin.console.where import Where, fits
@@ -113,7 +126,7 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
     width: int | None = None,
     variables: Mapping[str, str] | None = None,
 ) -> None:
-    runner = _Runner(core, caller, width, variables or {})
+    runner = _Runner(core, caller, width, dict(variables or {}))
     for statement in statements:
         try:
             outcome.lines.extend(runner.run(statement))
@@ -131,7 +144,7 @@ class _Runner:
     core: Core
     caller: Caller
     width: int | None
-    variables: Mapping[str, str]
+    variables: dict[str, str]
     paged: bool = False
     """Somebody may want to read it page by page."""
 
@@ -141,10 +154,31 @@ class _Runner:
         if isinstance(statement, Choice):
             chosen = statement.then if self._holds(statement) else statement.otherwise
             return [line for inner in chosen for line in self.run(inner)]
+        if isinstance(statement, Local):
+            self.variables[statement.name] = self._returned(statement.value)
+            return []
+        if isinstance(statement, Each):
+            return self._each(statement)
         if isinstance(statement, Put):
-            what = statement.what
-            return [what if isinstance(what, str) else self._returned(what)]
+            return self._put(statement.what)
         return self._command(statement)[1]
+
+    def _put(self, what: Template | Command | Find | Parse) -> list[str]:
+        if isinstance(what, Parse):
+            return [_code(self.core, self._filled(what.text))]
+        return [self._filled(what) if isinstance(what, tuple) else self._returned(what)]
+
+    def _each(self, each: Each) -> list[str]:
+        lines: list[str] = []
+        for index, text in enumerate(each.texts):
+            self.variables |= {each.index: str(index), each.value: self._filled(text)}
+            for statement in each.body:
+                lines += self.run(statement)
+        return lines
+
+    def _filled(self, text: Template) -> str:
+        """Put in the variables; one that nobody has set is nothing."""
+        return "".join(self.variables.get(part.name, "") if isinstance(part, Variable) else part for part in text)
 
     def _attempt(self, attempt: Attempt) -> list[str]:
         """Run a block until a command fails, then the other one; what was done before the failure stays."""
@@ -159,9 +193,11 @@ class _Runner:
 
     def _holds(self, choice: Choice) -> bool:
         """Compare numbers; a variable that nobody has set is no number, and nothing holds of it."""
-        if isinstance(choice.left, Find):
+        if isinstance(choice.left, Find) and isinstance(choice.right, int):
             return _COMPARE[choice.sign](len(self._found(choice.left)), choice.right)
-        value = self.variables.get(choice.left.name, "")
+        value = self.variables.get(choice.left.name, "") if isinstance(choice.left, Variable) else ""
+        if isinstance(choice.right, str):
+            return re.search(choice.right, value) is not None
         return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
 
     def _returned(self, what: Command | Find) -> str:
@@ -196,9 +232,11 @@ class _Runner:
             return value
         return ",".join(seen[int(part)] for part in parts)
 
-    def _argument(self, value: str | Find | Command) -> str:
+    def _argument(self, value: str | Template | Find | Command) -> str:
         if isinstance(value, str):
             return value
+        if isinstance(value, tuple):
+            return self._filled(value)
         if isinstance(value, Command):
             return self._returned(value)
         found = self._found(value)
@@ -230,3 +268,39 @@ class _Runner:
 
 def _as_value(rows: list[dict[str, str]]) -> str:
     return ";".join(f"{name}={value}" for row in rows for name, value in row.items())
+
+
+def _code(core: Core, text: str) -> str:
+    """Return what `:put [:parse "..."]` prints: the code of the text, or why it is none; nothing of it is executed.
+
+    Recorded on 7.20.8 to 7.23.3 (tikoci/lsp-routeros-ts, docs/parseil-format.md; tikoci/centrs,
+    test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments stand within the code.
+    """
+    parser = Parser(core, Text(text))
+    codes: list[str] = []
+    try:
+        codes += (_code_of(statement) for statement in parser.statements())
+    except ConsoleError as error:
+        # Inferred: what follows a mistake that stands within the code is left out.
+        return ";".join([*codes, error.verdict]) if error.verdict.startswith("(") else error.verdict
+    return ";".join(codes) or ("/" if text else "")
+
+
+def _code_of(statement: Statement) -> str:
+    if isinstance(statement, Command):
+        path = f"{statement.menu.rstrip('/')}/{statement.name}"
+        return f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in statement.arguments.items())})"
+    if isinstance(statement, Put):
+        return f"(evl /putmessage={_echo(statement.what)})"
+    # Inferred: of statements that hold others no code is recorded in full.
+    return f"(evl /{ {Attempt: 'do', Choice: 'if', Local: 'local', Each: 'foreach'}[type(statement)] })"
+
+
+def _echo(value: str | Template | Command | Find | Parse) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, tuple):
+        return "".join(part if isinstance(part, str) else f"${part.name}" for part in value)
+    if isinstance(value, Command):
+        return _code_of(value)
+    return f"(evl {value.menu}/find)" if isinstance(value, Find) else f"(evl /parse{_echo(value.text)})"
