@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.twin.wire.codec import Decoder, ReservedLength, WordTooLong, encode_sentence
 from atlantis_netcfg.twin.wire.dialogue import Reply, tag_of
-from atlantis_netcfg.twin.wire.faults import Fault, FaultKind
+from atlantis_netcfg.twin.wire.faults import Fault, FaultKind, Faults
 from atlantis_netcfg.twin.wire.link import Chunk, End
 from atlantis_netcfg.twin.wire.pipe import Pipe
 from atlantis_netcfg.twin.wire.tally import Tally, masked
@@ -170,7 +170,7 @@ class Connection:
             self.hang_up()
             return []
         self._note(sentence.words)
-        faults = self._host.upon(sentence.words[0])
+        faults = self._host.upon(Faults.command(sentence.words))
         self._suffer(faults, "before")
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
         if self._over:

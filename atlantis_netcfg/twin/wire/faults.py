@@ -42,7 +42,10 @@ class Fault(BaseModel):
     sentence: int = Field(default=1, ge=1)
     """Counted over all connections of the router from the moment of arming."""
     match: str = "*"
-    """Shell pattern for the command word, e.g. `/ip/firewall/*`; `*` counts `/login`, too."""
+    """Shell pattern for the command word, e.g. `/ip/firewall/*`; `*` counts `/login`, too.
+
+    A script that only has commands parsed is not `/execute`, which changes something, but `/execute :parse`.
+    """
     when: Literal["before", "after"] = "before"
     """Before the sentence is executed, or after and before its answer leaves."""
     seconds: float = Field(default=0.0, ge=0)
@@ -81,6 +84,12 @@ class Faults:
     def armed(self) -> tuple[Fault, ...]:
         """What has not struck yet."""
         return tuple(fault for fault, _ in self._armed)
+
+    @staticmethod
+    def command(words: tuple[str, ...]) -> str:
+        """Return what patterns are held against."""
+        parses = any(word.startswith("=script=:foreach ") and ":put [:parse " in word for word in words)
+        return f"{words[0]} :parse" if parses else words[0]
 
     def upon(self, command: str) -> list[Fault]:
         """Count the sentence that begins with `command`; the faults that strike at it."""
