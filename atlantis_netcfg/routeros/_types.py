@@ -142,6 +142,8 @@ class Action:
     """Names in `values` that are never shown."""
     inert: bool = False
     """Cannot by itself change traffic, access or the management path (a pool, an address-list entry of a new list)."""
+    line: int = 0
+    """Where the text declares the row; 0: nowhere."""
 
     @property
     def weight(self) -> int:

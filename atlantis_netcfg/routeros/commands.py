@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Verb
+from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.menus import MENUS, Kind, canonical
 from atlantis_netcfg.rsc import quote
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action
 
-__all__ = ["console", "sentence"]
+__all__ = ["console", "executed", "sentence"]
 
 
 def console(action: Action) -> str:
@@ -61,3 +62,8 @@ def sentence(action: Action) -> tuple[str, tuple[tuple[str, str], ...]]:
     if action.before is not None:
         arguments.append((_PLACE[action.verb], action.before))
     return f"{action.menu}/{action.verb}", tuple(arguments)
+
+
+def executed(text: str) -> Command:
+    """Return the command that runs a script and answers with its output (in the command trees from 7.9 on)."""
+    return Command("/execute", (("script", text), ("as-string", "")))

@@ -17,6 +17,7 @@ from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
+from atlantis_netcfg.routeros.parsing import Examination
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 
@@ -59,6 +60,12 @@ DONE_BYTES: Final = 16
 LATER_UP: Final = 400
 LATER_DOWN: Final = 1_900
 """Users, groups, certificates and device-mode, which are read where something is to change."""
+PARSED: Final = 1.3
+"""Bytes that come to one of a script when the device's parser is shown it first, at most."""
+CONTROL_DOWN: Final = 60
+"""What it answers where nothing is wrong: the refusal of a command that has to be refused."""
+OFFERED_DOWN: Final = 60
+"""One word of a list, with its tag and its record."""
 COUNT_UP: Final = 45
 COUNT_DOWN: Final = 25
 """The question for the number of a menu's rows, and its answer."""
@@ -193,11 +200,12 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
     return _told(tally, bearer)
 
 
-def beforehand(bearer: Bearer, *, writes: bool = False, exports: bool = False) -> Estimate:
+def beforehand(bearer: Bearer, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
     """Estimate a run on a device that was not read yet, so that its cost can be told before the first byte.
 
-    It is read once; with `writes`, a whole desired text is written, saved and read back besides, which is the most that
-    a run without faults comes to. `exports`: it hands out its export and is not read.
+    It is read once; with `plans`, a whole desired text is shown to its parser; with `writes`, it is also written, saved
+    and read back, which is the most that a run without faults comes to. `exports`: it hands out its export and is not
+    read.
     """
     tally = _Tally()
     tally.log_in()
@@ -205,6 +213,8 @@ def beforehand(bearer: Bearer, *, writes: bool = False, exports: bool = False) -
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
         return _told(tally, bearer)
     _read(tally, TYPICAL_MENUS, None)
+    if plans or writes:
+        tally.spend(up=ceil(PARSED * MOST_TEXT) + LATER_UP, down=LATER_DOWN)
     if writes:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
         # As many rows as lines of ordinary length: each is answered by a line, and weighs one in safe mode.
@@ -215,7 +225,7 @@ def beforehand(bearer: Bearer, *, writes: bool = False, exports: bool = False) -
             tally.spend(trips=1 + CHECKPOINT_TRIPS, up=180, down=180)
         tally.log_in()
         _read(tally, TYPICAL_MENUS, None, AGAIN)
-        tally.spend(trips=2, up=120 + LATER_UP, down=120 + LATER_DOWN)
+        tally.spend(trips=1, up=120, down=120)
     return _told(tally, bearer)
 
 
@@ -224,8 +234,9 @@ def _told(tally: _Tally, bearer: Bearer) -> Estimate:
 
 
 def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
-    """Save, take safe mode, write, read anew, release."""
+    """Have it parsed, save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
+    _parse(tally, plan, observed)
     tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
     if observed is not None and observed.facts.history >= HISTORY - 1:
         _look_again(tally, observed.rows)
@@ -304,6 +315,16 @@ def _script(tally: _Tally, actions: Sequence[Action]) -> None:
     said = sum(len(f"ok {action.number}\r\n") for action in actions)
     trips = max(1, ceil(size / SCRIPT))
     tally.spend(trips=trips, up=size + 40, down=said + 40, device_s=len(actions) * EXECUTE_S)
+
+
+def _parse(tally: _Tally, plan: Plan, observed: Observed | None) -> None:
+    """Show the commands to the device's parser, beside what is read before a change."""
+    asked = Examination().questions(plan.actions, observed.rows if observed is not None else {})
+    up = sum(_word(word) for command in asked for word in command.words()) + len(asked) * (TAG_BYTES + 1)
+    words = sum(1 for command in asked for query in command.queries if query != "?#|")
+    scripts = sum(1 for command in asked if not command.queries)
+    down = scripts * (CONTROL_DOWN + DONE_BYTES) + words * OFFERED_DOWN + len(asked) * RECORD_BYTES
+    tally.spend(trips=0, up=up, down=down, device_s=len(plan.actions) * EXECUTE_S)
 
 
 def _export(observed: Observed | None) -> int:

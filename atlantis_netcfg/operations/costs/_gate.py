@@ -38,20 +38,25 @@ def beforehand(
     """One preview for each metered link that sessions of this request go over, devices on one link added up.
 
     `at_most`: a run that may write is told as if all of its text had to be written, since nobody has read the device
-    yet; otherwise the reading alone. Raises UsageError for a link that a site does not have.
+    yet, and a plan as if the device's parser had to see all of it; otherwise the reading alone.
+
+    Raises UsageError for a link that a site does not have.
     """
     sums: dict[Link, list[Estimate]] = {}
+    bounds: set[Link] = set()
     for host in hosts:
         bearer = _carrier(declaration, host, request)
         if bearer is not None and bearer.metered:
-            found = _host(host, bearer, request, at_most=at_most)
-            sums.setdefault(link_of(declaration, host.site, bearer.name), []).append(found)
+            link = link_of(declaration, host.site, bearer.name)
+            sums.setdefault(link, []).append(_host(host, bearer, request, at_most=at_most))
+            if at_most and (_writes(request) or (request.mode is Mode.PLAN and handled(host))):
+                bounds.add(link)
     return tuple(
         preview(
             sum(each.wire_bytes for each in found),
             sum(each.seconds for each in found),
             link,
-            at_most=at_most and _writes(request),
+            at_most=link in bounds,
         )
         for link, found in sums.items()
     )
@@ -136,7 +141,8 @@ def _unit(bearer: Bearer) -> Estimate:
 def _estimate(bearer: Bearer, request: Request, *, at_most: bool) -> Estimate:
     if request.mode is Mode.BACKUP:
         return before_reading(bearer, exports=True)
-    return before_reading(bearer, writes=at_most and _writes(request))
+    plans = at_most and request.mode is Mode.PLAN
+    return before_reading(bearer, writes=at_most and _writes(request), plans=plans)
 
 
 def _writes(request: Request) -> bool:

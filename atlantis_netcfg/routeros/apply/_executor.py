@@ -37,6 +37,7 @@ from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
 __all__ = ["converge"]
@@ -191,6 +192,7 @@ async def _plan(work: Work, mode: Mode) -> None:
     if work.plan.actions:
         await _complete(work, mode)
         work.plan = plan(job.name, job.desired, work.seen)
+        await _examine(work, mode)
     if job.bearer is not None:
         work.estimate = estimate(work.plan, job.bearer, work.seen)
     _protect(work)
@@ -209,12 +211,35 @@ async def _complete(work: Work, mode: Mode) -> None:
     takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
     work.holding = work.holding or takes
     beside = work.shield.taking if takes else ()
-    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
+    asked = _questions(work, mode)
+    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, (*beside, *asked))
+    work.examination.answered(answers[len(beside) :])
     if takes:
         try:
-            work.owner = (await work.shield.taken(work.channel, answers)).who
+            work.owner = (await work.shield.taken(work.channel, answers[: len(beside)])).who
         except Held:
             work.holding = False
+
+
+def _questions(work: Work, mode: Mode) -> tuple[Command, ...]:
+    """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
+    if mode is Mode.DRIFT:
+        return ()
+    if work.job.toll is not None and work.job.bearer is not None:
+        expected = estimate(work.aim, work.job.bearer, work.seen)
+        planned = mode is Mode.PLAN
+        if work.job.toll.judge(work.seen, expected, spends=True, planned=planned).refusal is not None:
+            return ()
+    return work.examination.questions(work.aim.actions, work.seen.rows)
+
+
+async def _examine(work: Work, mode: Mode) -> None:
+    """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
+    while asked := _questions(work, mode):
+        work.examination.answered(await work.channel.flight(asked))
+    doubt = work.examination.doubt(work.aim.actions)
+    if doubt and doubt not in work.notes and mode is not Mode.DRIFT:
+        work.notes.append(doubt)
 
 
 def _toll(work: Work, mode: Mode) -> DeviceResult | None:
@@ -235,6 +260,7 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     found = work.aim
     reasons, hint = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)], None
+    reasons += work.examination.objections(found.actions, work.job.desired.source)
     if work.protection is Protection.NONE and not all(action.inert for action in found.actions):
         if work.job.unprotected:
             work.notes.append("nothing protects this change: what goes wrong has to be repaired by a person")

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, executed
+from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter
+from atlantis_netcfg.routeros.commands import executed
 
 if TYPE_CHECKING:
     from collections.abc import Callable

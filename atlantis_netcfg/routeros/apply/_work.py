@@ -18,6 +18,7 @@ from atlantis_netcfg.routeros.apply._stages import Stages
 from atlantis_netcfg.routeros.apply._state import plan_hash
 from atlantis_netcfg.routeros.apply._telling import cleaned, ended
 from atlantis_netcfg.routeros.apply.leftovers import Leftovers
+from atlantis_netcfg.routeros.parsing import Examination
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,6 +62,8 @@ class Work:
     left: Leftovers = field(default_factory=Leftovers)
     """What was armed or open when the device was read."""
     plan: Plan | None = None
+    examination: Examination = field(default_factory=Examination)
+    """What the device's own parser has said of the plan."""
     comparison: Comparison | None = None
     estimate: Estimate | None = None
     stages: Stages = field(default_factory=Stages)

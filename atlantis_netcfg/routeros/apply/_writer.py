@@ -15,7 +15,7 @@ from atlantis_netcfg.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import WINDOW, Command
 from atlantis_netcfg.routeros.apply._scripts import action_at, output, scripts
-from atlantis_netcfg.routeros.commands import sentence
+from atlantis_netcfg.routeros.commands import executed, sentence
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["ActionRefused", "ScriptWriter", "SentenceWriter", "Writer", "Written", "executed"]
+__all__ = ["ActionRefused", "ScriptWriter", "SentenceWriter", "Writer", "Written"]
 
 
 _AT_ONCE = 8
@@ -58,11 +58,6 @@ class Writer(Protocol):
 
     async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
         """Send one turn, with other commands beside it, and say what became of it."""
-
-
-def executed(text: str) -> Command:
-    """Return the command that runs a script and answers with its output (in the command trees from 7.9 on)."""
-    return Command("/execute", (("script", text), ("as-string", "")))
 
 
 class ScriptWriter:

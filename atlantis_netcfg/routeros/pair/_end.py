@@ -28,6 +28,7 @@ from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
+from atlantis_netcfg.routeros.parsing import Examination
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 from atlantis_netcfg.versions import Version
 
@@ -63,6 +64,8 @@ class End:
     """The first session, which holds safe mode; None once it is known to be dead."""
     before: Observed | None = None
     plan: Plan | None = None
+    examination: Examination = field(default_factory=Examination)
+    """What the device's own parser has said of the plan."""
     after: Observed | None = None
     """The device as it was read back, with nothing left to do."""
     owner: str = ""
@@ -151,6 +154,10 @@ class End:
             )
         )
         self.plan = plan(self.name, self.job.desired, self.before)
+        while asked := self.examination.questions(self.actions, self.before.rows):
+            self.examination.answered(await self.session.flight(asked))
+        if (doubt := self.examination.doubt(self.actions)) and doubt not in self.notes:
+            self.notes.append(doubt)
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
 
     async def problem(self, mode: Mode = Mode.APPLY) -> DeviceResult | None:
@@ -174,6 +181,7 @@ class End:
             return
         yield from objections(self.plan, self.seen, path)
         yield from missing(self.plan, self.seen)
+        yield from self.examination.objections(self.actions, self.job.desired.source)
         if not facts.has_safe_mode:
             yield f"RouterOS {facts.version} has no safe mode over the API, which {_SAFE_MODE} and later have"
         if facts.safe_mode_owner is not None:

@@ -21,7 +21,7 @@ from atlantis_netcfg.routeros.apply._protection import Interfered
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
 from atlantis_netcfg.routeros.apply._state import digest
-from atlantis_netcfg.routeros.apply._writer import executed
+from atlantis_netcfg.routeros.commands import executed
 from atlantis_netcfg.routeros.pair import _fuse, _safe
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
 from atlantis_netcfg.routeros.pair._inverse import NotInvertible, inverse

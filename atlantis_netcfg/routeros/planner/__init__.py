@@ -167,6 +167,7 @@ def _numbered(changes: Iterable[Change]) -> Iterator[Action]:
             before=change.before,
             secrets=change.menu.secrets & {name for name, _ in change.values},
             inert=change.inert,
+            line=change.line,
         )
 
 

@@ -38,6 +38,7 @@ class Change:
     values: tuple[tuple[str, str], ...] = ()
     before: str | None = None
     inert: bool = False
+    line: int = 0
 
 
 @dataclass(slots=True)
@@ -99,13 +100,13 @@ class Names:
                 yield from (row[name].removeprefix("!") for name in properties if name in row)
 
 
-def added(menu: Menu, values: tuple[tuple[str, str], ...], names: Names, before: str | None = None) -> Change:
+def added(menu: Menu, item: Item, names: Names, before: str | None = None) -> Change:
     """Return the change that adds a row."""
-    row = dict(values)
+    row, values = item.given, tuple(item.given.items())
     late = bool(menu.late) and all(menu.form(name, row) == menu.by_name[name].form(value) for name, value in menu.late)
     inert = menu.inert and not late and not names.name(menu, row.get(menu.keys[0], ""))
     layer = Layer.CLEANUP if late else menu.layer
-    return Change(menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert)
+    return Change(menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert, line=item.line)
 
 
 def removed(menu: Menu, rows: list[Row], layer: Layer) -> Change:

@@ -186,8 +186,7 @@ def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
     item = lists.new[place]
     anchor = lists.standing(slot if lifted is None else min(slot, lifted))
     if lifted is None:
-        values = tuple(item.given.items())
-        lists.report.changes.append(added(lists.menu, values, lists.context.names, lists.id_at(anchor)))
+        lists.report.changes.append(added(lists.menu, item, lists.context.names, lists.id_at(anchor)))
         lists.inserted.setdefault(anchor, []).append(Line("+", added_row(lists.menu, item.given)))
         return anchor
     row = lists.old[lifted]
@@ -204,6 +203,7 @@ def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
             lists.menu.name_of(row),
             ids=(row[".id"],),
             before=lists.id_at(anchor),
+            line=item.line,
         )
     )
     lists.inserted.setdefault(anchor, []).append(Line("+", added_row(lists.menu, item.given)))
@@ -217,7 +217,9 @@ def _cosmetics(lists: _Lists, item: Item, row: Row) -> None:
     menu = lists.menu
     if values:
         name = menu.name_of({**row, **item.given})
-        lists.report.changes.append(Change(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values))
+        lists.report.changes.append(
+            Change(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values, line=item.line)
+        )
     if item.is_marked and not menu.is_ours(row) and not lists.context.is_entire(menu):
         lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
 

@@ -220,7 +220,7 @@ def _add(work: _Rows, item: Item) -> None:
     if item.exists or work.menu.shape is not Shape.LIST:
         return  # reported as a problem
     name = work.menu.name_of(item.given)
-    work.report.changes.append(added(work.menu, tuple(item.given.items()), work.context.names))
+    work.report.changes.append(added(work.menu, item, work.context.names))
     work.report.lines.append(Line("+", added_row(work.menu, item.given)))
     for secret in sorted(item.unknown):
         work.report.notes.append(
@@ -232,7 +232,9 @@ def _set(work: _Rows, match: _Match, row: Row) -> None:
     menu = work.menu
     ids = () if menu.shape is Shape.SINGLETON else (row[".id"],)
     work.report.changes.append(
-        Change(menu, Verb.SET, menu.layer, menu.name_of(match.after()), ids=ids, values=match.writes)
+        Change(
+            menu, Verb.SET, menu.layer, menu.name_of(match.after()), ids=ids, values=match.writes, line=match.item.line
+        )
     )
     work.report.lines += set_lines(menu, row, match.writes)
     if match.item.is_marked and not menu.is_ours(row) and menu.shape is Shape.LIST:

@@ -14,6 +14,7 @@ from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import Router, RouterSpec, User
+from atlantis_netcfg.twin.wire.faults import Faults
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Sequence
@@ -230,7 +231,7 @@ class _Meddled:
 
     async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
         meddler = self._meddler
-        here = sum(command.path == meddler.path for command in commands)
+        here = sum(Faults.command(command.words()) == meddler.path for command in commands)
         strikes = meddler.count < meddler.nth <= meddler.count + here
         meddler.count += here
         if strikes and not meddler.after:

@@ -79,6 +79,7 @@ SAMPLE = [
     ("/login", 1, Status.LEFT_AS_FOUND),
     ("/ip/address/print", 1, Status.LEFT_AS_FOUND),
     ("/safe-mode/take", 1, Status.LEFT_AS_FOUND),
+    ("/execute :parse", 1, Status.LEFT_AS_FOUND),
     ("/execute", 3, Status.ROLLED_BACK),
     ("/login", 2, None),
     ("/ip/address/print", 2, None),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from spoken import Said, lines, sentence
 
 from atlantis_netcfg.console._terminal import Terminal
 from atlantis_netcfg.routeros.api._wire import Wire
+from atlantis_netcfg.rsc import unquote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,7 +24,17 @@ if TYPE_CHECKING:
 
 ASKED_EVERYWHERE = {"/safe-mode/print"}
 """How we learn whether a device has it."""
+_PARSES = ":foreach n,s in={"
+_TEXT = re.compile(r'"(?:\\.|[^"\\])*"')
 _SCRIPTS = ("=script=", "=on-event=", "=source=")
+
+
+def parsed(script: str) -> list[str]:
+    """Return the commands that a script hands to the device's own parser, without the one that has to be refused."""
+    array = script.removeprefix(_PARSES).partition("} do={:local v ")[0]
+    *texts, control = [unquote(f'"{unquote(text)}"') for text in _TEXT.findall(array)]
+    assert control == "/system/identity/set atlantis=no"
+    return texts
 
 
 @dataclass
@@ -38,7 +50,9 @@ class Heard:
         for words in self.sentences:
             for word in words:
                 if word.startswith(_SCRIPTS):
-                    found += lines(word.partition("=")[2].partition("=")[2], tree)
+                    script = word.partition("=")[2].partition("=")[2]
+                    for text in parsed(script) if script.startswith(_PARSES) else [script]:
+                        found += lines(text, tree)
         for line in self.typed:
             found += lines(line, tree)
         return found

@@ -1,0 +1,203 @@
+"""What a device's parser is asked of a plan, and what its answers mean: any text survives, and no silence is a yes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from atlantis_netcfg.routeros._types import Action, Layer, Verb
+from atlantis_netcfg.routeros.api import Reply, Trap
+from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.parsing import ENUMERATIONS, ROOM, Examination, script
+from atlantis_netcfg.rsc import unquote
+from atlantis_netcfg.twin.console._parse import Parser
+from atlantis_netcfg.twin.console._statements import Each, Parse, Put
+from atlantis_netcfg.twin.console._text import Text
+from atlantis_netcfg.twin.device import Device
+from atlantis_netcfg.twin.schema import offered
+from atlantis_netcfg.twin.spec import RouterSpec, User
+
+CORE = Device(RouterSpec(name="router"), lambda: 1000.0)._core
+LINES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1) | st.text(
+    "\\\"$'{}[]();=/:abc 0\n\r\t#", min_size=1
+)
+OTHERS = st.lists(LINES, min_size=1, max_size=4)
+
+
+@settings(deadline=None)
+@given(OTHERS)
+def test_every_line_comes_to_the_parser_as_it_is(lines: list[str]) -> None:
+    """Through the text of the array, the inner script, and the text that is parsed; and nothing else is in them."""
+    (loop,) = Parser(CORE, Text(script(lines))).statements()
+    assert isinstance(loop, Each)
+    assert len(loop.texts) == len(lines)
+    for line, text in zip(lines, loop.texts, strict=True):
+        (inner,) = text
+        assert isinstance(inner, str)
+        (put,) = Parser(CORE, Text(f':put [:parse "{inner}"]')).statements()
+        assert isinstance(put, Put)
+        assert isinstance(put.what, Parse)
+        assert put.what.text == (line,)
+        assert unquote(f'"{inner}"') == line
+
+
+@settings(max_examples=50, deadline=None)
+@given(LINES)
+def test_a_line_is_never_executed(line: str) -> None:
+    """Whatever stands in it: the device has one identity before and after, and says one thing of the line."""
+    device = Device(RouterSpec(name="router", users=(User(name="provision"),)), lambda: 1000.0)
+    caller = device.login("provision", "", via="api-ssl", address="10.64.101.10")
+    before = device.export(header=False, show_sensitive=True)
+    text = script([line, '/system/identity/set name="x"', "/system/identity/set atlantis=no"])
+    (reply,) = device.run(caller, ["/execute", f"=script={text}", "=as-string="])
+    said = reply.words[0].removeprefix("=ret=").split("\n")
+    assert said[-1].startswith("2 ")
+    assert not any(each.startswith("1 ") for each in said)
+    assert device.export(header=False, show_sensitive=True) == before
+
+
+def action(number: int = 1, **changes: Any) -> Action:  # noqa: ANN401 - fields of Action
+    standard: dict[str, Any] = {
+        "layer": Layer.FOUNDATION,
+        "menu": "/ip/pool",
+        "verb": Verb.ADD,
+        "subject": f"pool {number}",
+        "values": (("name", f"p{number}"), ("ranges", "10.0.0.1-10.0.0.9")),
+        "line": 7 + number,
+    }
+    return Action(number, **{**standard, **changes})
+
+
+ONE, TWO = action(1), action(2)
+CONTROL = "2 (evl bad parameter atlantis (line 1 column 30) /system/identity/set)"
+SAYS = "site.rsc, line 8: the device's own parser does not take this (add pool 1 in /ip pool): "
+REFUSALS = {
+    "0 (evl bad parameter ranges (line 1 column 18) /ip/pool/add)\n": "bad parameter ranges",
+    "0 (<%% bad command name pool (line 1 column 5) pool;add;name=p1)\n": "bad command name pool",
+    "0 expected end of command (line 1 column 22)\n": "expected end of command at `ranges`",
+    "0 syntax error (line 1 column 30)\n": "syntax error at `ranges`",
+    "0 expected input value (line 1 column 400)\n": "expected input value",
+}
+NOTHING_PROVED = {
+    "nothing came back": "",
+    "the control was taken": "\n",
+    "only the control's number": "2 \n",
+    "another text": "2 all is well",
+    "a job": "*31",
+    "the loop broke off": "0 (evl bad parameter ranges (line 1 column 18) /ip/pool/add)\nfailure: no memory",
+    "a verdict that is not known": f"0 nonsense (line 1)\n{CONTROL}",
+    "an accepted command comes back": f"0 (evl /ip/pool/addname=p1)\n{CONTROL}",
+    "more numbers than commands": f"{CONTROL}\n3 syntax error (line 1 column 1)",
+}
+
+
+def judged(*replies: Reply) -> Examination:
+    examination = Examination()
+    assert len(examination.questions([ONE, TWO], {})) == 1
+    examination.answered(replies)
+    return examination
+
+
+@pytest.mark.parametrize("answer", REFUSALS)
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_a_refusal_is_told_with_the_line_of_the_text(answer: str, newline: str) -> None:
+    examination = judged(Reply(ret=(answer + CONTROL).replace("\n", newline)))
+    assert list(examination.objections([ONE, TWO], "site.rsc")) == [SAYS + REFUSALS[answer]]
+    assert examination.doubt([ONE, TWO]) == ""
+
+
+def test_what_the_device_takes_is_silent_but_for_the_control() -> None:
+    examination = judged(Reply(ret=CONTROL))
+    assert list(examination.objections([ONE, TWO], "site.rsc")) == []
+    assert examination.doubt([ONE, TWO]) == ""
+    assert examination.questions([ONE, TWO], {}) == (), "nothing is asked twice"
+
+
+@pytest.mark.parametrize("case", NOTHING_PROVED)
+def test_an_answer_that_proves_nothing_is_said(case: str) -> None:
+    examination = judged(Reply(ret=NOTHING_PROVED[case]))
+    assert "INCONCLUSIVE" in examination.doubt([ONE, TWO])
+    assert "words that are not known here" in examination.doubt([ONE, TWO])
+    assert examination.questions([ONE, TWO], {}) == (), "a device that does not answer is not asked for ever"
+
+
+@pytest.mark.parametrize("words", ["no such command", "unknown parameter as-string", "not enough permissions (9)"])
+def test_a_device_that_runs_no_scripts_is_said(words: str) -> None:
+    doubt = judged(Reply(trap=Trap(words))).doubt([ONE, TWO])
+    assert doubt.startswith("INCONCLUSIVE whether this device takes every command of the plan: ")
+    assert words in doubt
+
+
+def test_a_refusal_repeats_no_secret() -> None:
+    secret = action(1, menu="/user", values=(("name", "x"), ("password", "hunter2")), secrets=frozenset({"password"}))
+    examination = Examination()
+    (asked,) = examination.questions([secret], {})
+    assert "hunter2" not in str(asked.words())
+    examination.answered(
+        [Reply(ret="0 (<%% bad command name user (line 1 column 2) user;add;password=hunter2)\n1 " + CONTROL[2:])]
+    )
+    (words,) = examination.objections([secret], "site.rsc")
+    assert "hunter2" not in words
+
+
+def test_thousands_of_rows_are_one_row_to_the_parser() -> None:
+    many = action(1, verb=Verb.REMOVE, values=(), ids=tuple(f"*{number:X}" for number in range(3000)))
+    (asked,) = Examination().questions([many], {})
+    assert sum(map(len, asked.words())) < 400
+
+
+@pytest.mark.parametrize("number", [1, 25, 26, 300, 2000])
+def test_all_questions_fit_beside_what_is_read(number: int) -> None:
+    actions = [action(each) for each in range(number)]
+    asked = Examination().questions(actions, {})
+    assert len(asked) <= ROOM
+    scripts = sum(len(f"/ip/pool/add name=p{each} ranges=10.0.0.1-10.0.0.9") + 15 for each in range(number))
+    assert sum(len(word) for command in asked for word in command.words()) <= 1.3 * scripts + 300 * len(asked)
+    assert all(len(word.encode()) < 64 * 1024 for command in asked for word in command.words())
+
+
+RULE = action(1, menu="/ip/firewall/filter", values=(("action", "acept"), ("chain", "input")), subject="input acept ")
+
+
+def test_values_of_a_closed_list_are_looked_up() -> None:
+    examination = Examination()
+    _, some = examination.questions([RULE], {})
+    assert some.words()[0] == "/console/inspect"
+    assert some.queries == ("?completion=acept",)
+    examination.answered([Reply(ret="1 " + CONTROL[2:]), Reply()])
+    (whole,) = examination.questions([RULE], {})
+    assert whole.queries == ()
+    examination.answered([Reply(rows=({"completion": "accept"}, {"completion": "drop"}))])
+    assert examination.questions([RULE], {}) == ()
+    (words,) = examination.objections([RULE], "site.rsc")
+    assert words.endswith("`action` is one of accept, drop, not acept")
+    assert examination.doubt([RULE]) == ""
+
+
+LONG = tuple({"completion": f"word{number}"} for number in range(31))
+
+
+@pytest.mark.parametrize("whole", [Reply(), Reply(rows=LONG), Reply(trap=Trap("no such command"))])
+def test_a_list_that_may_lack_words_refuses_nothing_and_is_said(whole: Reply) -> None:
+    examination = Examination()
+    examination.questions([RULE], {})
+    examination.answered([Reply(ret="1 " + CONTROL[2:]), Reply()])
+    examination.questions([RULE], {})
+    examination.answered([whole])
+    assert examination.questions([RULE], {}) == ()
+    assert list(examination.objections([RULE], "site.rsc")) == []
+    assert "it does not tell which words `action` of /ip firewall filter takes" in examination.doubt([RULE])
+
+
+def test_a_value_that_the_menu_has_already_is_not_looked_up() -> None:
+    rows = {"/ip/firewall/filter": ({".id": "*1", "action": "acept"},)}
+    assert len(Examination().questions([RULE], rows)) == 1
+
+
+@pytest.mark.parametrize(("menu", "name"), sorted(ENUMERATIONS))
+def test_closed_lists_are_arguments_that_the_console_offers_words_for(menu: str, name: str) -> None:
+    assert name in MENUS[menu].by_name
+    assert 1 < len(offered(menu, name)) <= 30
