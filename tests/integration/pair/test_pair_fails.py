@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
-from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.pair import Signal
 from atlantis_netcfg.twin import Air
 
@@ -48,6 +48,25 @@ def test_ends_that_disagree_are_refused_before_anything_is_sent(
     results, sent = on(PairBench(tmp_path, family=family), act)
     assert [result.status for result in results] == [Status.REFUSED] * 2
     assert all(why in result.message for result in results), results[0].message
+    assert sent == []
+
+
+@FAMILIES
+@pytest.mark.parametrize("mode", [Mode.PLAN, Mode.APPLY])
+def test_what_the_devices_parser_does_not_take_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str, mode: Mode
+) -> None:
+    monkeypatch.setattr(
+        "atlantis_netcfg.twin.console.run._code", lambda *_: "(evl bad parameter ssid (line 1 column 9) /interface/set)"
+    )
+
+    async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], list[str]]:
+        return await bench.converge(NEW, mode=mode), writes(bench)
+
+    results, sent = on(PairBench(tmp_path, family=family), act)
+    assert [result.status for result in results] == [Status.REFUSED] * 2
+    assert "the device's own parser does not take this (set " in results[0].message
+    assert "): bad parameter ssid" in results[0].message
     assert sent == []
 
 
