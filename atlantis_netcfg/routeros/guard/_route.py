@@ -99,7 +99,7 @@ def _lookup(state: State, table: str, address: IPv4Address, limit: int = _NO_LIM
         ports = state.ports(interface) or frozenset({interface})
         return Way(f"{network} on {interface}", ports, interface, is_connected=True)
     name = MENUS["/ip/route"].name_of(chosen[0].row)
-    if any("blackhole" in each.row for each in chosen):
+    if any(each.row.get("blackhole", "no") not in ("no", "false") for each in chosen):
         return Way(f"the route {name} drops them")
     gateways = frozenset(gateway for each in chosen for gateway in each.row.get("gateway", "").split(",") if gateway)
     return Way(

@@ -25,7 +25,7 @@ class Kind(Enum):
     NUMBER = auto()
     """Decimal or hexadecimal."""
     TIME = auto()
-    """`10m`, `600s`, `600` and `00:10:00` are the same."""
+    """`10m`, `600s`, `600`, `0:10` and `00:10:00` are the same; `2.2` is `2s200ms`."""
     SIZE = auto()
     """`4096`, `4096KiB` and `4MiB` are the same."""
     RATE = auto()
@@ -54,7 +54,8 @@ _FALSE = frozenset({"no", "false", "off"})
 _UNITS_MS = {"w": 604_800_000, "d": 86_400_000, "h": 3_600_000, "m": 60_000, "s": 1000, "ms": 1}
 _UNITS = re.compile(r"(\d+)(ms|[wdhms])")
 _SPAN = re.compile(r"(?:\d+(?:ms|[wdhms]))+")
-_CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(\d+):(\d\d):(\d\d)(?:\.(\d{1,3}))?")
+_CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(\d+):(\d\d)(?::(\d\d)(?:\.(\d{1,3}))?)?")
+_FRACTION = re.compile(r"(\d+)\.(\d{1,3})")
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)(|KiB|MiB|GiB)")
 _RATE = re.compile(r"(\d+)([kMG]?)")
 _BITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
@@ -96,6 +97,8 @@ def _time(text: str) -> str:
         weeks, days, hours, minutes, seconds = (int(part or 0) for part in clock.groups()[:5])
         total = (((weeks * 7 + days) * 24 + hours) * 60 + minutes) * 60 + seconds
         return f"{total * 1000 + int((clock[6] or '0').ljust(3, '0'))}ms"
+    if fraction := _FRACTION.fullmatch(text):
+        return f"{int(fraction[1]) * 1000 + int(fraction[2].ljust(3, '0'))}ms"
     if _SPAN.fullmatch(text):
         return f"{sum(int(count) * _UNITS_MS[unit] for count, unit in _UNITS.findall(text))}ms"
     return text

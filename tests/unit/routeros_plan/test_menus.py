@@ -138,6 +138,8 @@ def test_row_of_the_table_is_consistent(path: str) -> None:
         (Kind.FLAG, ("", "yes", "true")),
         (Kind.NUMBER, ("32768", "0x8000")),
         (Kind.TIME, ("10m", "600s", "600", "00:10:00")),
+        (Kind.TIME, ("9h", "9:00", "09:00:00")),
+        (Kind.TIME, ("2s200ms", "2.2", "00:00:02.200")),
         (Kind.TIME, ("1d30m", "1d00:30:00", "24h30m", "88200")),
         (Kind.TIME, ("1w", "7d", "1w00:00:00")),
         (Kind.TIME, ("500ms", "00:00:00.5", "00:00:00.500")),
