@@ -34,11 +34,12 @@ GREETINGS = ("licence", "default-configuration", "password")
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """A file on the flash; contents are text."""
+    """A file on the flash; contents are text. A folder holds nothing itself: it is part of other files' names."""
 
     number: int
     contents: str
     modified: str
+    folder: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import secrets
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.twin.access import admit
+from atlantis_netcfg.twin.access import admit, authorized, by_password
 from atlantis_netcfg.twin.answers import DONE, EMPTY, Answer, Caller, Category, Trap
 from atlantis_netcfg.twin.boot import boot
 from atlantis_netcfg.twin.commands._call import Call, Result
@@ -82,6 +82,10 @@ class Device(ConsoleSide, FileSide):
         """Open a session over service `via`. Raises Trap in the router's words."""
         return self._open(user, lambda known: hmac.compare_digest(known.encode(), password.encode()), via, address)
 
+    def login_by_key(self, user: str, key: bytes, *, via: str, address: str) -> Caller:
+        """Open a session for whoever holds the private half of a key. Raises Trap in the router's words."""
+        return self._open(user, lambda _password: authorized(self._core, user, key), via, address)
+
     def login_response(self, user: str, challenge: str, response: str, *, via: str, address: str) -> Caller:
         """The old login's second step: `response` is `00` + md5(0x00 + password + challenge) in hex."""
 
@@ -93,6 +97,14 @@ class Device(ConsoleSide, FileSide):
             return self._open(user, right, via, address)
         except Trap as refused:
             raise Trap("cannot log in") from refused
+
+    def has_key(self, user: str, key: bytes) -> bool:
+        """Tell whether SSH lets this user in by a public key."""
+        return authorized(self._core, user, key)
+
+    def takes_password(self, user: str) -> bool:
+        """Tell whether SSH asks this user for a password: one with a key is not asked, as the settings stand."""
+        return by_password(self._core, user)
 
     def _open(self, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
         self.tick()
@@ -284,7 +296,7 @@ class Device(ConsoleSide, FileSide):
             for entry in reversed(floating):
                 for change in reversed(entry.changes):
                     store.put_back(change)
-        files = {name: [file.number, file.contents, file.modified] for name, file in core.files.items()}
+        files = {name: [file.number, file.contents, file.modified, file.folder] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
         keys = {str(number): pem for number, pem in core.keys.items()}
         wraps = {str(number): key for number, key in core.wraps.items()}

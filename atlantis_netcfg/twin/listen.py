@@ -31,11 +31,14 @@ def _rows(core: Core, call: Call) -> dict[str, dict[str, str]]:
 
 
 def emit(core: Core) -> None:
-    """Let the modem act on what was changed, and tell every listener what is new; a row that has gone is `.dead`."""
+    """Let the modem act on what was changed, and tell every listener what is new.
+
+    A row that has gone is `.dead=true`, where the Manual says `yes` (7.23.1: tikoci/centrs, commands/api/AGENTS.md).
+    """
     settle(core)
     for listener in core.listeners:
         now = _rows(core, listener.call)
         news = [row for number, row in now.items() if listener.seen.get(number) != row]
-        news += [{".id": number, ".dead": "yes"} for number in listener.seen if number not in now]
+        news += [{".id": number, ".dead": "true"} for number in listener.seen if number not in now]
         listener.seen = now
         core.outbox += [(listener.caller.number, listener.tag, Answer.row(row)) for row in news]

@@ -20,7 +20,7 @@ from typing import Any
 from atlantis_netcfg.twin.boundaries import BOUNDARIES, Boundary
 from atlantis_netcfg.twin.supplement import ADDED, BOARD_FEATURES, PACKAGE_MENUS, WITHIN_ROUTEROS
 
-__all__ = ["TREES", "Schema", "offered", "version_key"]
+__all__ = ["TREES", "Schema", "needed", "offered", "version_key"]
 
 _FIRST = {"7.18.2": "7.18"}
 """The first version with the very tree of a later one: 7.18 and 7.18.1 are identical to 7.18.2."""
@@ -28,6 +28,7 @@ _WHOLE = ("7.16", "7.18.2", "7.21.5")
 """Trees that are files of their own; of the others the changes are kept (`data/README.md`)."""
 _MENU_TYPES = ("dir", "path")
 _PRINT_FORMS = ("getall", "listen")
+_NEEDED, _OLDEST_NEEDED = "required.json", "7.20.8"
 
 
 @cache
@@ -79,6 +80,20 @@ def offered(menu: str, argument: str) -> tuple[str, ...]:
     values = _load("7.21.5.values.json.gz")
     found = values.get(f"{menu}/add {argument}") or values.get(f"{menu}/set {argument}") or []
     return tuple(value for value in found if value not in ("!", ",", "!,"))
+
+
+@cache
+def needed(version: str, menu: str) -> tuple[str, ...] | str:
+    """Return the arguments without which `add` is refused, or the words said to an `add` with no argument at all.
+
+    As devices of three versions said it; an older device is held to the oldest of them (inferred).
+    """
+    found: list[str] | str = []
+    data = json.loads(resources.files("atlantis_netcfg.twin").joinpath("data", _NEEDED).read_bytes())
+    for recorded, rows in data.items():
+        if recorded == _OLDEST_NEEDED or version_key(version) >= version_key(recorded):
+            found = rows.get(menu, found)
+    return found if isinstance(found, str) else tuple(found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,22 @@ class FileSide:
         self.tick()
         if not {"ftp", "read"} <= self._core.policies(caller):
             raise Trap("not enough permissions (9)")
-        return {name: file.contents.encode(errors="surrogateescape") for name, file in self._core.files.items()}
+        return {
+            name: file.contents.encode(errors="surrogateescape")
+            for name, file in self._core.files.items()
+            if not file.folder
+        }
+
+    @property
+    def folders(self) -> frozenset[str]:
+        """All folders but the root."""
+        return frozenset(name for name, file in self._core.files.items() if file.folder)
+
+    def make_folder(self, caller: Caller, name: str) -> None:
+        """Make an empty folder. Raises Trap."""
+        if not {"ftp", "write"} <= self._core.policies(caller):
+            raise Trap("not enough permissions (9)")
+        self._core.files[name] = File(self._core.number(), "", self._core.stamp(), folder=True)
 
     def free_space(self, *, besides: str = "") -> int:
         """Bytes that a file could take which replaces the one called `besides`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.access import public_key
 from atlantis_netcfg.twin.around._shown import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.twin.certificates import expires_after, known
 from atlantis_netcfg.twin.counting import ECHO_BYTES
@@ -125,6 +126,16 @@ def _certificate(core: Core, item: Item) -> dict[str, str]:
     }
 
 
+def _ssh_key(core: Core, item: Item) -> dict[str, str]:
+    """Fields of a key, as they came and went (tikoci/quickchr, test/lab/ssh-keys: 7.12, 7.15, 7.20.8, 7.23.1)."""
+    key, since = public_key(core, item.values.get("key", "")), core.schema.at_least
+    if key is None:
+        return {}
+    row = {"key-type": key.algorithm, **({"bits": str(key.bits)} if since("7.15") else {"RSA": "false"})}
+    row |= {"fingerprint": key.fingerprint} if since("7.20.8") else {}
+    return row | {"info" if since("7.21") else "key-owner": key.comment}
+
+
 def _expiring(core: Core, item: Item) -> dict[str, str]:
     when = core.expires.get(item.id)
     return {} if when is None else {"timeout": interval(max(0, round(when - core.now())))}
@@ -158,6 +169,7 @@ _OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
     "/system/ntp/client": ntp,
     "/system/scheduler": _schedule,
     "/tool/netwatch": _netwatch,
+    "/user/ssh-keys": _ssh_key,
 }
 
 

@@ -51,9 +51,9 @@ Handler = Callable[["Core", Call], Result]
 class MissingArgument(Trap):
     """A mandatory argument was not given; API and console have different words for it."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *others: str) -> None:
         super().__init__(f"missing ={name}=", Category.MISSING)
-        self.console = f"missing value(s) of argument(s) {name}"
+        self.console = f"missing value(s) of argument(s) {' '.join((name, *others))}"
 
 
 def no_such_item() -> Trap:

@@ -5,9 +5,11 @@ Where its words are not documented, the text is ours in its manner; the tests ma
 
 from __future__ import annotations
 
+import re
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.twin.access import public_key
 from atlantis_netcfg.twin.answers import Category, Trap
 from atlantis_netcfg.twin.commands._call import MissingArgument
 from atlantis_netcfg.twin.devicemode import FLAGGED, NOT_ALLOWED, SUSPICIOUS, allowed
@@ -20,8 +22,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.menus import Unique
     from atlantis_netcfg.twin.store import Item, Table
 
-__all__ = ["check", "check_removal"]
+__all__ = ["BAD_KEY", "check", "check_removal"]
 
+BAD_KEY = "failure: unable to load key file (wrong format or bad passphrase)!"
 _WITH_PORTS = ("tcp", "udp", "udp-lite", "dccp", "sctp", "6", "17")
 _PORTS = ("dst-port", "src-port", "port", "to-ports")
 _NO_IN = ("output", "postrouting", "srcnat")
@@ -183,6 +186,16 @@ def _user(core: Core, values: Mapping[str, str], item: Item | None) -> None:
         raise Trap("failure: there should be at least one user with full access")
 
 
+def _ssh_key(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    if public_key(core, values.get("key", "")) is None:
+        raise Trap(BAD_KEY)
+
+
+def _action(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    if re.fullmatch(r"[A-Za-z0-9]*", values.get("name", "")) is None:
+        raise Trap("action name can contain only letters and numbers")
+
+
 def _someone_left(core: Core, changed: Item, values: Mapping[str, str] | None) -> bool:
     table = core.store.table("/user")
     for other in table.items:
@@ -205,7 +218,9 @@ _MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
     "/ip/firewall/nat": _nat,
     "/ip/firewall/raw": _rule,
     "/ip/service": _service,
+    "/system/logging/action": _action,
     "/user": _user,
+    "/user/ssh-keys": _ssh_key,
 }
 
 

@@ -170,13 +170,19 @@ def _files(core: Core, _call: Call) -> Rows:
         {
             ".id": id_text(file.number),
             "name": name,
-            "type": next((kind for ending, kind in _FILE_TYPES.items() if name.endswith(ending)), ".txt file"),
-            "size": str(len(file.contents.encode(errors="surrogateescape"))),
             "last-modified": file.modified,
-            **_contents(name, file.contents),
+            **({"type": "directory"} if file.folder else _file(name, file.contents)),
         }
         for name, file in sorted(core.files.items())
     ]
+
+
+def _file(name: str, contents: str) -> dict[str, str]:
+    return {
+        "type": next((kind for ending, kind in _FILE_TYPES.items() if name.endswith(ending)), ".txt file"),
+        "size": str(len(contents.encode(errors="surrogateescape"))),
+        **_contents(name, contents),
+    }
 
 
 _FILE_TYPES = {".rsc": "script", ".backup": "backup", ".npk": "package"}

@@ -96,6 +96,8 @@ def _handler(core: Core, call: Call) -> tuple[Handler, str]:
     if special is None and row is not None and (call.menu not in COMPUTED or call.command in _READ_ONLY):
         return row
     _check_names(core, call)
+    if special is None and call.command == "add":
+        write.check_needed(core, call, call.arguments)
     if special is None:
         raise Trap(f"not rehearsed by the twin: {call.path}")
     return special

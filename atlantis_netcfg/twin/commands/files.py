@@ -167,7 +167,7 @@ def execute(core: Core, call: Call) -> Result:
         return Result(ret=id_text(core.number()))
     if outcome.error is not None and core.spec.execute is Execute.TRAP:
         raise Trap(outcome.error, Category.SCRIPTING)
-    return Result(ret=outcome.output)
+    return Result(ret=outcome.as_string)
 
 
 def save(core: Core, call: Call) -> Result:

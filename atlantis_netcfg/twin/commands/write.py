@@ -11,6 +11,7 @@ from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such
 from atlantis_netcfg.twin.commands._checks import check, check_removal
 from atlantis_netcfg.twin.commands._complete import complete
 from atlantis_netcfg.twin.menus import Shape
+from atlantis_netcfg.twin.schema import needed
 from atlantis_netcfg.twin.values import BadValue, id_text, seconds
 from atlantis_netcfg.twin.views import made_rows
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.core import Core
     from atlantis_netcfg.twin.store import Item, Table
 
-__all__ = ["add", "comment", "disable", "enable", "located", "move", "remove", "set_", "unset"]
+__all__ = ["add", "check_needed", "comment", "disable", "enable", "located", "move", "remove", "set_", "unset"]
 
 _SELECTORS = (".id", "numbers", "number")
 _BUILTIN = "failure: cannot change builtin"
@@ -35,18 +36,36 @@ def add(core: Core, call: Call) -> Result:
     values = _given(core, table, call, known)
     if "copy-from" in call.arguments:
         values = dict(_item(core, call, table, call.arguments["copy-from"]).values) | values
-    for arg in table.args.values():
-        if arg.required and arg.name not in values:
-            raise MissingArgument(arg.name)
+    check_needed(core, call, values)
     index = None
     if "place-before" in call.arguments:
-        index = table.items.index(_item(core, call, table, call.arguments["place-before"]))
+        index = _index(core, call, table, call.arguments["place-before"])
     complete(core, call.menu, values)
     check(core, call.menu, values, None)
     item = core.store.insert(call.menu, values, index)
     _expire(core, call.menu, item)
     _undo.added(core, call, item)
     return Result(ret=id_text(item.id))
+
+
+def check_needed(core: Core, call: Call, values: Mapping[str, str]) -> None:
+    """Refuse a row that lacks what it must have: by the record of its menu, or by its model where there is none."""
+    table = core.store.table(call.menu)
+    names = needed(core.schema.version, call.menu)
+    if isinstance(names, str) and not values:
+        raise Trap(names)
+    if not names or isinstance(names, str):
+        names = tuple(arg.name for arg in table.args.values() if arg.required)
+    lacking = [name for name in names if name in table.args and name not in values]
+    if lacking:
+        raise MissingArgument(*lacking)
+
+
+def _index(core: Core, call: Call, table: Table, named: str) -> int:
+    """Return the position of a row; the console counts rows from 0."""
+    if call.console and named.isdecimal() and int(named) < len(table.items):
+        return int(named)
+    return table.items.index(_item(core, call, table, named))
 
 
 def _expire(core: Core, menu: str, item: Item) -> None:

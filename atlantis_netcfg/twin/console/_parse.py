@@ -1,4 +1,4 @@
-"""Statements of the subset: `:put`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus with their arguments.
+"""Statements of the subset: `:put`, `:error`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus.
 
 A condition of `:if` compares a number with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
 `([:len [/ip route find disabled=no]] > 0)`, or a variable with a regular expression: `($v ~ "^ok")`.
@@ -20,6 +20,7 @@ from atlantis_netcfg.twin.console._statements import (
     Choice,
     Command,
     Each,
+    Failure,
     Find,
     Local,
     Parse,
@@ -30,12 +31,14 @@ from atlantis_netcfg.twin.console._statements import (
 )
 from atlantis_netcfg.twin.console._text import ConsoleError
 from atlantis_netcfg.twin.console.where import Condition
+from atlantis_netcfg.twin.values import BadValue, Flag
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from atlantis_netcfg.twin.console._text import Text
     from atlantis_netcfg.twin.core import Core
+    from atlantis_netcfg.twin.menus import Arg
 
 __all__ = ["Parser"]
 
@@ -43,6 +46,7 @@ _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
 _NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
 _UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
+_ERROR = re.compile(r":error(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
 _DELAY = re.compile(r":delay[ \t]+\d+(?:ms|[smh])?(?![\w.])")
 """What a device needs time for, the twin has done at once."""
@@ -84,6 +88,8 @@ class Parser:
     core: Core
     text: Text
     menu: str = "/"
+    only_code: bool = False
+    """For `:parse`: nothing of it will run."""
 
     def statements(self) -> Iterator[Statement]:
         """Yield each statement. Raises ConsoleError."""
@@ -127,6 +133,8 @@ class Parser:
             return self._attempt()
         if self.text.match(_IF) is not None:
             return self._choice()
+        if self.text.match(_ERROR) is not None:
+            return self._failure()
         if (local := self.text.match(_LOCAL)) is not None:
             return Local(local.split()[1], self._bracket())
         return self._each() if self.text.peek() == ":" else None
@@ -230,7 +238,7 @@ class Parser:
         if self.text.peek() == "$":
             return (self.text.variable(),)
         if not self.text.take("("):
-            raise self.text.error("syntax error")
+            return (self.text.value(),)
         pieces = list(self._template())
         while self.text.take("."):
             pieces += self._template()
@@ -238,28 +246,40 @@ class Parser:
             raise self.text.error("syntax error")
         return tuple(pieces)
 
+    def _failure(self) -> Failure:
+        line = self.text.line
+        self.text.space()
+        return Failure(self._template(), line)
+
     # --- commands --------------------------------------------------------------------------------------------------
 
     def _command(self) -> Command:
         """Read path, command and arguments; a command without name is a path alone."""
-        place = self.text.at
+        place, line = self.text.at, self.text.line
         menu = "/" if self.text.take("/") or self.text.match(_ROOT) is not None else self.menu
         schema = self.core.schema
         while True:
             start = self.text.at
             word = self.text.match(_SEGMENT)
             if word is None:
-                return Command(menu, "", place=place)
+                return Command(menu, "", place=place, line=line)
+            word = self._whole(word, schema.submenus(menu) | schema.commands(menu))
             below = f"{menu.rstrip('/')}/{word}"
             if schema.has_menu(below):
                 menu = below
                 self._step()
             elif schema.has_command(menu, word):
-                command = Command(menu, word, place=place)
+                command = Command(menu, word, place=place, line=line)
                 self._arguments(command)
                 return command
             else:
                 raise self._bad_command(word, start)
+
+    @staticmethod
+    def _whole(word: str, known: Collection[str]) -> str:
+        """Return the word that is meant: a name may be cut short while only one begins like it (7.23.3)."""
+        longer = [name for name in known if name.startswith(word)] if word not in known else []
+        return longer[0] if len(longer) == 1 else word
 
     def _step(self) -> None:
         """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.
@@ -279,11 +299,11 @@ class Parser:
         return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
 
     def _bad_parameter(self, command: Command, name: str, start: int) -> ConsoleError:
-        """From 7.23 `:parse` names the argument; before, it says what the console says."""
-        # Inferred: recorded on 7.22.1 and on 7.23 to 7.23.3; others are taken to answer as the next of these.
-        words = self.text.placed("expected end of command", start)
-        if not self.core.schema.at_least("7.23"):
-            return ConsoleError(words)
+        """From 7.23 the argument is named, and the column of a run is the one behind it."""
+        # Inferred: recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others are taken to answer as the next of these.
+        if not self.core.schema.at_least("7.23beta1"):
+            return self.text.error("expected end of command", start)
+        words = self.text.placed(f"bad parameter {name}", start + len(name))
         path = f"{command.menu.rstrip('/')}/{command.name}"
         # Inferred: of a first argument the column is behind its name, of a later one before it, as in four records.
         column = start if command.arguments else start + len(name)
@@ -310,8 +330,7 @@ class Parser:
                 command.unset.append(unset[1:])
             elif (name := self.text.match(_NAME)) is not None:
                 self._check(command, name, known, start)
-                self.text.at += 1
-                command.arguments[name] = self._value()
+                command.arguments[name] = self._given(command, name)
             elif command.name == "print" and self._where(command):
                 return
             else:
@@ -331,6 +350,25 @@ class Parser:
     def _check(self, command: Command, name: str, known: frozenset[str], start: int) -> None:
         if name not in known:
             raise self._bad_parameter(command, name, start)
+
+    def _given(self, command: Command, name: str) -> str | Template | Find | Command:
+        """Read `=value` behind a name. A flag takes none, which only a run says, not `:parse` (7.22.1, 7.23)."""
+        arg = self._arg(command, name)
+        if arg is not None and isinstance(arg.kind, Flag) and not self.only_code:
+            raise self.text.error("expected end of command")
+        self.text.at += 1
+        start = self.text.at
+        value = self._value()
+        if not isinstance(value, str) or arg is None:
+            return value
+        try:
+            typed = arg.kind.typed(value)
+            return arg.kind.code(typed) if self.only_code else typed
+        except BadValue as error:
+            raise self.text.error("syntax error", start) from error
+
+    def _arg(self, command: Command, name: str) -> Arg | None:
+        return self.core.store.table(command.menu).args.get(name) if command.name in ("add", "set") else None
 
     def _positional(self, command: Command, known: frozenset[str], positional: list[str], start: int) -> None:
         if positional:

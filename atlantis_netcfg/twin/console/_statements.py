@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.console.where import Where
 
-__all__ = ["Attempt", "Choice", "Command", "Each", "Find", "Local", "Parse", "Put", "Statement", "Template", "Variable"]
+__all__ = [
+    "Attempt",
+    "Choice",
+    "Command",
+    "Each",
+    "Failure",
+    "Find",
+    "Local",
+    "Parse",
+    "Put",
+    "Statement",
+    "Template",
+    "Variable",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +54,7 @@ class Command:
     unset: list[str] = field(default_factory=list)
     where: Where = ()
     place: int = 0
+    line: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +90,14 @@ class Each:
 
 
 @dataclass(frozen=True, slots=True)
+class Failure:
+    """`:error "text"`."""
+
+    text: Template
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
 class Attempt:
     """`:do { ... } on-error={ ... }`: the second block runs where a command of the first one fails."""
 
@@ -94,4 +116,4 @@ class Choice:
     otherwise: tuple[Statement, ...] = ()
 
 
-Statement = Command | Put | Attempt | Choice | Local | Each
+Statement = Command | Put | Failure | Attempt | Choice | Local | Each

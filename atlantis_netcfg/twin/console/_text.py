@@ -76,6 +76,11 @@ class Text:
         before = self.source[self._starts[line] : at]
         return f"{words} (line {line + 1} column {len(before.encode(errors='surrogateescape')) + 1})"
 
+    @property
+    def line(self) -> int:
+        """The number of the present line, from 1."""
+        return bisect_right(self._starts, self.at)
+
     def peek(self) -> str:
         """Return the next character, "" at the end."""
         return self.source[self.at : self.at + 1]
@@ -102,13 +107,25 @@ class Text:
                 self.at += 1
             elif not self._join():
                 return
+            else:
+                self._notes()
+
+    def _notes(self) -> None:
+        """Step over comments between joined lines (read so by 7.23.3)."""
+        while self.peek() == "#":
+            self.skip_line()
+            self.take("\n")
+            self._indent()
 
     def _join(self) -> bool:
         if not self.take("\\\n"):
             return False
-        while self.peek() in _INDENT and self.peek():
-            self.at += 1
+        self._indent()
         return True
+
+    def _indent(self) -> None:
+        while self.peek() and self.peek() in _INDENT:
+            self.at += 1
 
     def skip_line(self) -> None:
         """Step to the end of the line."""
@@ -127,7 +144,7 @@ class Text:
             parts.append(part)
             if not self._join():
                 break
-        if not parts or self.peek() in tuple("\"\\$&'()=?[^{|}"):
+        if not parts or self.peek() in tuple("\"\\$&'()=?[^{|"):
             raise self.error("syntax error", self.at if parts else start)
         return "".join(parts)
 
@@ -164,7 +181,7 @@ class Text:
 
     def _character(self) -> str:
         if self.peek() == "\\":
-            return "" if self._join() else self._escape()
+            return "" if self._join() or self.take("\\ ") or self.take("\\\t") else self._escape()
         self.at += 1
         return self.source[self.at - 1]
 

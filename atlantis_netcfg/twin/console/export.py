@@ -126,7 +126,7 @@ def _differs(table: Table, item: Item, arg: Arg, value: str | None) -> bool:
 
 def _shown(arg: Arg, value: str | None, item: Item) -> Iterator[tuple[str, str | None]]:
     if value is not None:
-        yield arg.name, value
+        yield arg.name, arg.kind.exported(value)
     elif arg.name == "comment":
         if item.factory is not None and "comment" in item.factory:
             yield arg.name, ""

@@ -20,6 +20,7 @@ from atlantis_netcfg.twin.console._statements import (
     Choice,
     Command,
     Each,
+    Failure,
     Find,
     Local,
     Parse,
@@ -60,11 +61,18 @@ class Outcome:
     error: str | None = None
     paged: bool = False
     """A screen would hold it back page by page."""
+    returned: str | None = None
+    """The words of the error as `/execute as-string` returns them."""
 
     @property
     def output(self) -> str:
         """Everything a person would see, the error last."""
         return "\n".join(self.lines if self.error is None else [*self.lines, self.error])
+
+    @property
+    def as_string(self) -> str:
+        """What `/execute as-string` returns."""
+        return self.output if self.returned is None else "\n".join([*self.lines, self.returned])
 
 
 def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> Outcome:
@@ -75,8 +83,17 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     except ConsoleError as error:
         outcome.error = str(error)
         return outcome
-    _run(core, caller, statements, outcome, variables=variables)
+    runner = _run(core, caller, statements, outcome, variables=variables)
+    if outcome.error is not None and runner.failed is not None:
+        outcome.returned = _placed(core, outcome.error, runner.failed)
     return outcome
+
+
+def _placed(core: Core, words: str, failed: Command) -> str:
+    """Add what a script's error says beside its words: command and line; before 7.22 not where a value is missing."""
+    missing = words.startswith("missing value(s)")
+    place = f" ({failed.menu.rstrip('/')}/{failed.name}; line {failed.line})"
+    return f"{'Script Error: ' if missing else ''}{words}{place if core.schema.at_least('7.22') or not missing else ''}"
 
 
 def run_line(core: Core, caller: Caller, line: str, menu: str, *, width: int | None = None) -> tuple[Outcome, str]:
@@ -125,7 +142,7 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
     outcome: Outcome,
     width: int | None = None,
     variables: Mapping[str, str] | None = None,
-) -> None:
+) -> _Runner:
     runner = _Runner(core, caller, width, dict(variables or {}))
     for statement in statements:
         try:
@@ -136,7 +153,8 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
             outcome.error = error.message
         outcome.paged = runner.paged
         if outcome.error is not None:
-            return
+            break
+    return runner
 
 
 @dataclass(slots=True)
@@ -147,6 +165,8 @@ class _Runner:
     variables: dict[str, str]
     paged: bool = False
     """Somebody may want to read it page by page."""
+    failed: Command | None = None
+    """The command that stopped it."""
 
     def run(self, statement: Statement) -> list[str]:
         if isinstance(statement, Attempt):
@@ -159,6 +179,9 @@ class _Runner:
             return []
         if isinstance(statement, Each):
             return self._each(statement)
+        if isinstance(statement, Failure):
+            self.failed = None
+            raise Trap(f"{self._filled(statement.text)} (:error; line {statement.line})")
         if isinstance(statement, Put):
             return self._put(statement.what)
         return self._command(statement)[1]
@@ -211,6 +234,14 @@ class _Runner:
         return select(self.core, call, find.where)
 
     def _command(self, command: Command) -> tuple[str, list[str]]:
+        self.failed = None
+        try:
+            return self._done(command)
+        except Trap:
+            self.failed = self.failed or command
+            raise
+
+    def _done(self, command: Command) -> tuple[str, list[str]]:
         from atlantis_netcfg.twin.commands.dispatch import dispatch  # noqa: PLC0415 - scripts run commands that run scripts
 
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
@@ -276,7 +307,7 @@ def _code(core: Core, text: str) -> str:
     Recorded on 7.20.8 to 7.23.3 (tikoci/lsp-routeros-ts, docs/parseil-format.md; tikoci/centrs,
     test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments stand within the code.
     """
-    parser = Parser(core, Text(text))
+    parser = Parser(core, Text(text), only_code=True)
     codes: list[str] = []
     try:
         codes += (_code_of(statement) for statement in parser.statements())
@@ -289,11 +320,15 @@ def _code(core: Core, text: str) -> str:
 def _code_of(statement: Statement) -> str:
     if isinstance(statement, Command):
         path = f"{statement.menu.rstrip('/')}/{statement.name}"
-        return f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in statement.arguments.items())})"
+        return (
+            f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in sorted(statement.arguments.items()))})"
+        )
     if isinstance(statement, Put):
         return f"(evl /putmessage={_echo(statement.what)})"
     # Inferred: of statements that hold others no code is recorded in full.
-    return f"(evl /{ {Attempt: 'do', Choice: 'if', Local: 'local', Each: 'foreach'}[type(statement)] })"
+    return (
+        f"(evl /{ {Attempt: 'do', Choice: 'if', Local: 'local', Each: 'foreach', Failure: 'error'}[type(statement)] })"
+    )
 
 
 def _echo(value: str | Template | Command | Find | Parse) -> str:

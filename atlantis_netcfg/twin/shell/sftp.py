@@ -1,7 +1,8 @@
-"""Files of the router by SFTP and SCP: the same that `/file` shows, without folders."""
+"""Files of the router by SFTP and SCP: the same that `/file` shows; a folder is a row there, and part of names."""
 
 from __future__ import annotations
 
+import posixpath
 import stat
 import time
 from dataclasses import dataclass
@@ -51,7 +52,7 @@ class Sftp(asyncssh.SFTPServer):
         name = _name(path)
         files = self._files()
         writing = bool(pflags & asyncssh.FXF_WRITE)
-        if not writing and name not in files:
+        if (not writing and name not in files) or not self._is_folder(name.rpartition("/")[0]):
             raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
         faults = await self._connection.labour.begin(f"sftp {'put' if writing else 'get'} {name}")
         data = b"" if pflags & asyncssh.FXF_TRUNC else files.get(name, b"")
@@ -83,11 +84,11 @@ class Sftp(asyncssh.SFTPServer):
         await self._connection.labour.end(handle.faults)
 
     def stat(self, path: bytes) -> asyncssh.SFTPAttrs:
-        """Size and time; the root is the only folder."""
+        """Size and time."""
         name = _name(path)
-        if name in ("", "."):
-            return asyncssh.SFTPAttrs(type=asyncssh.FILEXFER_TYPE_DIRECTORY, permissions=stat.S_IFDIR | 0o755, size=0)
         files = self._files()
+        if self._is_folder(name):
+            return asyncssh.SFTPAttrs(type=asyncssh.FILEXFER_TYPE_DIRECTORY, permissions=stat.S_IFDIR | 0o755, size=0)
         if name not in files:
             raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
         return _attributes(files[name])
@@ -110,15 +111,19 @@ class Sftp(asyncssh.SFTPServer):
         """Flash is always in sync."""
 
     async def scandir(self, path: bytes) -> AsyncIterator[asyncssh.SFTPName]:
-        """All files."""
-        del path
-        for name, data in self._files().items():
-            yield asyncssh.SFTPName(name.encode(), attrs=_attributes(data))
+        """What a folder holds; the root is one."""
+        folder, files = _name(path), self._files()
+        if not self._is_folder(folder):
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {folder}")
+        for name in sorted({*files, *self._device.folders}):
+            above, _, last = name.rpartition("/")
+            if above == folder:
+                yield asyncssh.SFTPName(last.encode(), attrs=self.stat(name.encode()))
 
     def remove(self, path: bytes) -> None:
         """Delete a file."""
-        self._files()
-        if not self._device.drop_file(_name(path)):
+        name = _name(path)
+        if name not in self._files() or not self._device.drop_file(name):
             raise asyncssh.SFTPNoSuchFile("no such file")
 
     def rename(self, oldpath: bytes, newpath: bytes) -> None:
@@ -132,13 +137,31 @@ class Sftp(asyncssh.SFTPServer):
     posix_rename = rename
 
     def realpath(self, path: bytes) -> bytes:
-        """Everything lies in the root."""
+        """A session begins in the root, so relative names are names from there."""
         return b"/" + _name(path).encode()
 
     def mkdir(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
-        """There are no folders."""
-        del path, attrs
-        raise asyncssh.SFTPOpUnsupported("not rehearsed by the twin: folders")
+        """Make a folder in one that is there."""
+        del attrs
+        name = _name(path)
+        files = self._files()
+        if name in files or self._is_folder(name) or not self._is_folder(name.rpartition("/")[0]):
+            raise asyncssh.SFTPFailure(f"cannot make {name}")
+        try:
+            self._device.make_folder(self._caller, name)
+        except Trap as refused:
+            raise asyncssh.SFTPPermissionDenied(refused.message) from refused
+
+    def rmdir(self, path: bytes) -> None:
+        """Delete an empty folder."""
+        name = _name(path)
+        if any(other.startswith(f"{name}/") for other in (*self._files(), *self._device.folders)):
+            raise asyncssh.SFTPFailure(f"{name} is not empty")
+        if name not in self._device.folders or not self._device.drop_file(name):
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
+
+    def _is_folder(self, name: str) -> bool:
+        return not name or name in self._device.folders
 
     def _files(self) -> dict[str, bytes]:
         try:
@@ -154,7 +177,8 @@ class Sftp(asyncssh.SFTPServer):
 
 
 def _name(path: bytes) -> str:
-    return path.decode(errors="surrogateescape").strip("/")
+    text = path.decode(errors="surrogateescape")
+    return posixpath.normpath(f"/{text}").strip("/")
 
 
 def _handle(file_obj: object) -> _Handle:

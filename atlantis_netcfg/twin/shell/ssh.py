@@ -63,6 +63,11 @@ class SshConnection:
         """Nothing is answered here any more."""
         return self._closed or self.pipe.ended or self.pipe.lost
 
+    @property
+    def logged_in(self) -> bool:
+        """Somebody has proved who he is."""
+        return self._caller is not None
+
     # --- what the pipe reports -------------------------------------------------------------------------------------
 
     def accepted(self) -> None:
@@ -127,7 +132,6 @@ class SshConnection:
             "allow_scp": True,
             "encoding": None,
             "line_editor": False,
-            "public_key_auth": False,
             "kbdint_auth": False,
             "host_based_auth": False,
             "gss_host": None,
@@ -198,11 +202,14 @@ class SshConnection:
         """The key exchange begins."""
         self._ssh = ssh
 
-    def admit(self, name: str, password: str) -> bool:
-        """Log in; flags behind the name describe the terminal."""
+    def admit(self, name: str, proof: str | bytes) -> bool:
+        """Log in by password or public key; flags behind the name describe the terminal."""
         user, self.screen = split_login(name)
         try:
-            self._caller = self.device.login(user, password, via="ssh", address=self._address)
+            if isinstance(proof, bytes):
+                self._caller = self.device.login_by_key(user, proof, via="ssh", address=self._address)
+            else:
+                self._caller = self.device.login(user, proof, via="ssh", address=self._address)
         except Trap:
             return False
         self._callers.append(self._caller)
@@ -265,11 +272,12 @@ def _server(connection: SshConnection) -> asyncssh.SSHServer:
     import asyncssh  # noqa: PLC0415
 
     class Server(asyncssh.SSHServer):
-        """Password logins and console channels; nothing is forwarded."""
+        """Logins and console channels; nothing is forwarded."""
 
         def __init__(self) -> None:
             self.connection = connection
             self._name = ""
+            self._key = b""
 
         def connection_made(self, conn: asyncssh.SSHServerConnection) -> None:
             connection.met(conn)
@@ -279,9 +287,20 @@ def _server(connection: SshConnection) -> asyncssh.SSHServer:
             return True
 
         def password_auth_supported(self) -> bool:
-            return connection.device.settings("/ip/ssh").get("password-authentication") != "no"
+            return connection.device.takes_password(split_login(self._name)[0])
 
         def validate_password(self, username: str, password: str) -> bool:
             return connection.admit(username, password)
+
+        def public_key_auth_supported(self) -> bool:
+            return True
+
+        def validate_public_key(self, username: str, key: asyncssh.SSHKey) -> bool:
+            self._key = key.public_data
+            return connection.device.has_key(split_login(username)[0], self._key)
+
+        def auth_completed(self) -> None:
+            if not connection.logged_in:
+                connection.admit(self._name, self._key)
 
     return Server()

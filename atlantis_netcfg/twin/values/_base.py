@@ -46,6 +46,18 @@ class Kind:
         """Return `text` as it is stored. Raises BadValue."""
         return text
 
+    def typed(self, text: str) -> str:
+        """Return what the console makes of a value before the command sees it. Raises BadValue: a syntax error."""
+        return text
+
+    def code(self, typed: str) -> str:
+        """Return a typed value as `:parse` prints it within the code of a command (7.23.3)."""
+        return typed
+
+    def exported(self, stored: str) -> str:
+        """Return the value as an export prints it."""
+        return stored
+
     def show(self, stored: str) -> str:
         """Return the value as the API prints it; names are put in by `spell` before."""
         return stored

@@ -19,8 +19,14 @@ from atlantis_netcfg.twin.values._base import INVALID, NOT_OFFERED, BadValue, Ki
 __all__ = ["Address", "Addresses", "Gateway", "HostPrefix", "Mac", "Matcher", "Ports", "Prefixes", "Ranges"]
 
 _HOST_NAME = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_-]{1,63})*\.?")
+_SHORT = re.compile(r"(?<![\w.:/-])(\d{1,3}(?:\.\d{1,3})?)\.(\d{1,3})(?![\w.:/-])")
 _LAST_PORT = 65535
 _WHOLE = 32
+
+
+def expanded(text: str) -> str:
+    """Return the address that the console makes of `2.2` (2.0.0.2) or `2.1.1` (2.1.0.1), in a list or range too."""
+    return _SHORT.sub(lambda found: f"{found[1]}{'.0' * (2 - found[1].count('.'))}.{found[2]}", text)
 
 
 def _address(text: str, *, v6: bool = True) -> str:
@@ -48,6 +54,10 @@ class Address(Kind):
             return text
         return _address(text, v6=self.v6)
 
+    def typed(self, text: str) -> str:
+        """Take short forms."""
+        return expanded(text)
+
 
 @dataclass(frozen=True, slots=True)
 class Addresses(Kind):
@@ -70,6 +80,18 @@ class HostPrefix(Kind):
             return str(IPv4Interface(text))
         except (AddressValueError, NetmaskValueError) as error:
             raise BadValue from error
+
+    def code(self, typed: str) -> str:
+        """Print what stands for the missing length too."""
+        return f"{typed};"
+
+    def exported(self, stored: str) -> str:
+        """Leave a /32 out, as the exports of many routers do."""
+        return stored.removesuffix(f"/{_WHOLE}")
+
+    def typed(self, text: str) -> str:
+        """Take short forms."""
+        return expanded(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +140,14 @@ class Matcher(Kind):
         if self.dns and re.search(r"[A-Za-z]", text) and _HOST_NAME.fullmatch(text):
             return text
         return _range(text)
+
+    def code(self, typed: str) -> str:
+        """Print what stands for the missing sign too."""
+        return f";{typed}"
+
+    def typed(self, text: str) -> str:
+        """Take short forms."""
+        return expanded(text)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,8 @@ __all__ = [
 _UNITS = (("w", 604800), ("d", 86400), ("h", 3600), ("m", 60), ("s", 1))
 _UNIT_SECONDS = {**dict(_UNITS), "ms": 0.001}
 _SPAN = re.compile(r"(\d+)(ms|[wdhms])")
-_CLOCK = re.compile(r"(?:(\d+)d ?)?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,3}))?)?")
+_CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d ?)?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,3}))?)?")
+_FRACTION = re.compile(r"\d+\.\d{1,3}")
 _RATE_UNITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
 _YES = ("yes", "true")
 _NO = ("no", "false")
@@ -55,8 +56,14 @@ class Bool(Kind):
     def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
         """Take both spellings."""
         if text not in _YES + _NO:
-            raise BadValue
+            raise BadValue("value of {} must be either yes or no")
         return "yes" if text in _YES else "no"
+
+    def typed(self, text: str) -> str:
+        """Take only the console's own words, bare or quoted (7.23.3)."""
+        if text not in (_YES[0], _NO[0]):
+            raise BadValue
+        return text
 
     def show(self, stored: str) -> str:
         """Spell it as the API does."""
@@ -65,13 +72,19 @@ class Bool(Kind):
 
 @dataclass(frozen=True, slots=True)
 class Flag(Kind):
-    """An argument that is there or not, without value (`fib`, `blackhole`); the API prints it empty."""
+    """An argument that is there or not, without value (`fib`, `blackhole`); `shown` is what the API prints."""
+
+    shown: str = ""
 
     def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
         """Take the bare name, and what clients write in its place."""
         if text not in ("", *_YES):
             raise BadValue
         return ""
+
+    def show(self, stored: str) -> str:  # noqa: ARG002 - it is there
+        """Say that it is there."""
+        return self.shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,9 +186,19 @@ class Not(Kind):
         """Keep the sign, normalise the rest."""
         sign = "!" if text.startswith("!") else ""
         body = self.kind.parse(text.removeprefix("!"), names)
-        if not body:
+        if sign and not body:
             raise BadValue
         return sign + body
+
+    def typed(self, text: str) -> str:
+        """Keep the sign."""
+        sign = "!" if text.startswith("!") else ""
+        return sign + self.kind.typed(text.removeprefix("!"))
+
+    def code(self, typed: str) -> str:
+        """Keep the sign."""
+        sign = "!" if typed.startswith("!") else ""
+        return sign + self.kind.code(typed.removeprefix("!"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +233,15 @@ class Time(Kind):
             raise BadValue("value of {} out of range " + f"({interval(self.least)}..{interval(self.most)})")
         return interval(value)
 
+    def typed(self, text: str) -> str:
+        """Read `2.2` as seconds (7.23.3)."""
+        return interval(float(text)) if _FRACTION.fullmatch(text) else text
+
+    def code(self, typed: str) -> str:
+        """Spell it as a clock: `00:00:02.200`, `1w1d00:00:00`."""
+        value = seconds(typed)
+        return typed if value is None else _clock(round(value * 1000))
+
 
 @dataclass(frozen=True, slots=True)
 class Moment(Kind):
@@ -229,13 +261,21 @@ def seconds(text: str) -> float | None:
     if re.fullmatch(r"\d+", text):
         return float(text)
     if clock := _CLOCK.fullmatch(text):
-        days, hours, minutes, rest, fraction = clock.groups(default="0")
-        whole = int(days) * 86400 + int(hours) * 3600 + int(minutes) * 60 + int(rest)
+        weeks, days, hours, minutes, rest, fraction = clock.groups(default="0")
+        whole = int(weeks) * 604800 + int(days) * 86400 + int(hours) * 3600 + int(minutes) * 60 + int(rest)
         return whole + int(fraction.ljust(3, "0")) / 1000
     parts = _SPAN.findall(text)
     if not parts or "".join(number + unit for number, unit in parts) != text:
         return None
     return float(sum(int(number) * _UNIT_SECONDS[unit] for number, unit in parts))
+
+
+def _clock(milliseconds: int) -> str:
+    whole, rest = divmod(milliseconds, 1000)
+    weeks, whole = divmod(whole, 604800)
+    days, whole = divmod(whole, 86400)
+    front = (f"{weeks}w" if weeks else "") + (f"{days}d" if days else "")
+    return f"{front}{whole // 3600:02}:{whole // 60 % 60:02}:{whole % 60:02}" + (f".{rest:03}" if rest else "")
 
 
 def interval(value: float) -> str:

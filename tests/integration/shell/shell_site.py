@@ -64,12 +64,22 @@ class Known(paramiko.MissingHostKeyPolicy):
 
 
 @contextmanager
-def paramiko_on(box: Twin, user: str = "admin", password: str = PASSWORD) -> Iterator[paramiko.SSHClient]:
+def paramiko_on(
+    box: Twin, user: str = "admin", password: str = PASSWORD, *, key: paramiko.PKey | None = None
+) -> Iterator[paramiko.SSHClient]:
     client = paramiko.SSHClient()
     client.set_missing_host_key_policy(Known(box))
     try:
         client.connect(
-            "127.0.0.1", box.port, user, password, look_for_keys=False, allow_agent=False, timeout=30, banner_timeout=30
+            "127.0.0.1",
+            box.port,
+            user,
+            None if key else password,
+            pkey=key,
+            look_for_keys=False,
+            allow_agent=False,
+            timeout=30,
+            banner_timeout=30,
         )
         yield client
     finally:

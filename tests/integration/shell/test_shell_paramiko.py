@@ -5,16 +5,17 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
-from typing import TYPE_CHECKING, Any
+import json
+from pathlib import Path
+from typing import Any
 
 import paramiko
 import pytest
+from cryptography.hazmat.primitives.asymmetric import ed25519
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from shell_site import PASSWORD, paramiko_on, run, twin
 
 from atlantis_netcfg.twin import Link
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SEED = """/ip firewall filter add chain=input action=accept comment="a remark that is long enough to be wrapped" \\
     connection-state=established,related
@@ -91,6 +92,81 @@ def test_files(tmp_path: Path) -> None:
         assert files.listdir() == []
         with pytest.raises(FileNotFoundError):
             files.stat("other.bin")
+
+
+def test_folders_and_relative_names(tmp_path: Path) -> None:
+    with twin(tmp_path, version="7.21.5") as box, paramiko_on(box) as client:
+        files = client.open_sftp()
+        files.mkdir("flash")
+        files.chdir("flash")
+        files.putfo(io.BytesIO(b"a"), "./sub/../one")
+        files.mkdir("sub")
+        files.putfo(io.BytesIO(b"b"), "sub/two")
+        assert sorted(files.listdir()) == ["one", "sub"]
+        assert files.listdir("sub") == ["two"]
+        assert files.listdir("/") == ["flash"]
+        assert [row[1:] for row in box.rows("/file/print", "=.proplist=name,type")] == [
+            ["=name=flash", "=type=directory"],
+            ["=name=flash/one", "=type=.txt file"],
+            ["=name=flash/sub", "=type=directory"],
+            ["=name=flash/sub/two", "=type=.txt file"],
+        ]
+        with pytest.raises(FileNotFoundError):
+            files.putfo(io.BytesIO(b"c"), "nowhere/three")
+        for name in ("sub", "/flash/one"):
+            with pytest.raises(OSError, match=r"not empty|cannot make"):
+                (files.rmdir if name == "sub" else files.mkdir)(name)
+        files.remove("sub/two")
+        files.rmdir("sub")
+        assert files.listdir() == ["one"]
+
+
+RECORDED = [
+    pytest.param(case, id=f"{case['version']} {case['input']}")
+    for line in (Path(__file__).parents[2] / "data" / "recorded" / "cases.jsonl").read_text("utf-8").splitlines()
+    if (case := json.loads(line))["door"] == "ssh"
+]
+
+
+def private(kind: str) -> paramiko.PKey:
+    """Return a new key."""
+    if kind == "rsa":
+        return paramiko.RSAKey.generate(2048)
+    made = ed25519.Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption())
+    return paramiko.Ed25519Key.from_private_key(io.StringIO(made.decode()))
+
+
+@pytest.mark.parametrize("case", RECORDED)
+def test_a_user_with_a_key(tmp_path: Path, case: dict[str, Any]) -> None:
+    key = private(case["input"].partition("key ")[2] or "ed25519")
+    with twin(tmp_path, version=case["version"]) as box:
+        with paramiko_on(box) as client:
+            line = f'/user/ssh-keys/add user=admin key="{key.get_name()} {key.get_base64()} me@here"'
+            assert run(client, line) == ("", 0)
+        if case["refused"]:
+            with pytest.raises(paramiko.AuthenticationException), paramiko_on(box):
+                pass
+            with paramiko_on(box, "guest") as other:
+                assert run(other, ":put kept") == ("kept\r\n", 0)
+            return
+        with paramiko_on(box, key=key) as client:
+            assert run(client, ":put kept") == ("kept\r\n", 0)
+        with pytest.raises(paramiko.AuthenticationException), paramiko_on(box, key=private("ed25519")):
+            pass
+        with pytest.raises(paramiko.AuthenticationException), paramiko_on(box, "guest", key=key):
+            pass
+
+
+def test_settings_let_a_user_with_a_key_in_by_password(tmp_path: Path) -> None:
+    key = private("ed25519")
+    line = f'/user/ssh-keys/add user=admin key="{key.get_name()} {key.get_base64()}"'
+    for version, setting in (("7.18.2", "always-allow-password-login=yes"), ("7.21.5", "password-authentication=yes")):
+        with twin(tmp_path / version, version=version) as box:
+            with paramiko_on(box) as client:
+                assert run(client, f"/ip ssh set {setting}") == ("", 0)
+                assert run(client, line) == ("", 0)
+            with paramiko_on(box) as client:
+                assert run(client, ":put kept") == ("kept\r\n", 0)
 
 
 def test_an_upload_runs_if_its_name_says_so(tmp_path: Path) -> None:

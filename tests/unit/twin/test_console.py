@@ -15,7 +15,7 @@ def test_output_tells_how_far_a_script_came() -> None:
         "/ip/pool/add name=a ranges=10.0.0.2\n"
         ':put "never"\n'
     )
-    assert printed == "ok 1\nok 2\nfailure: pool with such name exists"
+    assert printed == "ok 1\nok 2\nfailure: pool with such name exists (/ip/pool/add; line 4)"
     assert router.count("/ip/pool") == 1
 
 
@@ -29,6 +29,29 @@ def test_a_script_with_a_misspelt_name_does_not_start() -> None:
 
 PUT = [
     (':put "ready"', "ready"),
+    (":put ready", "ready"),
+    (":put 5;:put a#b", "5\na#b"),
+    ('/ip address add address=10.0.0.1/24 \\\n# a note\n    # and another\n interface=ether1\n:put "x"', "x"),
+    (":do {/interface ethernet set [find] comment=x mtu=1500} on-error={}\n:put a", "a"),
+    (":do {:error bad} on-error={:put rescued}", "rescued"),
+    ("/int eth print count-only", "8"),
+    (":put [/ip addr find]", "*1"),
+    (
+        "/ip firewall filter\nadd chain=input comment=b\nadd chain=input place-before=0\n:put [find chain=input]",
+        "*2;*1",
+    ),
+    (
+        "/ip address add address=2.2 interface=ether1\n:put [/ip address get [find interface=ether1] address]",
+        "2.0.0.2/32",
+    ),
+    ("/tool netwatch add host=1.1.1.1 interval=2.2\n:put [/tool netwatch get *1 interval]", "2s200ms"),
+    ("/ip dhcp-server add interface=ether1 lease-time=1w1d00:00:00\n:put [/ip dhcp-server get *1 lease-time]", "1w1d"),
+    ('/ip route add gateway=10.64.101.9 pref-src=""\n:put a', "a"),
+    ('/ip firewall filter add chain=input connection-state="" dst-address-type=""\n:put a', "a"),
+    (
+        "/ip firewall filter add chain=input comment=2.2 src-address=2.2\n:put [/ip firewall filter get *1 comment]",
+        "2.2",
+    ),
     (':put "a\\tb\\"c\\\\ \\24 \\$x\\_y"', 'a\tb"c\\ $ $x y'),
     (':put "Po\\C3\\A7o"', "Poço"),
     (':put "x$y z"', "x z"),
@@ -58,7 +81,32 @@ def test_put(text: str, printed: str) -> None:
 
 
 REFUSED = [
-    (":put ready", "syntax error (line 1 column 6)"),
+    (":put 2 # note", "expected end of command (line 1 column 8)"),
+    (":error x", "x (:error; line 1)"),
+    (':do {/ip pool remove *5} on-error={:error "y"}', "y (:error; line 1)"),
+    ("/i address print", "bad command name i (line 1 column 2)"),
+    ("/ip adres print", "bad command name adres (line 1 column 5)"),
+    ("/ip address add address=10.0.0.1/24 interface=ether1 disabled=true", "syntax error (line 1 column 63)"),
+    ('/ip address add address=10.0.0.1/24 interface=ether1 disabled="false"', "syntax error (line 1 column 63)"),
+    ("/ip route add dst-address=10.0.0.0/8 blackhole=yes", "expected end of command (line 1 column 47)"),
+    ("/ip firewall filter add chain=input place-before=0", "no such item (/ip/firewall/filter/add; line 1)"),
+    (
+        "/interface vlan add name=v vlan-id=5000 interface=ether1",
+        "value of vlan-id out of range (1..4094) (/interface/vlan/add; line 1)",
+    ),
+    (
+        "/interface vlan add name=v vlan-id=abc interface=ether1",
+        "invalid value for argument vlan-id (/interface/vlan/add; line 1)",
+    ),
+    (
+        "/interface vlan add name=v vlan-id=5 interface=e99",
+        "input does not match any value of interface (/interface/vlan/add; line 1)",
+    ),
+    (
+        "/interface bonding add slaves=ether1 mode=none",
+        "input does not match any value of mode (/interface/bonding/add; line 1)",
+    ),
+    ("/interface list member add list=all interface=", "syntax error (line 1 column 47)"),
     (':put "a', "syntax error (line 1 column 6)"),
     (':put "a\\qb"', "syntax error (line 1 column 8)"),
     (':put "cost $ 5"', "syntax error (line 1 column 12)"),
@@ -77,11 +125,11 @@ REFUSED = [
     ("/ip pool add name=a ranges=10.0.0.1 blue", "expected end of command (line 1 column 37)"),
     (':put "a" :put "b"', "expected end of command (line 1 column 10)"),
     ("/ip pool frobnicate", "bad command name frobnicate (line 1 column 10)"),
-    ("/ip pool add ranges=10.0.0.1 name=[/ip pool get]", "missing value(s) of argument(s) number"),
-    ("/ip pool add name=a", "missing value(s) of argument(s) ranges"),
-    ("/ip pool remove [find name=none]", "expected item id"),
-    ("/ip pool remove *77", "no such item"),
-    ("/ip pool remove 0", "no such item"),
+    ("/ip pool add ranges=10.0.0.1 name=[/ip pool get]", "Script Error: missing value(s) of argument(s) number"),
+    ("/ip pool add name=a", "Script Error: missing value(s) of argument(s) ranges"),
+    ("/ip pool remove [find name=none]", "expected item id (/ip/pool/remove; line 1)"),
+    ("\n/ip pool remove *77", "no such item (/ip/pool/remove; line 2)"),
+    ("/ip pool remove 0", "no such item (/ip/pool/remove; line 1)"),
 ]
 
 

@@ -71,7 +71,7 @@ def test_listen_tells_changes_until_it_is_cancelled() -> None:
     told = [(tag, answer.words) for tag, answer in router.device.pending(listener)]
     assert told[0][0] == "7"
     assert "=name=a" in told[0][1]
-    assert told[1] == ("7", ("=.id=*1", "=.dead=yes"))
+    assert told[1] == ("7", ("=.id=*1", "=.dead=true"))
     assert router.say("/cancel", "=tag=7", by=listener) == ["!done"]
     assert [answer.kind for _, answer in router.device.pending(listener)] == ["!trap", "!done"]
     router.say("/ip/pool/add", "=name=b", "=ranges=10.0.0.1")

@@ -41,6 +41,14 @@ add fib name=via-sat
 """
 
 
+def test_an_address_of_one_host_is_exported_without_its_length() -> None:
+    router = make(seed="/ip address add address=10.255.255.1/32 interface=ether1")
+    lines = router.text().splitlines()
+    assert "add address=10.255.255.1 interface=ether1 network=10.255.255.1" in lines
+    assert any(line.startswith("add address=10.64.101.1/24 ") for line in lines)
+    assert router.value("/ip/address", "address", "?interface=ether1") == "10.255.255.1/32"
+
+
 def test_golden_export() -> None:
     assert make(seed=SEED).device.export() == (GOLDEN / "seed.rsc").read_text(encoding="utf-8")
 

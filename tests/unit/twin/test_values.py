@@ -122,8 +122,8 @@ OFFERED = "input does not match any value of {}"
 BAD: list[tuple[Kind, str, str]] = [
     (Text(longest=3), "four", INVALID),
     (Text(empty=False), "", INVALID),
-    (Bool(), "perhaps", INVALID),
-    (Bool(), "", INVALID),
+    (Bool(), "perhaps", "value of {} must be either yes or no"),
+    (Bool(), "", "value of {} must be either yes or no"),
     (Flag(), "no", INVALID),
     (Int(0, 99), "100", "value of {} out of range (0..99)"),
     (Int(), "-1", INVALID),
