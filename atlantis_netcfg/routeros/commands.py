@@ -40,13 +40,18 @@ def _word(name: str, value: str | None) -> str:
 
 
 def _values(action: Action) -> Iterator[tuple[str, str | None]]:
-    """Yield names with values; None stands for a bare word, which sets a flag (`fib`) or unsets (`!fib`)."""
+    """Yield names with values; None stands for a bare word, which sets a flag (`fib`) or unsets (`!fib`).
+
+    A boolean that was read over the API says `true`, which is a syntax error on the console (7.23.3).
+    """
     fields = MENUS[action.menu].by_name
     for name, value in action.values:
         if name.startswith("!"):
             yield name, None
         elif fields[name].kind is Kind.FLAG:
             yield (name if canonical(Kind.FLAG, value) == "yes" else f"!{name}"), None
+        elif fields[name].kind is Kind.BOOLEAN:
+            yield name, canonical(Kind.BOOLEAN, value)
         else:
             yield name, value
 

@@ -32,6 +32,11 @@ CASES = [
         ("/ip/address/set", ((".id", "*5"), ("comment", ""), ("disabled", "yes"))),
     ),
     (
+        action("/ip/address", Verb.SET, ids=("*5",), values=(("comment", "true"), ("disabled", "false"))),
+        "/ip/address/set *5 comment=true disabled=no",
+        ("/ip/address/set", ((".id", "*5"), ("comment", "true"), ("disabled", "no"))),
+    ),
+    (
         action("/ip/dns", Verb.SET, values=(("servers", "1.1.1.1,9.9.9.9"),)),
         "/ip/dns/set servers=1.1.1.1,9.9.9.9",
         ("/ip/dns/set", (("servers", "1.1.1.1,9.9.9.9"),)),
