@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from netmiko import ConnectHandler, NetmikoAuthenticationException, file_transfer
-from shell_site import PASSWORD, Twin, twin
+from shell_site import PASSWORD, Twin, paramiko_on, twin
 
 from atlantis_netcfg.twin import Link
 
@@ -99,6 +99,8 @@ def test_file_transfer(tmp_path: Path) -> None:
     source = tmp_path / "source.txt"
     source.write_text("x" * 5000)
     with twin(tmp_path / "state") as box, netmiko_on(box) as connection:
+        with paramiko_on(box) as client:
+            client.open_sftp().mkdir("flash")
         for _ in range(2):
             done = file_transfer(
                 connection,

@@ -10,7 +10,7 @@ from atlantis_netcfg.rsc import in_quotes
 VERSIONS = ("7.16", "7.18.2", "7.20.8", "7.21.5", "7.23.3", "7.24")
 ACCEPTED = {
     "/ip address print": "(evl /ip/address/print)",
-    "/ip/address/add address=not-an-ip": "(evl /ip/address/addaddress=not-an-ip)",
+    "/ip/address/add address=not-an-ip": "(evl /ip/address/addaddress=not-an-ip;)",
     "/interface ethernet monitor": "(evl /interface/ethernet/monitor)",
     ':put "bad parameter test"': "(evl /putmessage=bad parameter test)",
     ':put "expected: hello"': "(evl /putmessage=expected: hello)",
