@@ -81,7 +81,7 @@ def shortfalls(found: Rows) -> list[str]:
         rows = [_plain(row) for row in found[menu]]
         at = 0
         for item in items:
-            wanted = {_name(name): _value(value) for name, value in item.values.items()}
+            wanted = _plain(item.values)
             hit = next((index for index, row in enumerate(rows) if wanted.items() <= row.items()), None)
             if hit is None:
                 near = min(rows, key=lambda row: len(wanted.items() - row.items()), default={})
@@ -96,7 +96,8 @@ ORDERED = ("/ip/firewall/filter", "/ip/firewall/nat", "/ip/firewall/mangle", "/r
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, str]:
-    return {_name(name): _value(value) for name, value in row.items()}
+    plain = {_name(name): _value(value) for name, value in row.items()}
+    return plain | ({"blackhole": "true"} if plain.get("blackhole") == "" else {})
 
 
 def _name(name: str) -> str:
