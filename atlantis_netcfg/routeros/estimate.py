@@ -37,7 +37,7 @@ BUDGET: Final = 80
 SCRIPT: Final = 60_000
 """Bytes of one script at most."""
 HANDSHAKE_TRIPS: Final = 3
-"""Round trips before the login: TCP one, TLS 1.2 two."""
+"""Round trips before the login: TCP one, TLS 1.2 two. Assumption: tls-version"""
 CHECKPOINT_TRIPS: Final = 2
 """Releasing safe mode and taking it again; a session, which proves the way in, comes to it."""
 RECORD_BYTES: Final = 29

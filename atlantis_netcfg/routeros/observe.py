@@ -2,6 +2,8 @@
 
 All commands go out in batches of `Endpoint.window`, each batch in one round trip. A menu that the device lacks answers
 `no such command`: what needs it is then refused in words.
+
+Assumption: api-tagged-order
 """
 
 from __future__ import annotations
@@ -173,7 +175,7 @@ def counting_rows(path: str) -> Command:
 
 
 def number_of_rows(reply: Reply) -> int | None:
-    """Read the answer to `counting_rows`; None if the device has not counted."""
+    """Read the answer to `counting_rows`; None if the device has not counted. Assumption: api-count-only."""
     return int(reply.ret) if reply.trap is None and reply.ret is not None and reply.ret.isdecimal() else None
 
 
@@ -215,7 +217,10 @@ def printing(path: str) -> Command:
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:
-    """Name what is wanted in the words of every version: a device leaves out properties that it does not have."""
+    """Name what is wanted in the words of every version: a device leaves out properties that it does not have.
+
+    Assumption: api-unknown-property
+    """
     readable = (each.name for each in menu.fields if not each.unread)
     return tuple(dict.fromkeys((*readable, *menu.flags)))
 
@@ -286,7 +291,10 @@ def _policies(user: str, rows: Mapping[str, Sequence[Row]]) -> frozenset[str]:
 
 
 def _session_address(active: Reply, endpoint: Endpoint) -> str:
-    """Return the address of the newest API session of our user: the list grows at its end, and ours is the newest."""
+    """Return the address of the newest API session of our user: the list grows at its end, and ours is the newest.
+
+    Assumption: api-sessions-newest-last
+    """
     ours = [row for row in active.rows if row.get("name") == endpoint.user and row.get("via", "").startswith("api")]
     return ours[-1].get("address", "") if ours else ""
 

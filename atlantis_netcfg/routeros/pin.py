@@ -9,8 +9,11 @@ and the third locks it (3GPP TS 31.101, 9.5). So a PIN is an ordinary secret of 
 - it has refused one, asks for its PUK, or asks although the device holds one: the plan is refused;
 - an earlier run has sent one in vain (`Desired.spent`): the plan is refused until a person has cleared that.
 
-The words of `pin-status` are written by the modem's driver; those read here follow 3GPP TS 27.007 [inferred], and any
-other means that nobody knows, for which nothing is sent.
+The words of `pin-status` are written by the modem's driver; any others than those read here mean that nobody knows, for
+which nothing is sent.
+
+Assumption: lte-pin-words
+Assumption: lte-pin-once
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 `atlantis-dead-man` runs the way back of one device (`apply`), `atlantis-pair` that of the far end of a bridge (`pair`).
 Both are armed outside safe mode, which would undo them too. In a device-mode without scheduler such a row can be added
 and never runs (manual, Device-mode): it is read back. Every reading of a device asks for `ARMED` as well.
+
+Assumption: scheduler-forbidden
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.twin.services import Service
     from atlantis_netcfg.twin.site import Site
     from atlantis_netcfg.twin.spec import (
+        Deviation,
         DeviceMode,
         Execute,
         Management,
@@ -46,6 +47,7 @@ __all__ = [
     "Called",
     "CellSpec",
     "Counters",
+    "Deviation",
     "Device",
     "DeviceMode",
     "Execute",
@@ -91,7 +93,7 @@ __getattr__ = homes(
         "services": ("Service",),
         "site": ("Site",),
         "spec": (
-            *("DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec"),
+            *("Deviation", "DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec"),
             *("SiteSpec", "TwinSpec", "User"),
         ),
         "wire.faults": ("Fault", "FaultKind"),

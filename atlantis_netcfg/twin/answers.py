@@ -50,7 +50,7 @@ class Answer:
 
 
 DISK_FULL = "failure: disk full"
-"""What a command says that would write more than the flash can take; the words are inferred."""
+"""What a command says that would write more than the flash can take. Assumption: refusal-words"""
 DONE = Answer("!done")
 EMPTY = Answer("!empty")
 

@@ -27,7 +27,8 @@ class Source(StrEnum):
     TREE = "command trees of tikoci/restraml"
     MANUAL = "Manual: Moving from ROSv6 to ROSv7, OpenVPN, VRF, NTP, Device-mode, WireGuard, Container, Netwatch"
     EXPORT = "verbose exports of RouterOS 6.43.8 do not show it"
-    INFERRED = "inferred: first seen in the tree of 7.9, not known to any description of RouterOS 6"
+    ASSUMED = "first seen in the tree of 7.9, not known to any description of RouterOS 6"
+    """Assumption: first-versions"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,17 +107,17 @@ _NEWER_THAN_6 = (
     *_menus("7.0", Source.MANUAL, "/routing/filter/rule /system/ntp/client/servers"),
     _row("7.0", "/ip/route", _ADD, "routing-table blackhole suppress-hw-offload", Source.MANUAL),
     _row("7.0", "/interface/ovpn-client", _ADD, "protocol", Source.MANUAL),
-    _row("7.0", "/interface/ovpn-client", _ADD, "disconnect-notify use-peer-dns", Source.INFERRED),
+    _row("7.0", "/interface/ovpn-client", _ADD, "disconnect-notify use-peer-dns", Source.ASSUMED),
     _row("7.9", "/interface/ovpn-client", _ADD, "route-nopull tls-version", Source.TREE),
     Boundary("/interface/ovpn-client", ("import-ovpn-configuration",), since="7.9"),
     _row("7.0", "/ip/service", _SET, "vrf", Source.EXPORT),
     _row("7.0", "/ip/socks", _SET, "vrf", Source.EXPORT),
     _row("7.0", "/system/ntp/client", _SET, "mode servers vrf", Source.EXPORT),
-    Boundary("/file", ("add",), since="7.9", source=Source.INFERRED),
-    _row("7.9", "/", ("execute",), "as-string", Source.INFERRED),
+    Boundary("/file", ("add",), since="7.9", source=Source.ASSUMED),
+    _row("7.9", "/", ("execute",), "as-string", Source.ASSUMED),
     _row("7.0", "/", ("export",), "show-sensitive", Source.MANUAL),
-    Boundary("/console", ("inspect",), since="7.9", source=Source.INFERRED),
-    _row("7.9", "/tool/netwatch", _ADD, "name type", Source.INFERRED),
+    Boundary("/console", ("inspect",), since="7.9", source=Source.ASSUMED),
+    _row("7.9", "/tool/netwatch", _ADD, "name type", Source.ASSUMED),
 )
 
 BOUNDARIES: tuple[Boundary, ...] = (*_NEWER_THAN_6, *_BELOW_7_16)

@@ -10,6 +10,7 @@ from atlantis_netcfg.twin.around._shown import connected
 from atlantis_netcfg.twin.history import History
 from atlantis_netcfg.twin.lte._state import SimState
 from atlantis_netcfg.twin.schema import Schema, features_of
+from atlantis_netcfg.twin.spec import Deviation
 from atlantis_netcfg.twin.store import Store
 from atlantis_netcfg.twin.topology import Topology
 
@@ -111,7 +112,7 @@ class Core:
         self.now = now
         self.started = now()
         self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
-        self.store = Store(self.schema)
+        self.store = Store(self.schema, reuses_ids=Deviation.IDS in spec.deviations)
         self.octets: dict[str, tuple[int, int]] = {}
         """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
         self.met: dict[int, int] = {}  # rules of the filter to the packets that they have met: of its own pings only
@@ -171,6 +172,10 @@ class Core:
         if self._topology is None or self._topology.revision != self.store.revision:
             self._topology = Topology(self.store, self.linked | connected(self), self.dead)
         return self._topology
+
+    def deviates(self, deviation: Deviation) -> bool:
+        """Whether this router does something otherwise than assumed."""
+        return deviation in self.spec.deviations
 
     def number(self) -> int:
         """Draw a number for things without a menu: sessions, files, log lines."""

@@ -25,6 +25,7 @@ from atlantis_netcfg.twin.scheduler import next_run, run_due
 from atlantis_netcfg.twin.sentence import Sentence
 from atlantis_netcfg.twin.services import Service, services_of
 from atlantis_netcfg.twin.software import boot_with
+from atlantis_netcfg.twin.spec import Deviation
 from atlantis_netcfg.twin.storage import FileSide
 from atlantis_netcfg.twin.store import Store
 
@@ -233,8 +234,15 @@ class Device(ConsoleSide, FileSide):
                 core.store.remove(path, item)
                 core.store.changes.clear()
 
-    def reboot(self) -> None:
-        """Restart: all sessions and safe mode end (with undo), history is empty, the rest stays as on flash."""
+    def reboot(self, *, clean: bool = True) -> None:
+        """Restart: all sessions and safe mode end (with undo), history is empty, the rest stays as on flash.
+
+        Without `clean` the power was cut: nobody undoes anything, and the flash decides.
+
+        Assumption: safe-mode-power-loss
+        """
+        if clean and self._core.history.holder is not None:
+            self._core.history.unroll(self._core.store)
         flash = self.snapshot()
         self.restore(flash)
 
@@ -286,11 +294,14 @@ class Device(ConsoleSide, FileSide):
     # --- flash -----------------------------------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
-        """The flash as JSON-able data: the configuration with the changes of an open safe mode undone."""
+        """The flash as JSON-able data: the configuration with the changes of an open safe mode undone.
+
+        With `Deviation.POWER_LOSS` they are in it.
+        """
         core = self._core
         store = core.store
         floating = [entry for entry in core.history.entries if entry.floating and not entry.undone]
-        if floating:
+        if floating and Deviation.POWER_LOSS not in self.spec.deviations:
             store = Store(core.schema)
             store.load(core.store.dump())
             for entry in reversed(floating):

@@ -5,8 +5,10 @@ bridged, with 192.168.88.1/24 and a DHCP server. The rows are those of public ex
 7.20.6; what a board adds for its disks and radios is left out.
 
 A box of one port and a radio comes as "CPE Router": the radio is the WAN, a station that looks for its access point,
-and the port has the address and the DHCP server itself, without a bridge. Its words are inferred from that page; a few
-models for bridges (DynaDish) come with both in a bridge instead, and are not emulated.
+and the port has the address and the DHCP server itself, without a bridge. A few models for bridges (DynaDish) come with
+both in a bridge instead, and are not emulated.
+
+Assumption: factory-cpe
 """
 
 from __future__ import annotations

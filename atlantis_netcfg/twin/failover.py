@@ -10,11 +10,14 @@ Parity. Documented (Manual, IP Routing; Manual, Netwatch; the manual of version 
   anew after `start-delay`; after a start of the router `startup-delay` comes before that. Scripts run as `*sys` with
   the policies read, write, test and reboot; `sent-count` and `response-count` are variables of theirs.
 
-Inferred, to be seen on a device: the rhythm counts from the beginning of a test; a test whose last packet is answered
+To be seen on a device: the rhythm counts from the beginning of a test; a test whose last packet is answered
 ends with it; the state's script runs before the test's script; `start-delay` is added to `startup-delay`; several rows
 may have one host; a disabled row stops at once; a next hop that cannot be resolved is not asked and not given up; `arp`
 keeps the same time as `ping`. Round trips take no time here, so no threshold but the loss is ever passed. Types of
 probes other than `simple` and `icmp` stay `unknown`.
+
+Assumption: netwatch-rhythm
+Assumption: failover-recursion
 """
 
 from __future__ import annotations

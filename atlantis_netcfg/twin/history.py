@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -56,6 +56,18 @@ class History:
         if sum(entry.floating for entry in self.entries) > self.limit:
             self.release()
         del self.entries[: -self.limit]
+
+    def join(self, first: int) -> None:
+        """Let all entries from this place on be one, whose commands are those of the first."""
+        later = self.entries[first:]
+        if later:
+            changes = tuple(change for entry in later for change in entry.changes)
+            self.entries[first:] = [replace(later[0], changes=changes)]
+
+    def settle(self, first: int) -> None:
+        """Let safe mode forget the entries from this place on."""
+        for entry in self.entries[first:]:
+            entry.floating = False
 
     def take(self, caller: Caller) -> None:
         """Enter safe mode."""

@@ -5,9 +5,10 @@ that the file names its cipher; a user of at most 27 characters is mandatory. Se
 interface is called `ovpn-import`, its certificate `cert_ovpn-import`, each with the second at which it was made; an
 older version says `unsupported option '<tls-crypt>'` (angristan/openvpn-install#1267).
 
-Inferred: which options are taken beside these (any other is refused, in the same words); that a lacking cipher,
-SHA256 or direction is refused at once instead of never connecting; that nothing is made where anything is refused; that
-the interface is disabled as a new one is; the name of the CA's certificate.
+Other options than these are refused, in the same words; a lacking cipher, SHA256 or direction is refused at once;
+nothing is made where anything is refused; the interface is disabled as a new one is.
+
+Assumption: ovpn-import
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One router twin on sockets.
 
 It cannot stand for: traffic (nothing is forwarded), radio, PoE power, CPU load, the time that real hardware takes
-to apply a change, or what RouterOS leaves undocumented; for the last there are knobs (`Knobs`).
+to apply a change, or what no document of RouterOS tells; for the last there are knobs (`Knobs`, `Deviation`).
 """
 
 from __future__ import annotations

@@ -82,8 +82,47 @@ class DeviceMode(_Spec):
     flagged: bool = False
 
 
+class Deviation(StrEnum):
+    """What a router may do otherwise than engine and twin assume: the id of each row of routeros/assumptions.py.
+
+    For others there are `Knobs`, `Execute`, `history_limit`, `unroll_delay_s` and `silent_timeout_s`.
+    """
+
+    COUNTS = "api-count-only"
+    """`count-only` prints the rows."""
+    NO_PING = "api-ping-path"
+    """There is no `/tool/ping`."""
+    HISTORY_NAMES = "history-names-ids"
+    """The history names rows by their number in a print."""
+    HISTORY_ORDER = "history-newest-first"
+    """The oldest entry comes first."""
+    IDS = "api-ids-grow"
+    """The `.id` of a row that was removed is used again."""
+    PIN_WORDS = "lte-pin-words"
+    """A driver of its own words."""
+    POWER_LOSS = "safe-mode-power-loss"
+    """What is in safe mode when the power fails is on the flash, and stays."""
+    PROPERTIES = "api-unknown-property"
+    """A property that no row has is refused."""
+    SCRIPT_ENTRIES = "safe-mode-counts-rows"
+    """A script is one entry of the history."""
+    SCRIPT_GOES_ON = "execute-stops"
+    """A script goes on after an error."""
+    SCRIPT_STAYS = "safe-mode-undoes-scripts"
+    """What a script has changed stays when safe mode is unrolled."""
+    SECOND_TAKER = "safe-mode-second-taker"
+    """Safe mode goes to whoever takes it last."""
+    SESSIONS = "api-sessions-newest-last"
+    """The newest session comes first."""
+    TIMES = "netwatch-values"
+    """Intervals of netwatch are numbers of milliseconds."""
+
+
 class Execute(StrEnum):
-    """What `/execute as-string` does when its script stops at an error, or that the router has no `/execute`."""
+    """What `/execute as-string` does when its script stops at an error, or that the router has no `/execute`.
+
+    Assumption: execute-error-text
+    """
 
     OUTPUT = "output"
     """The error's text is the last line of the output."""
@@ -123,9 +162,14 @@ class RouterSpec(_Spec):
     history_limit: int = Field(default=100, ge=1)
     """Actions that `/system/history` keeps; one more in safe mode and the session leaves it without a word."""
     unroll_delay_s: float = Field(default=2.15, ge=0)
-    """From a clean close of the session that holds safe mode until its changes are undone."""
+    """From a clean close of the session that holds safe mode until its changes are undone.
+
+    Assumption: safe-mode-close
+    """
     silent_timeout_s: float = Field(default=540.0, ge=0)
-    """From a silent loss of that session until the router notices."""
+    """From a silent loss of that session until the router notices. Assumption: api-silent-session"""
+    deviations: tuple[Deviation, ...] = ()
+    """What it does otherwise than assumed."""
     clock: datetime = datetime(2026, 1, 1, 8, 0, tzinfo=UTC)
     """What the router's clock shows when the twin starts; a box without battery wakes up in 1970."""
     seed: str = ""

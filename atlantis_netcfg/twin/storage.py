@@ -18,7 +18,7 @@ _UPLOAD = ".auto.rsc"
 
 
 class FileSide:
-    """What `Device` adds for SFTP. Transfers need the policy `ftp` (Manual, User; that SFTP counts is inferred)."""
+    """What `Device` adds for SFTP. Transfers need the policy `ftp` (Manual, User). Assumption: sftp-policy."""
 
     _core: Core
 

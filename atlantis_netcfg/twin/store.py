@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -64,8 +65,9 @@ class Table:
 class Store:
     """All tables of a router; the name space of references."""
 
-    def __init__(self, schema: Schema) -> None:
+    def __init__(self, schema: Schema, *, reuses_ids: bool = False) -> None:
         self.schema = schema
+        self._reuses_ids = reuses_ids
         self.tables: dict[str, Table] = {}
         self.counters: dict[str, int] = {}
         self.revision = 0
@@ -133,8 +135,11 @@ class Store:
     # --- ids -------------------------------------------------------------------------------------------------------
 
     def new_id(self, path: str) -> int:
-        """Draw the next id of a menu; interfaces of all kinds share theirs."""
+        """Draw the next id of a menu; interfaces of all kinds share theirs. Assumption: api-ids-grow."""
         menu = self.table(path).menu
+        if self._reuses_ids and menu.space != "interface":
+            taken = {item.id for item in self.table(path).items}
+            return next(number for number in itertools.count(menu.first_id) if number not in taken)
         key = "interface" if menu.space == "interface" else path
         number = self.counters.get(key, menu.first_id)
         self.counters[key] = number + 1

@@ -67,7 +67,7 @@ ADDED = (
     *(Added("/ip/route", each, ("suppress-hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
 )
 """At 7.21 the two arguments of hardware offloading left the tree of the Cloud Hosted Router, which has no switch chip;
-that boards keep them is inferred from the manual (L3 Hardware Offloading), which still describes them."""
+the manual (L3 Hardware Offloading) still describes them. Assumption: board-hw-offload"""
 
 WITHIN_ROUTEROS = {"wireless": "7.13"}
 """Before that version the package was part of RouterOS itself (Manual, Packages)."""

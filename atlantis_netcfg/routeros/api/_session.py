@@ -27,7 +27,11 @@ WINDOW: Final = 24
 A 7.22.1 CHR hung at 25 and more `/console/inspect` on one connection
 (https://github.com/tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), a 7.23.2 CHR answered more than a hundred
 short commands at once (https://github.com/danikf/tik4net, Docs/findings-router-throughput-ceiling.md); the manual names
-no limit. Not tried on hardware: so a session that falls silent in the larger window is repeated in this one."""
+no limit. Not tried on hardware: so a session that falls silent in the larger window is repeated in this one.
+
+Assumption: api-flight-24
+Assumption: api-flight-100
+"""
 
 _CLOSE_S: Final = 3.0
 
@@ -56,6 +60,11 @@ class Session:
         wire, seen = await _logged_in(endpoint, traffic)
         return cls(endpoint, wire, seen)
 
+    @property
+    def tls_version(self) -> str:
+        """As the TLS library calls it: `TLSv1.2`."""
+        return str(self._wire.transport.get_extra_info("ssl_object").version())
+
     async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
         """Send one command and wait for its answer: a flight of one."""
         (reply,) = await self.flight([command], silence_s=silence_s)
@@ -64,9 +73,9 @@ class Session:
     async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
         """Send commands in batches of WINDOW, or of `Endpoint.window` where all of them read; replies in their order.
 
-        Each batch is one write and one round trip. In which order the device executes the commands of a batch is not
-        documented. A refused command does not stop the others: see `Reply.checked`. `silence_s` replaces the endpoint's
-        `reply_timeout_s` for commands that work silently.
+        Each batch is one write and one round trip, in which the device may keep no order. A refused command does not
+        stop the others: see `Reply.checked`. `silence_s` replaces the endpoint's `reply_timeout_s` for commands that
+        work silently.
 
         If the device falls silent in a window larger than WINDOW, and this session has done nothing but read, it is
         opened anew and everything is read again in WINDOW; that this went well is told to `Endpoint.narrowed`. A link

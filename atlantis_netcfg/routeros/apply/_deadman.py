@@ -1,8 +1,10 @@
 """The dead-man job: the device's scheduler runs the way back, unless we take the job away in time.
 
 Armed before safe mode is taken, for within it it would be undone too. It is set off by `interval` alone: without a
-battery the clock jumps as soon as NTP answers, and a wall-clock time is then missed or hit too early (inferred). Its
-script first removes the job, so that it runs once.
+battery the clock jumps as soon as NTP answers, and a wall-clock time is then missed or hit too early. Its script first
+removes the job, so that it runs once.
+
+Assumption: scheduler-interval
 """
 
 from __future__ import annotations

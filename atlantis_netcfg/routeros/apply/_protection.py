@@ -26,7 +26,12 @@ __all__ = ["BUDGET", "Choice", "Interfered", "Protection", "ProtectionLost", "ch
 
 BUDGET = 80
 """Entries of history that one safe mode may take. The device keeps 100 (manual, Configuration Management); beyond them
-it leaves safe mode without a word. Whether a script counts once or once a row is not documented: counted per row."""
+it leaves safe mode without a word. Counted per row.
+
+Assumption: safe-mode-counts-rows
+Assumption: safe-mode-undoes-scripts
+Assumption: safe-mode-second-taker
+"""
 
 
 class Protection(StrEnum):
@@ -96,7 +101,7 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
     no_job = _no_job(facts) or invertible
     wait_s = max(job.patience.dead_man_s, 3 * seconds)
     if no_ssh is None:
-        # Longer than a dead session keeps safe mode: how the two undos would combine is not documented.
+        # Longer than a dead session keeps safe mode. Assumption: dead-man-after-silence
         both_s = None if no_job else job.patience.undo_s + wait_s
         return Choice(Protection.CONSOLE, both_s, f"no dead-man job: {no_job}" if no_job else "")
     if no_job is None:

@@ -1,7 +1,10 @@
 """Sending actions: as scripts, which run in their order and tell how far they came, or sentence by sentence.
 
-The order in which a device executes tagged sentences is not documented, that of the lines of a script is: so one script
-costs one round trip, where sentences of an ordered menu cost one each.
+No document gives the order in which a device executes tagged sentences; the lines of a script run in theirs: so one
+script costs one round trip, where sentences of an ordered menu cost one each.
+
+Assumption: execute-stops
+Assumption: execute-error-text
 """
 
 from __future__ import annotations

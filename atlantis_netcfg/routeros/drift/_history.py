@@ -1,7 +1,10 @@
 """What the device itself remembers: `/system/history`, its latest hundred changes, gone with a reboot.
 
-Manual, Configuration Management: each entry has action, by, time, and the commands that undo and redo it. That these
-name rows by their `.id` is inferred; an entry that names a row otherwise is not found, and nothing is said then.
+Manual, Configuration Management: each entry has action, by, time, and the commands that undo and redo it. An entry that
+names a row otherwise than by its `.id` is not found, and nothing is said then.
+
+Assumption: history-names-ids
+Assumption: history-newest-first
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ _FILTER = Menu(
         *_COMMON,
         *_STATEFUL,
         text("reject-with", "icmp-network-unreachable"),
-        # At 7.21 it left the tree of the Cloud Hosted Router; boards with a switch chip kept it (inferred).
+        # At 7.21 it left the tree of the Cloud Hosted Router. Assumption: board-hw-offload
         *kept(boolean("hw-offload")),
     ),
 )

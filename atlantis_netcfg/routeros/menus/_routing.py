@@ -76,7 +76,7 @@ _ROUTE = Menu(
         number("target-scope", "10"),
         prefix("pref-src", ""),
         *kept(interface("vrf-interface")),
-        # At 7.21 it left the tree of the Cloud Hosted Router; boards with a switch chip kept it (inferred).
+        # At 7.21 it left the tree of the Cloud Hosted Router. Assumption: board-hw-offload
         *since("7.0", *kept(boolean("suppress-hw-offload"))),
     ),
 )

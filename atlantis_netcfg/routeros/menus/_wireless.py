@@ -69,7 +69,7 @@ _SECURITY = Menu(
             text("tls-certificate", "none"),
             text("tls-mode", "no-certificates"),
         ),
-        # Inferred from exports: the identity of the router at the time when the profile was made.
+        # In exports the identity of the router. Assumption: wireless-supplicant-identity
         *kept(text("supplicant-identity")),
     ),
 )

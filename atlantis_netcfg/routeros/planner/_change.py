@@ -68,6 +68,7 @@ class Context:
     desired: Desired
     names: Names
     sensitive: bool
+    """The user may see secrets. Assumption: api-sensitive"""
     """Our group may read secrets, so that a secret which is not printed is not set."""
     sim: Sim = Sim.UNKNOWN
     """Whether the modem's SIM asks for a PIN."""

@@ -1,8 +1,9 @@
 """What stands around a router twin, and what the router shows of it: neighbours, loads on PoE, the far end of a VPN.
 
 All of it is a fact of the place and no setting, so that no command changes it; a rehearsal does, by the twin's control.
-The names of fields are those of the manual (PoE-Out, DHCP, Neighbor discovery, OVPN, NTP). Inferred: the values of a
-load, and that a lease is bound as long as its device is there.
+The names of fields are those of the manual (PoE-Out, DHCP, Neighbor discovery, OVPN, NTP).
+
+Assumption: poe-load
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """What RouterOS refuses although every single value is fine.
 
-Where its words are not documented, the text is ours in its manner; the tests mark those.
+Where no source has its words, the text is ours in its manner; the tests mark those.
+
+Assumption: refusal-words
 """
 
 from __future__ import annotations
@@ -159,7 +161,7 @@ def _ethernet(core: Core, values: Mapping[str, str], item: Item | None) -> None:
 
 
 def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
-    """A modem is not held to bands that it does not have [inferred: the words]."""
+    """A modem is not held to bands that it does not have. Assumption: lte-pin-once."""
     modem = core.spec.modem
     given = [int(one) for one in values.get("band", "").split(",") if one]
     if modem is not None and not set(given) <= set(modem.bands):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from atlantis_netcfg.twin.commands.radio import registrations
 from atlantis_netcfg.twin.derived import type_of
 from atlantis_netcfg.twin.devicemode import FEATURES, allowed
 from atlantis_netcfg.twin.software import package_file
+from atlantis_netcfg.twin.spec import Deviation
 from atlantis_netcfg.twin.values import id_text, interval
 from atlantis_netcfg.twin.views import TRAFFIC
 
@@ -25,6 +27,7 @@ __all__ = ["COMPUTED"]
 
 Rows = list[dict[str, str]]
 _CPUS = "4"
+_ID = re.compile(r"\*[0-9A-F]+")
 
 _DISK = 1073741824
 """Of an RB5009UPr+S+, in bytes."""
@@ -124,6 +127,8 @@ def _device_mode(core: Core, _call: Call) -> Rows:
 
 
 def _history(core: Core, _call: Call) -> Rows:
+    entries = core.history.entries if core.deviates(Deviation.HISTORY_ORDER) else reversed(core.history.entries)
+    nameless = core.deviates(Deviation.HISTORY_NAMES)
     return [
         {
             ".id": id_text(entry.number),
@@ -131,18 +136,18 @@ def _history(core: Core, _call: Call) -> Rows:
             "by": entry.by,
             "policy": entry.policy,
             "time": entry.time,
-            "undo": entry.undo,
-            "redo": entry.redo,
+            "undo": _ID.sub("0", entry.undo) if nameless else entry.undo,
+            "redo": _ID.sub("0", entry.redo) if nameless else entry.redo,
             "undoable": _truth(not entry.undone),
             "redoable": _truth(entry.undone),
             "floating-undo": _truth(entry.floating),
         }
-        for entry in reversed(core.history.entries)
+        for entry in entries
     ]
 
 
 def _active(core: Core, _call: Call) -> Rows:
-    return [
+    rows = [
         {
             ".id": id_text(caller.number),
             "when": core.stamp(core.moment(caller.since)),
@@ -154,6 +159,7 @@ def _active(core: Core, _call: Call) -> Rows:
         }
         for caller in core.sessions.values()
     ]
+    return rows[::-1] if core.deviates(Deviation.SESSIONS) else rows
 
 
 def _safe_mode(core: Core, call: Call) -> Rows:
@@ -223,7 +229,7 @@ def _poe(core: Core, _call: Call) -> Rows:
 def _arp(core: Core, _call: Call) -> Rows:
     """Who is there: the neighbours of the spec that are in a network of ours and not silent.
 
-    Names of fields: Manual, ARP. That such an entry is always there is inferred: a real one ages when nothing is sent.
+    Names of fields: Manual, ARP. A real entry ages when nothing is sent. Assumption: arp-entry
     """
     found = []
     for local in core.topology.locals:

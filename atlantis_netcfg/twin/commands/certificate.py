@@ -1,7 +1,10 @@
 """`/certificate`: sign a template, import a file (Manual, Certificates). Keys stay with their row.
 
-The words of the refusals are inferred; no public source has them. Inferred, too: a certificate that is there already is
-not taken a second time, and a key without its certificate is not taken at all.
+No public source has the words of the refusals. A certificate that is there already is not taken a second time, and a
+key without its certificate is not taken at all.
+
+Assumption: refusal-words
+Assumption: certificate-import
 """
 
 from __future__ import annotations

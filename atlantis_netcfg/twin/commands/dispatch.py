@@ -1,4 +1,7 @@
-"""From a command's path to its handler, and whether the session may use it."""
+"""From a command's path to its handler, and whether the session may use it.
+
+Assumption: api-ping-path
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from atlantis_netcfg.twin.commands import certificate, files, lte, ovpn, power, 
 from atlantis_netcfg.twin.commands._call import unknown
 from atlantis_netcfg.twin.commands._computed import COMPUTED
 from atlantis_netcfg.twin.devicemode import COMMANDS, NOT_ALLOWED, allowed
+from atlantis_netcfg.twin.spec import Deviation
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call, Handler, Result
@@ -79,7 +83,8 @@ def dispatch(core: Core, call: Call) -> Result:
     """Run one command. Raises Trap in the router's words."""
     if not core.schema.has_menu(call.menu):
         raise Trap("no such command prefix", Category.MISSING)
-    if not core.schema.has_command(call.menu, call.command):
+    gone = call.path == "/tool/ping" and core.deviates(Deviation.NO_PING)
+    if gone or not core.schema.has_command(call.menu, call.command):
         raise Trap("no such command", Category.MISSING)
     feature = COMMANDS.get(call.path)
     if feature is not None and not allowed(core.spec, feature):

@@ -10,7 +10,7 @@ from atlantis_netcfg.twin.commands._call import Call, MissingArgument, Result, n
 from atlantis_netcfg.twin.console.export import Form, export_text
 from atlantis_netcfg.twin.console.run import check_syntax, run_file, run_script
 from atlantis_netcfg.twin.core import File
-from atlantis_netcfg.twin.spec import Execute
+from atlantis_netcfg.twin.spec import Deviation, Execute
 from atlantis_netcfg.twin.values import id_text
 
 if TYPE_CHECKING:
@@ -158,7 +158,12 @@ def execute(core: Core, call: Call) -> Result:
     script = _needed(call, "script")
     if len(script.encode(errors="surrogateescape")) > _MOST_SCRIPT:
         raise Trap("invalid value for argument script", Category.ARGUMENT)
+    entries = len(core.history.entries)
     outcome = run_script(core, call.caller, script)
+    if core.deviates(Deviation.SCRIPT_ENTRIES):
+        core.history.join(entries)
+    if core.deviates(Deviation.SCRIPT_STAYS):
+        core.history.settle(entries)
     if "file" in call.arguments:
         _write(core, f"{call.arguments['file']}.txt", outcome.output)
     if "as-string" not in call.arguments:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.commands._call import MissingArgument, Result, no_such_item
 from atlantis_netcfg.twin.lte._modem import Phase, phase_of, settings_of
+from atlantis_netcfg.twin.spec import Deviation
 from atlantis_netcfg.twin.values import id_text, interval
 
 if TYPE_CHECKING:
@@ -32,13 +33,15 @@ def monitor(core: Core, call: Call) -> Result:
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
     row = _shown(core, mine)
+    if "pin-status" in row and core.deviates(Deviation.PIN_WORDS):
+        row["pin-status"] = "CHV1 state 7"
     wanted = call.arguments.get("proplist", call.arguments.get(".proplist"))
     names = set(wanted.split(",")) if wanted else set(row)
     return Result(rows=[{name: value for name, value in row.items() if name in names}])
 
 
 def capabilities(core: Core, call: Call) -> Result:
-    """`show-capabilities <interface>`: which features the modem has [inferred: names and values]."""
+    """`show-capabilities <interface>`: which features the modem has. Assumption: lte-pin-once."""
     _named(core, call, "number")
     return Result(rows=[{"cell-scan": "yes", "passthrough": "yes", "roaming-barring": "yes"}])
 

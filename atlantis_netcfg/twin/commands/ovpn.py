@@ -1,6 +1,9 @@
 """`/interface/ovpn-client/import-ovpn-configuration`: an interface, its certificates and its hidden key out of a file.
 
-What the file may hold stands in `twin.ovpn`. The words of the refusals are inferred, but for the unsupported option.
+What the file may hold stands in `twin.ovpn`. Of the refusals only the unsupported option's words are known.
+
+Assumption: ovpn-import
+Assumption: refusal-words
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from atlantis_netcfg.twin.console.where import Where, fits
 from atlantis_netcfg.twin.menus import Shape
 from atlantis_netcfg.twin.query import matches
 from atlantis_netcfg.twin.schema import offered
+from atlantis_netcfg.twin.spec import Deviation
 from atlantis_netcfg.twin.views import rows, without_counters
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
     if call.menu in COMPUTED:
         return COMPUTED[call.menu](core, call)
     found = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
+    if call.menu == "/tool/netwatch" and core.deviates(Deviation.TIMES):
+        found = [{**row, "interval": "10000 ms"} for row in found]
     return found if "config" in call.arguments else amounting(core, call.menu, found)
 
 
@@ -57,12 +60,17 @@ def print_(core: Core, call: Call) -> Result:
         if name not in _ANY:
             raise Trap(f"not rehearsed by the twin: {call.path} {name}")
     found = [row for row in all_rows(core, call) if matches(call.queries, row)]
-    if "count-only" in call.arguments:
+    if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
         return Result(ret=str(len(found)))
     wanted = _proplist(call)
     if wanted is None and "stats" not in call.arguments:
         found = [without_counters(row) for row in found]
     elif wanted is not None:
+        args = () if call.menu in COMPUTED else core.store.table(call.menu).args
+        there = {".id", *args, *(name for row in found for name in row)}
+        absent = next((name for name in wanted if name not in there), None)
+        if absent is not None and core.deviates(Deviation.PROPERTIES):
+            raise unknown(absent)
         found = [{name: row[name] for name in wanted if name in row} for row in found]
     return Result(rows=found, listing=True)
 

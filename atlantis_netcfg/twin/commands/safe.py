@@ -1,6 +1,8 @@
 """`/safe-mode`, `/undo`, `/redo` (Manual, Configuration Management: Safe Mode).
 
-What a second taker is told is not documented over the API; the text is the console's question in the form of a refusal.
+What a second taker is told over the API nobody has published; the text is the console's question as a refusal.
+
+Assumption: safe-mode-second-taker
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.commands._call import Result, unknown
 from atlantis_netcfg.twin.console.typed import rob
+from atlantis_netcfg.twin.spec import Deviation
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.commands._call import Call
@@ -29,6 +32,10 @@ def take(core: Core, call: Call) -> Result:
     _arguments(core, call)
     holder = core.history.holder
     if holder is not None and holder.number != call.caller.number:
+        if core.deviates(Deviation.SECOND_TAKER):
+            rob(core, call.caller)
+            core.history.take(call.caller)
+            return Result()
         raise Trap(f"failure: safe mode is held by {holder.via}:{holder.user}@{holder.address}")
     if holder is None:
         core.history.take(call.caller)

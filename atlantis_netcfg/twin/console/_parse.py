@@ -284,7 +284,7 @@ class Parser:
     def _step(self) -> None:
         """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.
 
-        Version 7 made them so (Manual, Changelog); the words with which version 6 refuses are inferred.
+        Version 7 made them so (Manual, Changelog). Assumption: slash-words-6
         """
         if self.text.peek() == "/" and not self.core.schema.at_least("7.0"):
             raise self.text.error("expected command name")

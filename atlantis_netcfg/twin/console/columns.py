@@ -1,7 +1,9 @@
 """Which columns `print` shows of a menu, which marks it puts before a row, and which menus it always shows in detail.
 
 Columns are those of public transcripts (networktocode/ntc-templates, `tests/mikrotik_routeros`; ytti/oxidized,
-`spec/model/data`) where there is one; a menu without a line here shows its first arguments, which is inferred.
+`spec/model/data`) where there is one; a menu without a line here shows its first arguments.
+
+Assumption: console-columns
 """
 
 from __future__ import annotations

@@ -32,6 +32,7 @@ from atlantis_netcfg.twin.console._statements import (
 from atlantis_netcfg.twin.console._text import ConsoleError, Text
 from atlantis_netcfg.twin.console.people import View, reported, shown, summed
 from atlantis_netcfg.twin.console.where import Where, fits
+from atlantis_netcfg.twin.spec import Deviation
 from atlantis_netcfg.twin.views import without_counters
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
         except Trap as error:
             outcome.error = error.message
         outcome.paged = runner.paged
-        if outcome.error is not None:
+        if outcome.error is not None and not core.deviates(Deviation.SCRIPT_GOES_ON):
             break
     return runner
 

@@ -1,8 +1,10 @@
 """The 4G modem of a router twin: its SIM, the network around it, and what `/interface/lte` shows of both.
 
 Sources: Manual, LTE/5G (`allow-roaming`, `use-network-apn` for MBIM modems, `show-capabilities`), and published logs.
-Inferred: the words of `pin-status` while the SIM is locked, and that a stored PIN is entered once whenever the modem
-starts or the PIN is changed. Levels are constants; cells, SMS and eSIM are not emulated.
+Levels are constants; cells, SMS and eSIM are not emulated.
+
+Assumption: lte-pin-words
+Assumption: lte-pin-once
 """
 
 from __future__ import annotations

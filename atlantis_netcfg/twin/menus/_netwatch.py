@@ -1,7 +1,9 @@
 """Netwatch and the queue tree.
 
-Values and defaults: Manual, Netwatch; Manual, Queues; Manual, CLI reference of both menus. How an interval, a rate and
-a percentage are printed is inferred from other menus.
+Values and defaults: Manual, Netwatch; Manual, Queues; Manual, CLI reference of both menus. Intervals, rates and
+percentages are printed as in other menus.
+
+Assumption: netwatch-values
 """
 
 from __future__ import annotations

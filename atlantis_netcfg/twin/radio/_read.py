@@ -24,7 +24,7 @@ LEGACY, WIFI = "/interface/wireless", "/interface/wifi"
 _CONFIGURATION = "configuration"
 _PARTS = ("channel", "security", "datapath")
 _IDLE = ("comment", "name", "arp", "arp-timeout")
-"""With these a radio goes on; that everything else makes it start anew is inferred, the cautious reading."""
+"""With these a radio goes on; everything else makes it start anew. Assumption: radio-restart"""
 _USUAL_REACH_KM = 2.0
 """Without `configuration.distance` (Manual, Configuring outdoor CPE to AP links)."""
 

@@ -18,9 +18,9 @@ class Air(BaseModel):
     loss_db: float = Field(default=0.0, ge=0)
     """Lost besides free space: a mast in the way, an antenna that points elsewhere."""
     sensitivity_dbm: float = -85.0
-    """Below, a radio hears nothing; inferred, between the data sheets' figures for 6 and 24 Mbit/s."""
+    """Below, a radio hears nothing: between the data sheets' figures for 6 and 24 Mbit/s. Assumption: radio-restart"""
     association_s: float = Field(default=3.0, ge=0)
-    """From the moment at which the access point can be heard until the station is registered; inferred."""
+    """From the moment at which the access point can be heard until the station is registered."""
     dfs_wait_s: float = Field(default=60.0, ge=0)
     """An access point listens for radar before it speaks on a DFS channel (ETSI EN 301 893)."""
     weather_wait_s: float = Field(default=600.0, ge=0)

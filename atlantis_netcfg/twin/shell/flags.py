@@ -35,7 +35,10 @@ class Screen:
 
 
 def split_login(name: str) -> tuple[str, Screen]:
-    """The user's own name, and the screen that its flags describe; unknown flags count as none (inferred)."""
+    """The user's own name, and the screen that its flags describe; unknown flags count as none.
+
+    Assumption: console-first-login
+    """
     user, plus, flags = name.partition("+")
     screen = Screen()
     if not plus:

@@ -1,6 +1,8 @@
 """The questions of a first login: licence, default configuration, a new password.
 
-Their words are the device's, as netmiko and community.routeros wait for them; who is asked what, and when, is inferred.
+Their words are the device's, as netmiko and community.routeros wait for them.
+
+Assumption: console-first-login
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ class Session:
         self._line.screen = self.screen.sized(corner.column, corner.row)
 
     async def _waiting(self, key: str | Key) -> None:
-        """What is typed before the prompt is there is lost (inferred)."""
+        """What is typed before the prompt is there is lost. Assumption: console-first-login."""
 
     async def _begin(self) -> None:
         self.begun = True

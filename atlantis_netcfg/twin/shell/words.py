@@ -1,8 +1,9 @@
 """What the console says around the commands: greeting, first login, pager.
 
 Sources: Manual, Command Line Interface; netmiko `mikrotik_ssh.py` and community.routeros `plugins/terminal` for the
-questions of a first login; their order, and the words that neither quotes, are inferred. The device's licence and its
-letters drawn of letters are not repeated here.
+questions of a first login. The device's licence and its letters drawn of letters are not repeated here.
+
+Assumption: console-first-login
 """
 
 from __future__ import annotations

@@ -48,7 +48,8 @@ class Connection:
         self._channel: Channel
         self._inbox: deque[_Heard] = deque()
         self._news = asyncio.Event()
-        self._received = 0
+        self._writes: list[bool] = []
+        """Of every sentence that came, whether it is no `print`."""
         self._said = self._completed = 0
         self._listened = -1
         self._mute = False
@@ -124,9 +125,12 @@ class Connection:
     def _listen(self, plain: bytes, answered: int) -> None:
         try:
             for words in self._decoder.feed(plain):
-                self._received += 1
-                limit = self._host.knobs.hang_at
-                self._mute = self._mute or (limit is not None and self._received - answered >= limit)
+                self._writes.append(not (words and words[0].endswith("/print")))
+                knobs = self._host.knobs
+                waiting = self._writes[answered:]
+                hangs = knobs.hang_at is not None and len(waiting) >= knobs.hang_at
+                hangs_writing = knobs.hang_writes_at is not None and sum(waiting) >= knobs.hang_writes_at
+                self._mute = self._mute or hangs or hangs_writing
                 self._inbox.append(_Heard(words, answered))
         except (ReservedLength, WordTooLong):
             self._inbox.append(_Heard((), answered))

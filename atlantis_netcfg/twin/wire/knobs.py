@@ -1,4 +1,10 @@
-"""What a router does on its wire that no manual promises: order, limits and moods, each a knob."""
+"""What a router does on its wire that no manual promises: order, limits and moods, each a knob.
+
+Assumption: api-tagged-order
+Assumption: api-flight-24
+Assumption: api-flight-100
+Assumption: tls-version
+"""
 
 from __future__ import annotations
 
@@ -17,13 +23,15 @@ class Knobs(BaseModel):
     shuffle: int | None = None
     """A seed: tagged sentences that arrived in one burst run in another order and their answers interleave.
 
-    RouterOS documents no order of execution. None: in order of arrival.
+    None: in order of arrival.
     """
     hang_at: int | None = Field(default=None, ge=1)
     """The connection falls silent for good when so many sentences are unanswered.
 
     A CHR 7.22.1 hung at 25 concurrent `/console/inspect` (`tikoci/restraml docs/mikrotik-bug-native-api-inspect.md`).
     """
+    hang_writes_at: int | None = Field(default=None, ge=1)
+    """The same when so many sentences that are no `print` are unanswered."""
     knee_after: int | None = Field(default=None, ge=0)
     """So many sentences of all connections are answered at once; then each takes `knee_s` until the router was idle.
 
@@ -35,17 +43,20 @@ class Knobs(BaseModel):
     """Every n-th sentence finds the router busy for `stall_s` (the same source saw 7 s and 30 s)."""
     stall_s: float = Field(default=7.0, ge=0)
     probe_s: float = Field(default=5.0, ge=0)
-    """How long a console waits for a terminal to say what it is; no manual tells."""
+    """How long a console waits for a terminal to say what it is. Assumption: console-first-login"""
     boot_s: float = Field(default=60.0, ge=0)
     """From a reboot or power cut until the API answers again."""
     old_login: bool = False
     """The login of before 6.43: the new form is answered by a challenge, too."""
     sentences_before_login: int = Field(default=8, ge=1)
-    """More without a login end the connection; the manual says that there is a limit, not which."""
+    """More without a login end the connection; the manual says that there is a limit, not which.
+
+    Assumption: api-limit-words
+    """
     word_before_login: int = Field(default=1024, ge=1)
     """Longest word before login, in bytes."""
     pipelined_login: bool = False
-    """Sentences that were sent before the answer to `/login` was there are accepted; undocumented, so refused."""
+    """Sentences that were sent before the answer to `/login` was there are accepted. Assumption: api-login-pipelined"""
     tls: Literal["1.2", "1.3"] = "1.2"
     """The newest TLS that the router speaks; `/ip/service tls-version` may only lower it."""
 

@@ -21,7 +21,10 @@ __all__ = ["Bearer", "Chunk", "Direction", "End", "Line", "Link"]
 SEGMENT = 1400
 """Bytes that travel together: a TCP segment within a tunnel's MTU."""
 HEADERS = 54
-"""Ethernet 14, IP 20, TCP 20: what a port's byte counter has for a segment besides its payload (inferred)."""
+"""Ethernet 14, IP 20, TCP 20: what a port's byte counter has for a segment besides its payload.
+
+Assumption: port-counters
+"""
 
 
 def _uncounted(_port: str | None, _direction: Direction, _size: int) -> None:
@@ -89,7 +92,7 @@ class Bearer:
         self._free_at = dict.fromkeys(Direction, 0.0)
         self._segments = dict.fromkeys(Direction, 0)
         self.count: Callable[[str | None, Direction, int], None] = _uncounted
-        """Told the link's port and every segment's bytes, its headers included; acknowledgements are not (inferred)."""
+        """Told the link's port and every segment's bytes, its headers included; acknowledgements are not."""
 
     def arrival(self, direction: Direction, size: int, departure: float) -> float:
         """When `size` bytes that are handed over at `departure` have arrived at the other end."""

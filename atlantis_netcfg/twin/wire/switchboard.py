@@ -136,7 +136,7 @@ class Switchboard:
             connection.rebooted(clean=clean)
         if self.line is not None:
             self.line.down(clean=clean)
-        self._device.reboot()
+        self._device.reboot(clean=clean)
         self._touch_radio()
         self.regate()
         self._timers.append(asyncio.get_running_loop().call_later(self.knobs.boot_s, self._end_boot))

@@ -12,7 +12,7 @@ import pytest
 from engine_bench import TEXT, Bench, leases, on
 
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
-from atlantis_netcfg.twin import Execute, Fault, FaultKind
+from atlantis_netcfg.twin import Deviation, Execute, Fault, FaultKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,6 +49,7 @@ def cut(  # noqa: PLR0913, PLR0917 - what is cut, and on what router
     execute: Execute = Execute.OUTPUT,
     seed: str = "",
     version: str = "7.18.2",
+    deviations: tuple[Deviation, ...] = (),
 ) -> DeviceResult:
     """Cut one run, hold it to its word, and see that the next one gets through."""
 
@@ -60,7 +61,7 @@ def cut(  # noqa: PLR0913, PLR0917 - what is cut, and on what router
         return result, then, await bench.converge(Mode.RESUME), bench.export()
 
     whole = clean(text, execute, seed, version)
-    spec = {"execute": execute, "seed": seed, "version": version}
+    spec = {"execute": execute, "seed": seed, "version": version, "deviations": deviations}
     result, then, resumed, end = on(Bench(tmp_path, text=text, spec=spec), act)
     assert then == (whole.after if result.status is Status.CHANGED else whole.before), (fault, result.message)
     assert result.status in (Status.CHANGED, Status.ROLLED_BACK, Status.LEFT_AS_FOUND), (fault, result.message)
@@ -115,6 +116,25 @@ def test_the_router_falls_silent_in_mid_apply(tmp_path: Path, kind: FaultKind, w
 def test_a_long_plan_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
     fault = Fault(do=kind, match="/execute", sentence=nth, when="after")
     assert cut(tmp_path, fault, LONG).status in (Status.ROLLED_BACK, Status.CHANGED)
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize(
+    ("where", "plan"),
+    [
+        (("/execute", 3), (TEXT, Execute.OUTPUT)),
+        (("/safe-mode/release", 1), (TEXT, Execute.OUTPUT)),
+        (("/execute", 4), (LONG, Execute.OUTPUT)),
+        (("/ip/firewall/filter/add", 2), (TEXT, Execute.NONE)),
+    ],
+    ids=["script", "release", "long", "sentences"],
+)
+def test_the_power_fails_and_the_router_keeps_what_was_in_safe_mode(
+    tmp_path: Path, where: tuple[str, int], when: str, plan: tuple[str, Execute]
+) -> None:
+    """Without `safe-mode-power-loss` the run reads what has stayed, and still ends as before or as declared."""
+    fault = Fault.model_validate({"do": FaultKind.POWER, "match": where[0], "sentence": where[1], "when": when})
+    cut(tmp_path, fault, *plan, (Deviation.POWER_LOSS,))
 
 
 @pytest.mark.campaign

@@ -6,7 +6,18 @@ from atlantis_netcfg.twin import Link, RouterSpec, SiteSpec, TwinSpec
 
 def test_the_public_surface_is_what_it_says() -> None:
     assert set(package.__all__) == {
-        *("COMMANDS", "NOT_REHEARSED", "Counters", "Device", "DeviceMode", "Execute", "Fault", "FaultKind", "Knobs"),
+        *(
+            "COMMANDS",
+            "NOT_REHEARSED",
+            "Counters",
+            "Deviation",
+            "Device",
+            "DeviceMode",
+            "Execute",
+            "Fault",
+            "FaultKind",
+            "Knobs",
+        ),
         *("Link", "Management", "Mode", "Router", "RouterSpec", "RunningSite", "Service", "Site", "SiteSpec"),
         *("Around", "Called", "Load", "Validity"),
         *("Air", "Radio", "RadioLink", "RadioPair", "CellSpec", "ModemSpec", "SimSpec"),

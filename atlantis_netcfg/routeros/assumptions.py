@@ -1,0 +1,359 @@
+"""What engine and emulated router assume about RouterOS, and no manual or record confirms: one row each.
+
+Code that rests on a row names it on a line of its comment or docstring, `Assumption: <id>`. `provision verify` shows
+which of them hold on a real device. A row leaves the table when a document or a recorded answer confirms it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+__all__ = ["ASSUMPTIONS", "READS", "TRY", "Assumption", "unconfirmed"]
+
+READS: Final = "by reading"
+"""How most rows are shown: `provision verify` reads the device."""
+TRY: Final = "needs --try"
+"""It takes scratch rows under safe mode: `provision verify --try`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """One thing that is taken to be so."""
+
+    id: str
+    sentence: str
+    rests: str
+    """What depends on it, and what happens where it does not hold."""
+    shown: str
+    """READS, TRY, or `needs a person: …`."""
+    facts: tuple[str, ...] = ()
+    """Words of the sentences in the facts about RouterOS that are marked as unconfirmed and meant by this row."""
+
+
+def _person(what: str) -> str:
+    return f"needs a person: {what}"
+
+
+ASSUMPTIONS: Final = (
+    # The API.
+    Assumption(
+        "api-flight-100",
+        "A device answers 100 `print` commands in flight on one session.",
+        "Reading in one round trip; a device that falls silent is read again in flights of 24, which is told.",
+        READS,
+        ("a window of about 16 is a safe start", "limit on tags in flight for print/add/set"),
+    ),
+    Assumption(
+        "api-flight-24",
+        "A device answers 24 commands in flight on one session, writes among them.",
+        "Writing row by row where scripts cannot be used; a device that falls silent ends the run, which is undone.",
+        TRY,
+        ("a window of about 16 is a safe start", "limit on tags in flight for print/add/set"),
+    ),
+    Assumption(
+        "api-tagged-order",
+        "Tagged commands of one flight are executed in the order in which they were sent.",
+        "Counters that are read first and last, the latest holder of safe mode; writes do not rest on it.",
+        TRY,
+        ("script [I]: `/execute script=` with `as-string`", "Execution order of tagged writes"),
+    ),
+    Assumption(
+        "api-unknown-property",
+        "A property in `.proplist` that the device's version does not have is left out, not refused.",
+        "One question for all versions; a refusal would end every run with the device unchanged.",
+        READS,
+    ),
+    Assumption(
+        "api-count-only",
+        "`print count-only` answers the number of rows with `!done`.",
+        "Reading back by counts after a small change; without a number everything is read again.",
+        READS,
+    ),
+    Assumption(
+        "api-sessions-newest-last",
+        "`/user/active` lists sessions oldest first.",
+        "Which address the guard takes for the technician's; another one would guard the wrong path.",
+        READS,
+    ),
+    Assumption(
+        "api-ids-grow",
+        "The `.id` of a new row is greater than every earlier one of its menu, and no `.id` is used twice.",
+        "A row that was read is the row that is changed, also when somebody else works on the device.",
+        TRY,
+        ("assigned upward, not reused within a session",),
+    ),
+    Assumption(
+        "api-silent-session",
+        "A session that falls silent is noticed after about nine minutes, an idle healthy one never.",
+        "How long a run waits for a device to take back by itself what a dead session held.",
+        _person("take safe mode in a session, pull its cable, and read `/safe-mode print` in another each minute"),
+        ("Exact time-out of a silent API session",),
+    ),
+    Assumption(
+        "tls-version",
+        "api-ssl speaks TLS 1.2, whose handshake takes two round trips, and no newer one.",
+        "Estimates of round trips; with TLS 1.3 a session costs one less than told.",
+        READS,
+        ("plan on TLS 1.2 = 2 RTT",),
+    ),
+    Assumption(
+        "api-login-pipelined",
+        "Commands that are sent before the login is answered are refused.",
+        "The emulated router alone; the engine waits for the answer.",
+        _person("send login and one `print` in one packet, with a client that can"),
+        ("save 1 RTT but is unverified", "Are sentences before the login answer accepted?"),
+    ),
+    Assumption(
+        "api-limit-words",
+        "Before the login a session takes 8 sentences and words of 1,024 bytes at most.",
+        "The emulated router alone; the engine sends one short sentence.",
+        _person("send longer and more sentences before the login, with a client that can"),
+        ("Are sentences before the login answer accepted?",),
+    ),
+    Assumption(
+        "api-sensitive",
+        "To a user who may not see secrets the API leaves them out or hides them.",
+        "A declared secret is not written again only because it cannot be seen.",
+        _person("read `/ppp secret` and a Wi-Fi key as a user without the policy `sensitive`"),
+        ('A hidden secret is "unknown", never "absent"',),
+    ),
+    Assumption(
+        "api-ping-path",
+        "`/tool/ping` answers over the API on every version.",
+        "Proofs and looks at links; where it is missing they are inconclusive.",
+        READS,
+        ("API path on >= 7.23: `/ping` or `/tool/ping`?",),
+    ),
+    # Scripts.
+    Assumption(
+        "execute-error-text",
+        "`/execute as-string` gives the words of an error as the end of its output, not as `!trap`.",
+        "Which action of a script was refused; with a trap the output is lost and the device is read back.",
+        TRY,
+    ),
+    Assumption(
+        "execute-stops",
+        "A script of `/execute` stops at its first error, and executes nothing after it.",
+        "Later actions of a layer do not run when an earlier one was refused.",
+        TRY,
+        ("script [I]: `/execute script=` with `as-string`",),
+    ),
+    Assumption(
+        "on-event-60k",
+        "`on-event` of a job of the scheduler takes 60,000 bytes, as a script of `/execute` does.",
+        "The dead-man job of a large change; it is read back, and a shortened one refuses the change.",
+        _person("add a disabled job with 60,000 characters in `on-event`, and compare what is read back"),
+    ),
+    Assumption(
+        "first-versions",
+        "What the first published trees (7.9) show and RouterOS 6 lacks came with 7.0 or 7.9: `as-string`, `/file add`,"
+        " `/console inspect`, and arguments of OpenVPN and netwatch.",
+        "The emulated router of 7.0 to 7.8; the engine reads what a device refuses.",
+        _person("type `/execute` and `/console inspect` with Tab on RouterOS 7.0 to 7.8"),
+    ),
+    Assumption(
+        "slash-words-6",
+        "RouterOS 6 refuses a path written with slashes by `expected command name`.",
+        "The emulated router of RouterOS 6; the engine writes paths with spaces there.",
+        _person("type `/ip/address/print` on RouterOS 6"),
+    ),
+    # Safe mode and other protection.
+    Assumption(
+        "safe-mode-counts-rows",
+        "Each row that a script changes is one entry of the history, as if it had been typed alone.",
+        "How many changes go under one safe mode: 80 of the 100 that it remembers; fewer entries do no harm.",
+        TRY,
+        ("`take`) between verified batches [I]", "count one action per change? Does safe mode survive `/import`?"),
+    ),
+    Assumption(
+        "safe-mode-undoes-scripts",
+        "Safe mode takes back what a script of `/execute` has changed, as it does single commands.",
+        "Every protected change; what stays is found by reading back, and put back by the run.",
+        TRY,
+        ("count one action per change? Does safe mode survive `/import`?",),
+    ),
+    Assumption(
+        "safe-mode-close",
+        "A session that closes is noticed at once: what it held in safe mode is undone within ten seconds.",
+        "How soon an interrupted run may be repeated; a longer wait is told.",
+        TRY,
+        ("One session per task: safe mode dies with its session",),
+    ),
+    Assumption(
+        "safe-mode-second-taker",
+        "While a session holds safe mode another one that takes it is refused, and the first goes on holding it.",
+        "Two technicians at one device; the run reads `current` before it trusts its own safe mode.",
+        TRY,
+        ("trap text when another session owns safe mode",),
+    ),
+    Assumption(
+        "safe-mode-power-loss",
+        "What was in safe mode when the power failed is undone after the start.",
+        "Nothing: both outcomes are rehearsed, the device is read, and what stayed is put back.",
+        _person("take safe mode, add a comment to a port, pull the plug, and look after the start"),
+    ),
+    Assumption(
+        "dead-man-after-silence",
+        "A dead-man job that runs after a dead session's safe mode was undone changes nothing.",
+        "Protection before 7.18, where safe mode of a console and a job stand together.",
+        _person("on RouterOS below 7.18: hold safe mode over SSH, pull the cable, and wait for both"),
+        ("how do the two undos combine?", "### 5.3 Recommended commit-confirm"),
+    ),
+    Assumption(
+        "scheduler-interval",
+        "A job with `interval` alone runs so long after it was added, also when NTP moves the clock meanwhile.",
+        "When the dead-man job takes a change back.",
+        _person("add a job with `interval=5m`, set the clock back by a day, and wait"),
+        ("### 5.3 Recommended commit-confirm", "Wrong clock = TLS fails: NTP first, no battery clock"),
+    ),
+    Assumption(
+        "scheduler-forbidden",
+        "Where device-mode forbids the scheduler a job is refused, or is shown as inactive when it is read.",
+        "A job that never runs is not taken for a protection: it is read back after it was added.",
+        _person("add a job to a device whose device-mode forbids the scheduler, and print it"),
+        ("read it back [I]", "does a blocked scheduler row trap or sit inactive?"),
+    ),
+    # What is shown.
+    Assumption(
+        "history-names-ids",
+        "The commands of `/system/history` name a row by its `.id`.",
+        "Who has changed a row that drifted; otherwise nothing is said of it.",
+        READS,
+    ),
+    Assumption(
+        "history-newest-first",
+        "`/system/history` lists the newest entry first.",
+        "Which change of a row is told as the latest one.",
+        READS,
+    ),
+    Assumption(
+        "netwatch-values",
+        "`/tool/netwatch` shows intervals as `10s` or `00:00:10`, and shares as a number with or without `%`.",
+        "Comparing declared rows of netwatch; another form would be told as drift.",
+        READS,
+        ("Do verbose exports of real devices match the twin's defaults",),
+    ),
+    Assumption(
+        "board-hw-offload",
+        "Boards keep `hw-offload` of the filter and `suppress-hw-offload` of routes in 7.21, which lost them on CHR.",
+        "These two are left as they are on the device.",
+        _person("type `/ip firewall filter add hw-offload` with Tab on a board with 7.21 or later"),
+    ),
+    Assumption(
+        "wireless-supplicant-identity",
+        "A wireless security profile keeps the identity that the router had when the profile was made.",
+        "The value is left as it is on the device.",
+        _person("change the identity, and print `/interface wireless security-profiles` before and after"),
+    ),
+    Assumption(
+        "console-columns",
+        "A menu of which no transcript is published prints its first arguments as columns.",
+        "The emulated console, for people; the engine reads by `as-value` and over the API.",
+        _person("compare `print` of the menu on a device"),
+    ),
+    Assumption(
+        "console-first-login",
+        "A console asks a newcomer for licence, default configuration and password in this order, loses what is typed"
+        " before its prompt, waits five seconds for a terminal to say what it is, and ignores unknown login flags.",
+        "First contact, which answers the questions in any order.",
+        _person("adopt a device out of its box over its serial line, and keep the transcript"),
+    ),
+    Assumption(
+        "factory-cpe",
+        "A box of one port and a radio comes with address and DHCP server on the port, without a bridge.",
+        "The rehearsal of a first contact with such boxes.",
+        _person("export a new box before anything is set"),
+    ),
+    Assumption(
+        "sftp-policy",
+        "A transfer over SFTP needs the policy `ftp`.",
+        "The emulated router; adopted users have the policy.",
+        _person("upload a file as a user without the policy `ftp`"),
+    ),
+    Assumption(
+        "refusal-words",
+        "What a device refuses beyond a single value it refuses in words like the published ones.",
+        "The emulated router's texts; the engine shows the device's own words, and reads few of them.",
+        _person("send back the journal of a run in which a device has refused something"),
+    ),
+    Assumption(
+        "port-counters",
+        "A port's byte counter has 54 bytes for a segment besides its payload, and nothing for acknowledgements.",
+        "The rehearsed bill of a metered link; a real bill uses the device's own counters.",
+        _person("compare `/interface print stats` with a capture of one session"),
+    ),
+    Assumption(
+        "arp-entry",
+        "A neighbour that answers is always in `/ip arp`.",
+        "A rehearsed look at the links; on a device a ping goes before it.",
+        _person("read `/ip arp` an hour after the last packet to the neighbour"),
+    ),
+    # Certificates and the VPN.
+    Assumption(
+        "certificate-import",
+        "A certificate is not imported a second time, and a key without its certificate not at all.",
+        "The rehearsal of a router's VPN; on a device the rows are read after the import.",
+        _person("import the same certificate twice, and a key alone, and print `/certificate`"),
+    ),
+    Assumption(
+        "ovpn-import",
+        "`import-ovpn-configuration` takes the options that the manual names, refuses any other and everything with it,"
+        " and makes a disabled interface.",
+        "The rehearsal of a router's VPN; on a device the interface is read after the import.",
+        _person("import a file with an unknown option, and one with none, and print what was made"),
+        ("No profile per link on one client",),
+    ),
+    # Links and what watches them.
+    Assumption(
+        "failover-recursion",
+        "With the pilot's routes a canary's blackhole keeps its default route from being resolved over another"
+        " link, and no packet leaves with the address of the wrong link after a fail-back.",
+        "Failover between the links of a site; docs/failover.md says how it is tried on a quay.",
+        _person("pull each link in turn, and read routes and connections: docs/failover.md"),
+        (
+            "**Not run on a device** [I]",
+            "do blackhole canaries block recursion, does fail-back leak un-NATed packets?",
+        ),
+    ),
+    Assumption(
+        "netwatch-rhythm",
+        "Netwatch counts its interval from the beginning of a test, runs the state's script before the test's, adds"
+        " `start-delay` to `startup-delay`; a next hop that cannot be resolved is neither asked nor given up.",
+        "The rehearsed moments of a failover; none is declared to the second.",
+        _person("log from each script, and compare the times with the row"),
+    ),
+    Assumption(
+        "lte-pin-words",
+        "`pin-status` of a modem says in the words of 3GPP TS 27.007 whether it asks for a PIN.",
+        "Whether a PIN is sent; after any other words none is.",
+        READS,
+    ),
+    Assumption(
+        "lte-pin-once",
+        "A modem enters its stored PIN once whenever it starts or the PIN is changed; `show-capabilities` and refused"
+        " bands are told as the emulated modem tells them.",
+        "A wrong PIN costs one try; it is taken back before it can be entered again.",
+        _person("store a wrong PIN for a spare SIM, and read the tries that are left"),
+    ),
+    Assumption(
+        "poe-load",
+        "A load on a port shows as `powered-on` with its figures, and a lease is bound as long as its device is there.",
+        "Rehearsed readings of what a router feeds; on a device they are read.",
+        _person("read `/interface ethernet poe monitor` with a known load"),
+        ("Do verbose exports of real devices match the twin's defaults",),
+    ),
+    Assumption(
+        "radio-restart",
+        "A radio starts anew after every change but that of comment, name and ARP, hears down to -85 dBm, and registers"
+        " within three seconds.",
+        "The rehearsed change of a bridge; on a device both ends are awaited for minutes.",
+        _person("change one setting at a time, and watch the registration table"),
+    ),
+)
+"""In the order of the page docs/verify.md."""
+
+
+def unconfirmed() -> str:
+    """The line of a rehearsal that counts what it rests on."""
+    return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: docs/verify.md"

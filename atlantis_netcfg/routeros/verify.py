@@ -1,0 +1,476 @@
+"""Which assumptions hold on a device: questions and pure judgements of their answers, and with scratch rows the others.
+
+Scratch rows are disabled static names of DNS, which nothing uses, added and taken back under safe mode. They are never
+left: what safe mode does not take back is removed, and a device that does not say that they are gone is unknown.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Session, SessionLost
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
+from atlantis_netcfg.routeros.pin import MONITOR, Sim, sim_of
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.api import Endpoint, Reply
+
+__all__ = ["CHECKS", "MARK", "TRIES", "Finding", "Seen", "read", "try_out"]
+
+MARK: Final = "atlantis: scratch row of verify"
+"""Comment of the scratch rows, by which a person would know them."""
+CLOSE_S: Final = 10.0
+UNDO_S: Final = 720.0
+"""How long a dead session may keep safe mode: about nine minutes, and some more."""
+_MENU: Final = "/ip/dns/static"
+_SAFE_MODE = Command("/safe-mode/print")
+_TRUE = ("true", "yes")
+_ISO = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
+_TIME = re.compile(r"(\d+(\.\d+)?(ms|us|[wdhms]))+|(\d+[wd])*\d\d:\d\d:\d\d(\.\d+)?")
+_SHARE = re.compile(r"\d+(\.\d+)?%?")
+_NAMES_A_ROW = re.compile(r"/(set|remove|move|enable|disable|comment|unset)\b|[ /](set|remove|move|unset) ")
+
+
+Judgement = tuple[Verdict, str]
+_WHO = re.compile(r"\S+@(?=\S)|\b\d{1,3}(?:\.\d{1,3}){3}\b|\b[0-9A-Fa-f]{0,4}(?::[0-9A-Fa-f]{0,4}){3,}")
+"""A user before an address, addresses of either family, MAC addresses: a device's words may name them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What is known of one assumption on a device."""
+
+    id: str
+    verdict: Verdict
+    """PASS: it holds; FAIL: it does not; SKIP: this device cannot show it now; INCONCLUSIVE: no usable answer."""
+    evidence: str
+    """Without addresses and names of users: it is sent to others."""
+
+    @classmethod
+    def of(cls, name: str, judgement: Judgement) -> Finding:
+        """Make one of a judgement, whose words may be the device's."""
+        verdict, evidence = judgement
+        return cls(name, verdict, _WHO.sub("…", evidence))
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a device is, and what was found on it, one finding for each assumption."""
+
+    version: str
+    board: str
+    architecture: str
+    findings: tuple[Finding, ...] = field(default=())
+
+    def with_findings(self, found: Iterable[Finding]) -> Seen:
+        """Return the same with these in place of those of the same assumptions."""
+        fresh = {finding.id: finding for finding in found}
+        return replace(self, findings=tuple(fresh.get(finding.id, finding) for finding in self.findings))
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Questions that change nothing, and the judgement of their answers."""
+
+    questions: tuple[Command, ...]
+    judge: Callable[[Sequence[Reply]], Judgement]
+
+
+def _print(menu: str, properties: str) -> Command:
+    return Command(f"{menu}/print", ((".proplist", properties),))
+
+
+def _refused(reply: Reply) -> str | None:
+    """The device's words, if it has refused the question."""
+    return None if reply.trap is None else f"refused: {reply.trap.message}"
+
+
+def _unknown_property(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    words = _refused(reply)
+    if words is not None:
+        return Verdict.FAIL, words
+    if len(reply.rows) == 1 and "name" in reply.rows[0] and "atlantis-unknown" not in reply.rows[0]:
+        return Verdict.PASS, "left out, and the known property answered"
+    return Verdict.FAIL, f"{len(reply.rows)} rows, not one with the known property alone"
+
+
+def _counted(replies: Sequence[Reply]) -> Judgement:
+    number, listed = replies
+    words = _refused(number)
+    if words is not None or number.ret is None or not number.ret.isdecimal():
+        return Verdict.FAIL, words or f"no number, and {len(number.rows)} rows"
+    same = int(number.ret) == len(listed.rows)
+    return (Verdict.PASS if same else Verdict.FAIL), f"counted {number.ret}, listed {len(listed.rows)}"
+
+
+def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
+    """PASS: oldest first; FAIL: newest first; None: neither can be seen. By their times, else by their ids."""
+    times = [row.get(moment, "") for row in rows]
+    ids = [int(row[".id"].removeprefix("*"), 16) for row in rows if re.fullmatch(r"\*[0-9A-Fa-f]+", row.get(".id", ""))]
+    clear = all(map(_ISO.fullmatch, times)) and len(set(times)) > 1
+    keys: Sequence[str | int] = times if clear else ids if len(ids) == len(rows) else []
+    pairs = list(pairwise(keys))
+    if pairs and all(str(a) <= str(b) if clear else int(a) < int(b) for a, b in pairs):
+        return Verdict.PASS
+    if pairs and all(str(a) >= str(b) if clear else int(a) > int(b) for a, b in pairs):
+        return Verdict.FAIL
+    return None
+
+
+def _sessions(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    if reply.trap is not None:
+        return Verdict.INCONCLUSIVE, str(_refused(reply))
+    found = _order(reply.rows, "when")
+    if found is None:
+        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} sessions, in no order that can be seen"
+    return found, f"{len(reply.rows)} sessions, {'oldest' if found is Verdict.PASS else 'newest'} first"
+
+
+def _history_order(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    if reply.trap is not None:
+        return Verdict.INCONCLUSIVE, str(_refused(reply))
+    if len(reply.rows) < 2:  # noqa: PLR2004 - an order needs two
+        return Verdict.SKIP, f"{len(reply.rows)} entries in the history: change something, then type the same again"
+    found = _order(reply.rows, "time")
+    if found is None:
+        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} entries, in no order that can be seen"
+    turned = {Verdict.PASS: Verdict.FAIL, Verdict.FAIL: Verdict.PASS}[found]
+    return turned, f"{len(reply.rows)} entries, {'newest' if turned is Verdict.PASS else 'oldest'} first"
+
+
+def _history_names(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    if reply.trap is not None:
+        return Verdict.INCONCLUSIVE, str(_refused(reply))
+    commands = [row.get(name, "") for row in reply.rows for name in ("undo", "redo")]
+    about = [command for command in commands if _NAMES_A_ROW.search(command)]
+    if not about:
+        return Verdict.SKIP, f"{len(reply.rows)} entries, of no row that is there: change one, then type the same again"
+    naming = [command for command in about if re.search(r"\*[0-9A-Fa-f]+", command)]
+    # Settings have no row to name, so that a few may name none.
+    return (Verdict.PASS if naming else Verdict.FAIL), f"{len(naming)} of {len(about)} commands name an .id"
+
+
+def _netwatch(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    if reply.trap is not None:
+        return Verdict.SKIP, str(_refused(reply))
+    values = [(row[name], form) for row in reply.rows for name, form in _NETWATCH.items() if row.get(name)]
+    if not values:
+        return Verdict.SKIP, "no row of netwatch is there"
+    other = next((value for value, form in values if not form.fullmatch(value)), None)
+    return (Verdict.PASS, f"{len(values)} values") if other is None else (Verdict.FAIL, f"`{other}`")
+
+
+_NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
+
+
+def _pin_words(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    if reply.trap is not None or not reply.rows:
+        return Verdict.SKIP, "no modem is there"
+    word = reply.rows[0].get("pin-status")
+    if word is None:
+        return Verdict.SKIP, "the modem says nothing of a PIN"
+    known = sim_of({"pin-status": word}) is not Sim.UNKNOWN
+    return (Verdict.PASS if known else Verdict.FAIL), f"`{word}`"
+
+
+def _ping(replies: Sequence[Reply]) -> Judgement:
+    (reply,) = replies
+    if reply.trap is None:
+        return Verdict.PASS, f"{len(reply.rows)} answers of the device to itself"
+    missing = reply.trap.message.startswith(("no such command", "bad command name"))
+    return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refused(reply))
+
+
+CHECKS: Final[Mapping[str, Check]] = {
+    "api-unknown-property": Check((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
+    "api-count-only": Check(
+        (Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
+        _counted,
+    ),
+    "api-sessions-newest-last": Check((_print("/user/active", ".id,when"),), _sessions),
+    "api-ping-path": Check((Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),
+    "history-names-ids": Check((_print("/system/history", ".id,time,undo,redo"),), _history_names),
+    "history-newest-first": Check((_print("/system/history", ".id,time"),), _history_order),
+    "netwatch-values": Check((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
+    "lte-pin-words": Check((MONITOR,), _pin_words),
+}
+"""Beside these `read` shows `api-flight-100` and `tls-version`, which are of the session and not of an answer."""
+_RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
+
+
+async def read(endpoint: Endpoint) -> Seen:
+    """Show what can be shown without changing anything, in two sessions. Raises DeviceFailed."""
+    narrow: list[bool] = []
+
+    def narrowed() -> None:
+        narrow.append(True)
+        endpoint.narrowed()
+
+    large = replace(endpoint, window=READING_WINDOW, narrowed=narrowed)
+    # Both at once, so that the device has two sessions to list.
+    async with await Session.open(endpoint) as session, await Session.open(large) as other:
+        many = await other.flight([_print("/system/identity", ".id")] * READING_WINDOW)
+        asked = [question for check in CHECKS.values() for question in check.questions]
+        resource, *replies = await session.flight([_RESOURCE, *asked])
+        tls = session.tls_version
+    silent = f"silent with {READING_WINDOW} in flight, answered with {WINDOW}"
+    found = {
+        "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, f"{len(many)} answers"),
+        "tls-version": (Verdict.PASS if tls == "TLSv1.2" else Verdict.FAIL, tls),
+    }
+    for name, check in CHECKS.items():
+        mine, replies = replies[: len(check.questions)], replies[len(check.questions) :]
+        unread = next((reply for reply in mine if _forbidden(reply)), None)
+        found[name] = check.judge(mine) if unread is None else (Verdict.INCONCLUSIVE, str(_refused(unread)))
+    row = next(iter(resource.checked().rows), {})
+    findings = tuple(Finding.of(each.id, found.get(each.id, (Verdict.SKIP, each.shown))) for each in ASSUMPTIONS)
+    return Seen(row.get("version", ""), row.get("board-name", ""), row.get("architecture-name", ""), findings)
+
+
+def _forbidden(reply: Reply) -> bool:
+    return reply.trap is not None and reply.trap.message.startswith("not enough permissions")
+
+
+# With scratch rows.
+
+TRIES: Final = tuple(each.id for each in ASSUMPTIONS if each.shown == TRY)
+"""What `try_out` shows."""
+
+
+def _scratch(name: str) -> tuple[tuple[str, str], ...]:
+    return (
+        ("name", f"{name}.atlantis.invalid"),
+        ("address", "192.0.2.1"),
+        ("disabled", "yes"),
+        ("comment", MARK),
+    )
+
+
+def _add(name: str) -> Command:
+    return Command(f"{_MENU}/add", _scratch(name))
+
+
+def _line(name: str) -> str:
+    words = " ".join(f'{key}="{value}"' for key, value in _scratch(name))
+    return f"/ip dns static add {words}\n"
+
+
+_MARKED = Command(f"{_MENU}/print", ((".proplist", ".id,name"),), (f"?comment={MARK}",))
+_ALL = _print(_MENU, ".id")
+_HISTORY = _print("/system/history", ".id")
+_NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
+
+
+async def try_out(endpoint: Endpoint) -> tuple[Finding, ...]:
+    """Show what needs scratch rows. Raises DeviceFailed with the device as it was, OutcomeUnknown if rows are left."""
+    found: dict[str, Judgement] = dict.fromkeys(TRIES, _NOT_TRIED)
+    async with await Session.open(endpoint) as watcher:
+        await _refuse(watcher)
+        try:
+            with suppress(SessionLost):
+                await _by_rows(endpoint, watcher, found)
+            await _cleaned(endpoint)
+            with suppress(SessionLost):
+                await _by_two(endpoint, watcher, found)
+            with suppress(SessionLost):
+                await _by_close(endpoint, watcher, found)
+        finally:
+            await _cleaned(endpoint)
+    return tuple(Finding.of(name, judgement) for name, judgement in found.items())
+
+
+async def _refuse(session: Session) -> None:
+    """Refuse where there is no safe mode, somebody holds it, or rows of an earlier try are left."""
+    state, marked = await session.flight([_SAFE_MODE, _MARKED])
+    if state.trap is not None:
+        raise DeviceFailed(
+            "nothing was tried: this device has no safe mode for the API",
+            hint="it came with RouterOS 7.18; without `--try` the device is only read",
+        )
+    if _held(state):
+        raise DeviceFailed(
+            "nothing was tried: somebody holds safe mode of this device",
+            hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
+        )
+    if marked.checked().rows:
+        raise DeviceFailed(
+            f"nothing was tried: {len(marked.rows)} scratch rows of an earlier try are there",
+            hint=f'on the device:  /ip dns static remove [find comment="{MARK}"]',
+        )
+
+
+def _held(state: Reply) -> bool:
+    return any(row.get("enabled") in _TRUE for row in state.rows)
+
+
+def _mine(state: Reply) -> bool:
+    return any(row.get("current") in _TRUE for row in state.rows)
+
+
+async def _take(session: Session) -> None:
+    take = await session.command(Command("/safe-mode/take"))
+    take.checked()
+    if not _mine(await session.command(_SAFE_MODE)):
+        raise DeviceFailed("nothing was tried: safe mode was taken and is not this session's")
+
+
+async def _by_rows(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
+    """Add rows by sentences and by scripts under safe mode, and take everything back."""
+    before = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
+    async with await Session.open(endpoint) as session:
+        await _take(session)
+        try:
+            replies = await session.flight([_add(f"flight-{number}") for number in range(WINDOW)])
+        except SessionLost:
+            found["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {WINDOW} writes in flight")
+            raise
+        found["api-flight-24"] = (Verdict.PASS, f"{len(replies)} answers")
+        found["api-tagged-order"], ids = _in_order(replies)
+        if ids:
+            await session.command(Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
+            again = _number((await session.command(_add("again"))).ret)
+            grown = again is not None and again > max(ids)
+            words = "greater than all before" if grown else "not greater than all before"
+            found["api-ids-grow"] = (Verdict.PASS if grown else Verdict.FAIL, f"the .id after a removal is {words}")
+        await _by_scripts(session, found)
+        await session.command(Command("/safe-mode/unroll"))
+    after = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
+    marked = (await watcher.command(_MARKED)).checked().rows
+    scripted = [row for row in marked if row.get("name", "").startswith("script-")]
+    if scripted:
+        found["safe-mode-undoes-scripts"] = (Verdict.FAIL, f"{len(scripted)} rows of scripts are left")
+    elif after != before:
+        found["safe-mode-undoes-scripts"] = (Verdict.INCONCLUSIVE, "the menu is not as before")
+    elif found["execute-stops"][0] is not Verdict.INCONCLUSIVE:
+        found["safe-mode-undoes-scripts"] = (Verdict.PASS, "all rows are gone, the menu is as before")
+
+
+def _number(text: str | None) -> int | None:
+    return int(text[1:], 16) if text is not None and re.fullmatch(r"\*[0-9A-Fa-f]+", text) else None
+
+
+def _in_order(replies: Sequence[Reply]) -> tuple[Judgement, list[int]]:
+    ids = [_number(reply.ret) for reply in replies]
+    known = [each for each in ids if each is not None]
+    if len(known) < len(ids):
+        words = next((_refused(reply) for reply in replies if reply.trap is not None), "no .id was answered")
+        return (Verdict.INCONCLUSIVE, str(words)), []
+    rising = all(a < b for a, b in pairwise(known))
+    words = "in the order of sending" if rising else "in another order than that of sending"
+    return (Verdict.PASS if rising else Verdict.FAIL, f"{len(known)} rows were added {words}"), known
+
+
+async def _by_scripts(session: Session, found: dict[str, Judgement]) -> None:
+    """Run a script that is right, and one with an error in its middle."""
+    before = {row.get(".id") for row in (await session.command(_HISTORY)).rows}
+    right = await session.command(_script("".join(_line(f"script-{number}") for number in range(3))))
+    entries = {row.get(".id") for row in (await session.command(_HISTORY)).rows} - before
+    if right.trap is not None:
+        missing = right.trap.message.startswith("no such command")
+        words = str(_refused(right))
+        found["execute-error-text"] = (Verdict.FAIL if missing else Verdict.INCONCLUSIVE, words)
+        for name in ("safe-mode-counts-rows", "safe-mode-undoes-scripts", "execute-stops"):
+            found[name] = (Verdict.INCONCLUSIVE, words)
+        return
+    number = len(entries)
+    found["safe-mode-counts-rows"] = (Verdict.PASS if number == 3 else Verdict.FAIL, f"{number} entries for 3 rows")  # noqa: PLR2004
+    wrong = await session.command(
+        _script(f'{_line("script-first")}/ip dns static set *FFFFFF comment="{MARK}"\n{_line("script-after")}')
+    )
+    if wrong.trap is not None:
+        found["execute-error-text"] = (Verdict.FAIL, f"`!trap` {wrong.trap.message}")
+    else:
+        said = "no such item" in (wrong.ret or "")
+        found["execute-error-text"] = (Verdict.PASS if said else Verdict.FAIL, f"the output is `{wrong.ret or ''}`")
+    names = {row.get("name", "").partition(".")[0] for row in (await session.command(_MARKED)).checked().rows}
+    if "script-first" not in names:
+        found["execute-stops"] = (Verdict.INCONCLUSIVE, "the line before the error was not executed either")
+    elif "script-after" in names:
+        found["execute-stops"] = (Verdict.FAIL, "the line after the error was executed")
+    else:
+        found["execute-stops"] = (Verdict.PASS, "the line before the error was executed, the one after it not")
+
+
+def _script(text: str) -> Command:
+    return Command("/execute", (("script", text), ("as-string", "")))
+
+
+async def _by_two(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
+    """Let a second session take safe mode from the first, which has changed nothing."""
+    async with await Session.open(endpoint) as session:
+        await _take(session)
+        second = await watcher.command(Command("/safe-mode/take"))
+        still, robbed = _mine(await session.command(_SAFE_MODE)), _mine(await watcher.command(_SAFE_MODE))
+        if robbed:
+            await watcher.command(Command("/safe-mode/unroll"))
+        elif still:
+            await session.command(Command("/safe-mode/unroll"))
+    if second.trap is not None and still and not robbed:
+        found["safe-mode-second-taker"] = (Verdict.PASS, f"`{second.trap.message}`")
+    else:
+        words = "was refused" if second.trap is not None else "was not refused"
+        kept = "kept" if still else "lost"
+        found["safe-mode-second-taker"] = (Verdict.FAIL, f"the second session {words}, the first has {kept} safe mode")
+
+
+async def _by_close(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
+    """Close a session that holds safe mode, and see how long its row stays."""
+    async with await Session.open(endpoint) as session:
+        await _take(session)
+        (await session.command(_add("close"))).checked()
+    waited = await _gone(watcher, CLOSE_S)
+    if waited is None:
+        found["safe-mode-close"] = (Verdict.FAIL, f"not undone {CLOSE_S:.0f} s after the close")
+    else:
+        found["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, waited):.0f} s")
+
+
+async def _gone(session: Session, within_s: float) -> float | None:
+    """Wait until nobody holds safe mode and no scratch row is left; the seconds that it took, or None."""
+    clock = asyncio.get_running_loop().time
+    begun = clock()
+    while True:
+        state, marked = await session.flight([_SAFE_MODE, _MARKED])
+        if not _held(state) and not marked.checked().rows:
+            return clock() - begun
+        if clock() - begun >= within_s:
+            return None
+        await asyncio.sleep(1.0)
+
+
+async def _cleaned(endpoint: Endpoint) -> None:
+    """See in a new session that no row is left: what safe mode has not taken back is removed. Raises OutcomeUnknown."""
+    unknown = OutcomeUnknown(
+        "the device does not say that the scratch rows are gone",
+        hint=f'after ten minutes, on the device:  /ip dns static print where comment="{MARK}"',
+    )
+    try:
+        async with await Session.open(endpoint) as session:
+            clock = asyncio.get_running_loop().time
+            until = clock() + UNDO_S
+            while _held(await session.command(_SAFE_MODE)) and clock() < until:  # noqa: ASYNC110 - the device tells when
+                await asyncio.sleep(1.0)
+            rows = (await session.command(_MARKED)).checked().rows
+            if rows:
+                ids = ",".join(row[".id"] for row in rows)
+                (await session.command(Command(f"{_MENU}/remove", ((".id", ids),)))).checked()
+            if await _gone(session, 0.0) is None:
+                raise unknown
+    except DeviceFailed as lost:
+        raise unknown from lost

@@ -1,0 +1,128 @@
+"""`verify` on twins: everything holds, and whatever is turned off is told, alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import Bench, on
+
+from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS
+from atlantis_netcfg.routeros.verify import CHECKS, MARK, TRIES, Seen, read, try_out
+from atlantis_netcfg.twin import Deviation, Execute, Knobs, ModemSpec
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+READING = {each.id for each in ASSUMPTIONS if each.shown == READS}
+MODEM = ModemSpec()
+SEED = "/tool netwatch add host=192.0.2.1 type=icmp\n"
+
+
+def bench(tmp_path: Path, **changes: Any) -> Bench:  # noqa: ANN401 - fields of RouterSpec, and `knobs`
+    """A router with a modem, a row of netwatch, and a history."""
+    knobs = changes.pop("knobs", None)
+    return Bench(tmp_path, knobs=knobs, spec={"seed": SEED, "modem": MODEM, **changes})
+
+
+async def _with_history(bench: Bench) -> None:
+    for comment in ("first", "second"):
+        await bench.router.console(["/interface/set", "=.id=ether1", f"=comment={comment}"])
+
+
+async def reading(bench: Bench) -> Seen:
+    await _with_history(bench)
+    return await read(bench.job().endpoint)
+
+
+async def trying(bench: Bench) -> Seen:
+    before = bench.export()
+    seen = await reading(bench)
+    before = bench.export()
+    seen = seen.with_findings(await try_out(bench.job().endpoint))
+    assert bench.export() == before
+    assert MARK not in before
+    return seen
+
+
+def failed(seen: Seen) -> set[str]:
+    return {finding.id for finding in seen.findings if finding.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}}
+
+
+def passed(seen: Seen) -> set[str]:
+    return {finding.id for finding in seen.findings if finding.verdict is Verdict.PASS}
+
+
+@pytest.mark.parametrize("version", ["7.18.2", "7.20.8", "7.21.5"])
+def test_all_hold(tmp_path: Path, version: str) -> None:
+    seen = on(bench(tmp_path, version=version), trying)
+    assert (failed(seen), passed(seen)) == (set(), READING | set(TRIES))
+
+
+def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> Seen:
+        seen = await reading(bench)
+        with pytest.raises(DeviceFailed, match="no safe mode for the API"):
+            await try_out(bench.job().endpoint)
+        return seen
+
+    seen = on(bench(tmp_path, version="7.16"), act)
+    assert (failed(seen), passed(seen)) == (set(), READING)
+
+
+OFF_BY_READING: dict[str, dict[str, Any]] = {
+    "api-flight-100": {"knobs": Knobs(hang_at=25)},
+    "tls-version": {"knobs": Knobs(tls="1.3")},
+    **{each: {"deviations": (Deviation(each),)} for each in CHECKS},
+}
+
+
+@pytest.mark.parametrize("name", OFF_BY_READING)
+def test_what_is_turned_off_is_told_by_reading(tmp_path: Path, name: str) -> None:
+    seen = on(bench(tmp_path, **OFF_BY_READING[name]), reading)
+    assert (failed(seen), passed(seen)) == ({name}, READING - {name})
+
+
+OFF_BY_TRYING: dict[str, dict[str, Any]] = {
+    "api-flight-24": {"knobs": Knobs(hang_writes_at=24)},
+    "api-tagged-order": {"knobs": Knobs(shuffle=3)},
+    "execute-error-text": {"execute": Execute.TRAP},
+    "safe-mode-close": {"unroll_delay_s": 60.0},
+    **{
+        each: {"deviations": (Deviation(each),)}
+        for each in TRIES
+        if each not in {"api-flight-24", "api-tagged-order", "execute-error-text", "safe-mode-close"}
+    },
+}
+
+
+@pytest.mark.parametrize("name", OFF_BY_TRYING)
+def test_what_is_turned_off_is_told_by_trying(tmp_path: Path, name: str) -> None:
+    seen = on(bench(tmp_path, **OFF_BY_TRYING[name]), trying)
+    wrong = {finding.id for finding in seen.findings if finding.verdict is Verdict.FAIL}
+    assert wrong == {name}
+    if name != "api-flight-24":  # a session that was lost shows nothing after it
+        assert failed(seen) == {name}
+
+
+def test_somebody_who_holds_safe_mode_is_left_alone(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        await bench.router.console(["/safe-mode/take"])
+        with pytest.raises(DeviceFailed, match="somebody holds safe mode"):
+            await try_out(bench.job().endpoint)
+        (row,) = [answer for answer in await bench.router.console(["/safe-mode/print"]) if answer.kind == "!re"]
+        assert "=current=true" in row.words
+
+    on(bench(tmp_path), act)
+
+
+def test_a_device_that_was_never_met_is_refused(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        with pytest.raises(DeviceFailed, match="certificate"):
+            await read(replace(bench.job().endpoint, pin=None))
+        assert bench.router.counters().logins == 0
+
+    on(bench(tmp_path), act)
