@@ -27,6 +27,7 @@ COMMANDS: Mapping[str, str] = {
     "drift": "atlantis_netcfg.cli.drift",
     "links": "atlantis_netcfg.cli.links",
     "prove": "atlantis_netcfg.cli.prove",
+    "verify": "atlantis_netcfg.cli.verify",
     "dds": "atlantis_netcfg.cli.dds",
     "check": "atlantis_netcfg.cli.check",
     "report list": "atlantis_netcfg.cli.report_list",

@@ -23,6 +23,7 @@ from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit
 from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.operations.pairs import with_other_ends
 from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.routeros.assumptions import unconfirmed
 from atlantis_netcfg.site.model import Cpe, Router
 from atlantis_netcfg.twin import (
     NOT_REHEARSED,
@@ -118,7 +119,7 @@ def rehearsal(
         }
         radio = _RADIO_NOT_REHEARSED if any(managed(declaration, host).hardware.radios for host in emulated) else ()
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
-        routers = NOT_REHEARSED if emulated else ()
+        routers = (*NOT_REHEARSED, unconfirmed()) if emulated else ()
         untold = (*routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
         yield Rehearsal(targets, untold, twins, units, computers)
 

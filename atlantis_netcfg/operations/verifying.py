@@ -1,0 +1,178 @@
+"""Which assumptions about RouterOS hold on one device of a site: the session, what it costs, and the report."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg import paths, printable
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.jobs import endpoint_of
+from atlantis_netcfg.operations.kinds import managed
+from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
+from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
+from atlantis_netcfg.routeros.verify import read, try_out
+from atlantis_netcfg.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.bearers.cost import Preview
+    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.verify import Seen
+    from atlantis_netcfg.site import Declaration, Host
+
+__all__ = ["Verified", "Verifying", "written"]
+
+_FLIGHT_BYTES = 160
+"""One small question and its answer, both with their records of TLS."""
+_READ_BYTES = 30_000
+"""The history of a hundred entries is most of it."""
+_TRY_BYTES = 40_000
+"""Scratch rows, the ids of the history and of static names, and a question a second for some seconds."""
+_READ_SESSIONS, _TRY_SESSIONS = 2, 7
+_SECONDS = 20.0
+_WORDS = {
+    Verdict.PASS: "holds",
+    Verdict.FAIL: "DOES NOT HOLD",
+    Verdict.INCONCLUSIVE: "not known",
+    Verdict.SKIP: "not shown",
+}
+_COUNTS = {verdict: words.lower() for verdict, words in _WORDS.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """What a device has shown."""
+
+    device: str
+    seen: Seen
+    tried: bool
+    rehearsed: bool
+    at: datetime
+    round_trips: int
+    bytes: int
+    file: Path | None = None
+    """Where the same was written, to be sent back."""
+
+    def number(self, verdict: Verdict) -> int:
+        """How many assumptions were judged so."""
+        return sum(finding.verdict is verdict for finding in self.seen.findings)
+
+    @property
+    def exit(self) -> ExitCode:
+        """6 if one does not hold or gave no usable answer, 7 if none was shown, else 0."""
+        if self.number(Verdict.FAIL) or self.number(Verdict.INCONCLUSIVE):
+            return ExitCode.CHECKS_FAILED
+        return ExitCode.DONE if self.number(Verdict.PASS) else ExitCode.NOTHING
+
+    def as_json(self) -> dict[str, Any]:
+        """One object for programs."""
+        rows = {each.id: each for each in ASSUMPTIONS}
+        return {
+            "device": self.device,
+            "rehearsed": self.rehearsed,
+            "tried": self.tried,
+            "version": self.seen.version,
+            "board": self.seen.board,
+            "architecture": self.seen.architecture,
+            "at": self.at.isoformat(timespec="seconds"),
+            "round_trips": self.round_trips,
+            "bytes": self.bytes,
+            "exit": int(self.exit),
+            "assumptions": [
+                {
+                    "id": finding.id,
+                    "sentence": rows[finding.id].sentence,
+                    "rests": rows[finding.id].rests,
+                    "shown": rows[finding.id].shown,
+                    "verdict": finding.verdict.value,
+                    "evidence": printable.line(finding.evidence),
+                }
+                for finding in self.seen.findings
+            ],
+            "file": None if self.file is None else str(self.file),
+        }
+
+    def as_text(self) -> str:
+        """The lines for a person: what does not hold first."""
+        seen, where = self.seen, "emulated " if self.rehearsed else ""
+        counts = ", ".join(f"{words}: {self.number(verdict)}" for verdict, words in _COUNTS.items())
+        lines = [
+            f"{self.device}: {where}{printable.line(seen.board)}, RouterOS {printable.line(seen.version)}",
+            f"  {len(seen.findings)} assumptions; {counts}",
+        ]
+        sentences = {each.id: each for each in ASSUMPTIONS}
+        for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.SKIP):
+            for finding in (one for one in seen.findings if one.verdict is verdict):
+                lines.append(f"  {_WORDS[verdict]:<14} {finding.id}: {printable.line(finding.evidence)}")
+                if verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}:
+                    lines += [
+                        f"  {'':<14} {sentences[finding.id].sentence}",
+                        f"  {'':<14} {sentences[finding.id].rests}",
+                    ]
+        lines.append(f"  {self.round_trips} round trips, {self.bytes / 1000:.1f} kB")
+        if self.file is not None:
+            lines.append(f"  to be sent back: {self.file}")
+        return "\n".join(lines)
+
+
+@dataclass(slots=True)
+class Verifying:
+    """One device that is to be verified."""
+
+    declaration: Declaration
+    host: Host
+    request: Request
+    notify: Subscriber
+    tries: bool = False
+    """Also by scratch rows under safe mode."""
+    _spent: list[Traffic] = field(default_factory=list)
+
+    @property
+    def cost(self) -> Preview:
+        """What it may cost at most, over the link in use. Raises UsageError for a link that the site does not have."""
+        bearer = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name))
+        payload = READING_WINDOW * _FLIGHT_BYTES + _READ_BYTES + (_TRY_BYTES if self.tries else 0)
+        sessions = _READ_SESSIONS + (_TRY_SESSIONS if self.tries else 0)
+        total = on_the_wire(payload + sessions * HANDSHAKE_BYTES, sessions)
+        seconds = _SECONDS * (1 + self.tries) + bearer.rtt_s * 4 * sessions
+        return preview(total, seconds, link_of(self.declaration, self.host.site, bearer.name), at_most=True)
+
+    def run(self) -> Verified:
+        """Ask the device. Raises DeviceFailed, OutcomeUnknown if scratch rows may be left."""
+        return asyncio.run(self._run())
+
+    async def _run(self) -> Verified:
+        found = endpoint_of(self.host, managed(self.declaration, self.host).access, self.request)
+        endpoint = replace(found, opening=self._spent.append)
+        self._say(Stage.CONNECTING, "to be read, not changed")
+        seen = await read(endpoint)
+        if self.tries:
+            self._say(Stage.VERIFYING, "trying with scratch rows under safe mode")
+            seen = seen.with_findings(await try_out(endpoint))
+        self._say(Stage.DONE, "verified")
+        total = Traffic.total(self._spent)
+        now, tried, rehearsed = datetime.now(UTC), self.tries, self.request.rehearsed
+        return Verified(self.host.name, seen, tried, rehearsed, now, total.round_trips, total.bytes)
+
+    def _say(self, stage: Stage, message: str) -> None:
+        self.notify(Event(self.host.name, stage, message))
+
+
+def written(verified: Verified, state: Path) -> Verified:
+    """Keep the report in a file of the state directory: no address, no secret, and no name but the device's."""
+    folder = paths.private_directory(state / "verify")
+    file = folder / f"{verified.device}-{verified.at:%Y%m%dT%H%M%SZ}.json"
+    result = replace(verified, file=file)
+    file.write_text(json.dumps(verified.as_json(), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+    return result
