@@ -25,6 +25,7 @@ COMMAND = Command(
     ),
     flags=(
         Flag("try", "also what needs a write: scratch rows under safe mode, taken back at once"),
+        Flag("silence", "also what takes ten minutes: a session that holds safe mode and falls silent"),
         Flag("rehearse", "the same with the emulated device", harmless=True),
         ACCEPT_COST,
         ASK_VAULT_PASS,
@@ -64,7 +65,12 @@ def run(arguments: Arguments) -> ExitCode:
         refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
         with progress(quiet=opened.as_json) as notify:
             verifying = Verifying(
-                opened.declaration, host, opened.request(Mode.DRIFT), notify, tries=arguments.flag("try")
+                opened.declaration,
+                host,
+                opened.request(Mode.DRIFT),
+                notify,
+                tries=arguments.flag("try"),
+                silence=arguments.flag("silence") and not opened.rehearsed,
             )
             _pay(opened, verifying)
             verified = _verified(opened, verifying)
@@ -93,7 +99,7 @@ def _host(declaration: Declaration, name: str) -> Host:
 
 def _verified(opened: Session, verifying: Verifying) -> Verified:
     """Ask; where rows are added nobody else may work at the site meanwhile."""
-    if not verifying.tries:
+    if not (verifying.tries or verifying.silence):
         return verifying.run()
     with opened.store.lock(opened.site, f"provision verify device={verifying.host.name} --try"):
         return verifying.run()

@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
-from atlantis_netcfg.routeros.verify import read, try_out
+from atlantis_netcfg.routeros.verify import UNDO_S, fall_silent, read, try_out
 from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -136,16 +136,18 @@ class Verifying:
     notify: Subscriber
     tries: bool = False
     """Also by scratch rows under safe mode."""
+    silence: bool = False
+    """Also by a session that falls silent for ten minutes."""
     _spent: list[Traffic] = field(default_factory=list)
 
     @property
     def cost(self) -> Preview:
         """What it may cost at most, over the link in use. Raises UsageError for a link that the site does not have."""
         bearer = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name))
-        payload = READING_WINDOW * _FLIGHT_BYTES + _READ_BYTES + (_TRY_BYTES if self.tries else 0)
-        sessions = _READ_SESSIONS + (_TRY_SESSIONS if self.tries else 0)
+        payload = READING_WINDOW * _FLIGHT_BYTES + _READ_BYTES + _TRY_BYTES * (self.tries + self.silence)
+        sessions = _READ_SESSIONS + _TRY_SESSIONS * (self.tries + self.silence)
         total = on_the_wire(payload + sessions * HANDSHAKE_BYTES, sessions)
-        seconds = _SECONDS * (1 + self.tries) + bearer.rtt_s * 4 * sessions
+        seconds = _SECONDS * (1 + self.tries) + UNDO_S * self.silence + bearer.rtt_s * 4 * sessions
         return preview(total, seconds, link_of(self.declaration, self.host.site, bearer.name), at_most=True)
 
     def run(self) -> Verified:
@@ -160,9 +162,12 @@ class Verifying:
         if self.tries:
             self._say(Stage.VERIFYING, "trying with scratch rows under safe mode")
             seen = seen.with_findings(await try_out(endpoint))
+        if self.silence:
+            self._say(Stage.WAITING, "a session falls silent: the device notices within twelve minutes")
+            seen = seen.with_findings([await fall_silent(endpoint)])
         self._say(Stage.DONE, "verified")
         total = Traffic.total(self._spent)
-        now, tried, rehearsed = datetime.now(UTC), self.tries, self.request.rehearsed
+        now, tried, rehearsed = datetime.now(UTC), self.tries or self.silence, self.request.rehearsed
         return Verified(self.host.name, seen, tried, rehearsed, now, total.round_trips, total.bytes)
 
     def _say(self, stage: Stage, message: str) -> None:

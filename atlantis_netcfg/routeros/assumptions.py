@@ -9,12 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["ASSUMPTIONS", "READS", "TRY", "Assumption", "unconfirmed"]
+__all__ = ["ASSUMPTIONS", "READS", "SILENCE", "TRY", "Assumption", "unconfirmed"]
 
 READS: Final = "by reading"
 """How most rows are shown: `provision verify` reads the device."""
 TRY: Final = "needs --try"
 """It takes scratch rows under safe mode: `provision verify --try`."""
+SILENCE: Final = "needs --silence"
+"""It takes a scratch row and ten minutes of silence: `provision verify --try --silence`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,7 @@ class Assumption:
     rests: str
     """What depends on it, and what happens where it does not hold."""
     shown: str
-    """READS, TRY, or `needs a person: …`."""
+    """READS, TRY, SILENCE, or `needs a person: …`."""
     facts: tuple[str, ...] = ()
     """Words of the sentences in the facts about RouterOS that are marked as unconfirmed and meant by this row."""
 
@@ -85,9 +87,9 @@ ASSUMPTIONS: Final = (
     ),
     Assumption(
         "api-silent-session",
-        "A session that falls silent is noticed after about nine minutes, an idle healthy one never.",
+        "A session that falls silent is noticed within twelve minutes, after about nine.",
         "How long a run waits for a device to take back by itself what a dead session held.",
-        _person("take safe mode in a session, pull its cable, and read `/safe-mode print` in another each minute"),
+        SILENCE,
         ("Exact time-out of a silent API session",),
     ),
     Assumption(

@@ -25,13 +25,15 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Endpoint, Reply
 
-__all__ = ["CHECKS", "MARK", "TRIES", "Finding", "Seen", "read", "try_out"]
+__all__ = ["CHECKS", "MARK", "TRIES", "Finding", "Seen", "fall_silent", "read", "try_out"]
 
 MARK: Final = "atlantis: scratch row of verify"
 """Comment of the scratch rows, by which a person would know them."""
 CLOSE_S: Final = 10.0
 UNDO_S: Final = 720.0
 """How long a dead session may keep safe mode: about nine minutes, and some more."""
+_SOON_S: Final = 60.0
+"""A device that has heard of the end of a session undoes what it held before that."""
 _MENU: Final = "/ip/dns/static"
 _SAFE_MODE = Command("/safe-mode/print")
 _TRUE = ("true", "yes")
@@ -441,7 +443,29 @@ async def _by_close(endpoint: Endpoint, watcher: Session, found: dict[str, Judge
         found["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, waited):.0f} s")
 
 
-async def _gone(session: Session, within_s: float) -> float | None:
+async def fall_silent(endpoint: Endpoint) -> Finding:
+    """Let a session that holds safe mode fall silent, and see when its row is taken back. Raises as `try_out`."""
+    name = "api-silent-session"
+    async with await Session.open(endpoint) as session:
+        await _refuse(session)
+        try:
+            await _take(session)
+            (await session.command(_add("silence"))).checked()
+            session.fall_silent()
+            async with await Session.open(endpoint) as watcher:
+                waited = await _gone(watcher, UNDO_S, every_s=15.0)
+        finally:
+            await _cleaned(endpoint)
+    if waited is None:
+        judgement = (Verdict.FAIL, f"not undone after {UNDO_S / 60:.0f} minutes")
+    elif waited < _SOON_S:
+        judgement = (Verdict.INCONCLUSIVE, f"undone within {waited:.0f} s: the session was not silent, but ended")
+    else:
+        judgement = (Verdict.PASS, f"undone after {waited / 60:.1f} minutes of silence")
+    return Finding.of(name, judgement)
+
+
+async def _gone(session: Session, within_s: float, every_s: float = 1.0) -> float | None:
     """Wait until nobody holds safe mode and no scratch row is left; the seconds that it took, or None."""
     clock = asyncio.get_running_loop().time
     begun = clock()
@@ -451,7 +475,7 @@ async def _gone(session: Session, within_s: float) -> float | None:
             return clock() - begun
         if clock() - begun >= within_s:
             return None
-        await asyncio.sleep(1.0)
+        await asyncio.sleep(every_s)
 
 
 async def _cleaned(endpoint: Endpoint) -> None:

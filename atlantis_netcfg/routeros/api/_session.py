@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Self
 
 from atlantis_netcfg.routeros.api._errors import FellSilent, Unreachable
 from atlantis_netcfg.routeros.api._login import log_in
-from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, fingerprint_of
+from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, cut_off, fingerprint_of
 from atlantis_netcfg.routeros.api._values import Traffic
 from atlantis_netcfg.routeros.api._wire import Wire
 
@@ -64,6 +64,10 @@ class Session:
     def tls_version(self) -> str:
         """As the TLS library calls it: `TLSv1.2`."""
         return str(self._wire.transport.get_extra_info("ssl_object").version())
+
+    def fall_silent(self) -> None:
+        """Let neither end hear the other again, as a link that has died; the connection stays until it is closed."""
+        cut_off(self._wire.transport)
 
     async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
         """Send one command and wait for its answer: a flight of one."""

@@ -6,9 +6,11 @@ Not asyncio's own TLS: that neither counts what the wire carries nor leaves with
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import hashlib
 import socket
 import ssl
+import struct
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,9 +20,11 @@ from atlantis_netcfg.routeros.api._errors import CertificateChanged, Certificate
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Endpoint, Traffic
 
-__all__ = ["TlsTransport", "check_pin", "client_context", "fingerprint_of", "keep_alive"]
+__all__ = ["TlsTransport", "check_pin", "client_context", "cut_off", "fingerprint_of", "keep_alive"]
 
 _PIECE = 65_536
+_ATTACH_FILTER = 26
+"""SO_ATTACH_FILTER of Linux (asm-generic/socket.h), which Python does not name."""
 
 
 class TlsTransport(asyncio.Transport, asyncio.Protocol):
@@ -194,3 +198,16 @@ def keep_alive(transport: asyncio.BaseTransport) -> None:
     for option, value in (("TCP_KEEPIDLE", 60), ("TCP_KEEPINTVL", 30), ("TCP_KEEPCNT", 6)):
         if hasattr(socket, option):
             connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+
+def cut_off(transport: asyncio.BaseTransport) -> None:
+    """Let the kernel drop whatever comes on this connection, acknowledgements too, and send nothing by itself.
+
+    A packet filter of the socket's own (socket(7), SO_ATTACH_FILTER), which needs no privilege: one instruction, which
+    takes no byte of any packet.
+    """
+    connection = transport.get_extra_info("socket")
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 0)
+    nothing = ctypes.create_string_buffer(struct.pack("HBBI", 0x06, 0, 0, 0))
+    program = struct.pack("HP", 1, ctypes.addressof(nothing))
+    connection.setsockopt(socket.SOL_SOCKET, _ATTACH_FILTER, program)

@@ -9,8 +9,9 @@ import pytest
 from engine_bench import Bench, on
 
 from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS
-from atlantis_netcfg.routeros.verify import CHECKS, MARK, TRIES, Seen, read, try_out
+from atlantis_netcfg.routeros.verify import CHECKS, MARK, TRIES, Finding, Seen, fall_silent, read, try_out
 from atlantis_netcfg.twin import Deviation, Execute, Knobs, ModemSpec
 from atlantis_netcfg.verdicts import Verdict
 
@@ -106,6 +107,24 @@ def test_what_is_turned_off_is_told_by_trying(tmp_path: Path, name: str) -> None
     assert wrong == {name}
     if name != "api-flight-24":  # a session that was lost shows nothing after it
         assert failed(seen) == {name}
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "verdict"), [(540.0, Verdict.PASS), (900.0, Verdict.FAIL), (5.0, Verdict.INCONCLUSIVE)]
+)
+def test_a_silent_session_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, silent_s: float, verdict: Verdict
+) -> None:
+    async def act(bench: Bench) -> Finding:
+        # The emulated link is what has died: its time jumps, and the kernel's does not.
+        monkeypatch.setattr(Session, "fall_silent", lambda _: bench.router.vanish())
+        before = bench.export()
+        found = await fall_silent(bench.job().endpoint)
+        assert bench.export() == before
+        return found
+
+    found = on(bench(tmp_path, silent_timeout_s=silent_s), act)
+    assert (found.id, found.verdict) == ("api-silent-session", verdict)
 
 
 def test_somebody_who_holds_safe_mode_is_left_alone(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import ssl
+import struct
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import pytest
 from scripted_device import Device, Peer, serving
 
 from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
-from atlantis_netcfg.routeros.api._tls import client_context
+from atlantis_netcfg.routeros.api._tls import client_context, cut_off, keep_alive
 from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
@@ -130,3 +131,30 @@ def test_a_handshake_that_never_ends_is_given_up() -> None:
 
 def test_addresses_of_version_6_are_shown_in_brackets() -> None:
     assert str(Endpoint("fe80::1", 8729, "provision", Secret("x"), None)) == "[fe80::1]:8729"
+
+
+class _Connected(asyncio.Transport):
+    def __init__(self, end: socket.socket) -> None:
+        super().__init__({"socket": end})
+
+
+@pytest.mark.parametrize("dead", [False, True])
+def test_a_connection_that_is_cut_off_hears_nothing_and_acknowledges_nothing(dead: bool) -> None:  # noqa: FBT001
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname()) as ours:
+        device, _ = server.accept()
+        with device:
+            keep_alive(_Connected(ours))
+            if dead:
+                cut_off(_Connected(ours))
+            # On loopback a segment has been taken or dropped by the time that `send` returns.
+            device.send(b"still there?")
+            if dead:
+                with pytest.raises(BlockingIOError):
+                    ours.recv(100, socket.MSG_DONTWAIT)
+                assert ours.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 0
+                (unacknowledged,) = struct.unpack_from(
+                    "I", device.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104), 24
+                )
+                assert unacknowledged > 0
+            else:
+                assert ours.recv(100, socket.MSG_DONTWAIT) == b"still there?"

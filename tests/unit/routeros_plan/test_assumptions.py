@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, TRY, unconfirmed
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, unconfirmed
 from atlantis_netcfg.routeros.verify import CHECKS, TRIES
 from atlantis_netcfg.twin import Deviation
 
@@ -48,7 +48,7 @@ def test_the_table_says_everything_once() -> None:
         assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", each.id)
         assert each.sentence.endswith(".")
         assert each.rests.endswith(".")
-        assert each.shown in {READS, TRY} or each.shown.startswith("needs a person: ")
+        assert each.shown in {READS, TRY, SILENCE} or each.shown.startswith("needs a person: ")
     assert str(len(ASSUMPTIONS)) in unconfirmed()
 
 
@@ -67,6 +67,7 @@ def test_whatever_a_device_can_show_is_shown() -> None:
     of_the_session = {"api-flight-100", "tls-version"}
     assert {each.id for each in ASSUMPTIONS if each.shown == READS} == {*CHECKS, *of_the_session}
     assert {each.id for each in ASSUMPTIONS if each.shown == TRY} == set(TRIES)
+    assert [each.id for each in ASSUMPTIONS if each.shown == SILENCE] == ["api-silent-session"]
     assert {deviation.value for deviation in Deviation} <= set(IDS)
 
 

@@ -1,0 +1,68 @@
+"""`provision verify` typed: rehearsed, and against a router that stands at its declared address."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import Quay, quay
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+IDS = [each.id for each in ASSUMPTIONS]
+
+
+@pytest.mark.slow
+def test_a_rehearsal_shows_what_it_can_and_writes_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    assert main(["verify", "device=coastal-router", "--rehearse", "--try", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [row["id"] for row in told["assumptions"]] == IDS
+    assert {row["verdict"] for row in told["assumptions"]} == {"PASS", "SKIP"}
+    assert all(row["evidence"] for row in told["assumptions"])
+    assert (told["rehearsed"], told["tried"], told["file"], told["exit"]) == (True, True, None, 0)
+    assert not (tmp_path / "state" / "verify").exists()
+
+
+def test_a_device_that_is_no_router_or_not_there_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    assert main(["verify", "device=coastal-gateway", "--rehearse"]) == 3
+    assert "coastal-gateway is a gateway, and no RouterOS device" in capsys.readouterr().err
+    assert main(["verify", "device=coastal-ruter", "--rehearse"]) == 3
+    assert "did you mean `device=coastal-router`?" in capsys.readouterr().err
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+@pytest.mark.slow
+@pytest.mark.namespace
+def test_a_router_on_the_quay(at: Quay) -> None:
+    before = at.export()
+    dear = at.provision("verify", "device=coastal-router", "via=4g", code=4)
+    assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
+    read = at.json("verify", "device=coastal-router", code=0)
+    assert (read["tried"], read["rehearsed"]) == (False, False)
+    tried = at.json("verify", "device=coastal-router", "--try", code=0)
+    verdicts = {row["id"]: row["verdict"] for row in tried["assumptions"]}
+    assert verdicts["safe-mode-undoes-scripts"] == "PASS"
+    assert "FAIL" not in verdicts.values()
+    assert at.export().splitlines() == before.splitlines()
+    files = sorted((at.state / "verify").iterdir())
+    assert tried["file"] in map(str, files)
+    kept = files[-1].read_text(encoding="utf-8")
+    assert json.loads(kept)["assumptions"] == tried["assumptions"]
+    assert "10.64." not in kept.replace(str(at.state), "")
