@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
 from twin_bench import Bench, make
+
+from atlantis_netcfg.twin import Deviation
 
 
 def pool(bench: Bench, number: int) -> list[str]:
@@ -223,3 +226,19 @@ def test_history_holds_the_inverse_in_the_console_s_language() -> None:
     shown = router.say("/system/history/print", "=.proplist=redo")
     assert shown[0].endswith("name=ovpn-out1 password=***** user=u")
     assert shown[6] == "!re =redo=/routing table add fib name=via-sat"
+
+
+@pytest.mark.parametrize(
+    ("deviations", "clean", "kept"),
+    [((), False, 1), ((), True, 1), ((Deviation.POWER_LOSS,), False, 2), ((Deviation.POWER_LOSS,), True, 1)],
+)
+def test_what_a_power_cut_leaves_of_safe_mode(deviations: tuple[Deviation, ...], clean: bool, kept: int) -> None:  # noqa: FBT001
+    """A reboot in good order undoes it on every device; of a power cut nobody has published what it does."""
+    router = make(deviations=deviations)
+    pool(router, 1)
+    router.say("/safe-mode/take")
+    pool(router, 2)
+    router.device.reboot(clean=clean)
+    router.caller = router.session()
+    assert router.count("/ip/pool") == kept
+    assert router.value("/safe-mode", "enabled") == "false"
