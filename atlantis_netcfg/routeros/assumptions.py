@@ -352,6 +352,55 @@ ASSUMPTIONS: Final = (
         "The rehearsed change of a bridge; on a device both ends are awaited for minutes.",
         _person("change one setting at a time, and watch the registration table"),
     ),
+    # What the device's own parser says of a plan, and what it offers.
+    Assumption(
+        "parse-words",
+        "`:parse` answers on every version as recorded on 7.20.8 to 7.23.3: with code where it takes a command, else"
+        " with"
+        " the words of the mistake in the place of the rest.",
+        "Refusing a plan before it is sent; each script ends with a command that has to be refused, and without that"
+        " refusal"
+        " the verdict is inconclusive.",
+        _person('type `:put [:parse "/system/identity/set atlantis=no"]`'),
+    ),
+    Assumption(
+        "parse-nested",
+        "Within a script `:execute` with `as-string` gives its output, as it does over the API.",
+        "Only refusals come back of a plan that is parsed; otherwise the verdict is inconclusive.",
+        _person('type `:put [:execute script=":put 1" as-string]`'),
+    ),
+    Assumption(
+        "inspect-whole",
+        "`/console/inspect` offers a list of up to 30 words whole, and queries pick among its rows.",
+        "Looking up words of closed lists; a word that is not found is looked for in the whole list before it is"
+        " refused.",
+        _person(
+            "count what `/console/inspect request=completion` gives for a list of 30 words, over the API, a hundred"
+            " times"
+        ),
+    ),
+    Assumption(
+        "offered-values",
+        "A version offers for an argument the words that 7.21.5 offers, and asks `add` for the arguments that the"
+        " nearest"
+        " recorded version asks for.",
+        "The emulated router alone; the engine looks at what a device offers and refuses.",
+        _person("type an argument with Tab on another version, and `add` without arguments"),
+    ),
+    Assumption(
+        "settings-computed",
+        "Settings show fast path and fasttrack as one flag and two counters, and RoMON's own id while it is off.",
+        "Bytes that the emulated router counts; the engine drops what it has not asked for.",
+        _person("print `/ip settings`, `/ipv6 settings` and `/tool romon`"),
+    ),
+    Assumption(
+        "port-new-name",
+        "A new name of a port shows at once in every row that refers to it, gateways of routes and parents of queues"
+        " too, and"
+        " moves no packet.",
+        "Renaming ports; where it does not hold, what is read back differs, and the device takes the change back.",
+        _person("rename an unused port that a bridge port and a route name, and print both"),
+    ),
 )
 """In the order of the page docs/verify.md."""
 

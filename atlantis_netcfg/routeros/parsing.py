@@ -31,13 +31,13 @@ _LINES = 25
 """Commands of one script: so many are parsed before the device says something again."""
 _BYTES = 40_000
 """Of the lines of one script, before they are quoted twice: `/execute` takes 64 kB (manual, API and Scripting)."""
-# Inferred: recorded of other menus and arguments; where it is taken instead, that is said.
+# Recorded of other menus and arguments; where it is taken instead, that is said. Assumption: parse-words
 _CONTROL = "/system/identity/set atlantis=no"
 """What every version refuses: it has no such argument."""
 _PLACEHOLDER = "00000000"
 """Stands for a secret, which the parser need not see."""
-# Inferred: recorded on 7.22.1 (tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), where of 47 words with one
-# property each some were lost once in a hundred times, and of 15 none.
+# Recorded on 7.22.1 (tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), where of 47 words with one property
+# each some were lost once in a hundred times, and of 15 none. Assumption: inspect-whole
 _COMPLETE = 30
 """Words of an offered list that is taken for whole: over the API long ones lose some."""
 ENUMERATIONS: Final = frozenset(
@@ -74,7 +74,7 @@ def script(lines: Iterable[str]) -> str:
 
     Each line is text in a text in a text: of the array, of the inner script, of `:parse`.
     """
-    # Inferred: within a script `:execute` with `as-string` returns what it does over the API (public scripts do so).
+    # Public scripts do so. Assumption: parse-nested
     texts = ";".join(in_quotes(in_quotes(line)[1:-1]) for line in lines)
     return (
         f":foreach n,s in={{{texts}}} do={{"
@@ -214,7 +214,7 @@ def _offered(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
     verb = "add" if MENUS[menu].shape is Shape.LIST else "set"
     path = ",".join((*menu.strip("/").split("/"), verb, name))
     arguments = (("request", "completion"), ("path", path), (".proplist", "completion"))
-    # Inferred: queries pick among these rows, too; a device that ignores them sends all, which is as good.
+    # A device that ignores the queries sends all, which is as good. Assumption: inspect-whole
     alternatives = [f"?completion={value}" for value in among]
     return Command("/console/inspect", arguments, (*alternatives, *["?#|"] * (len(alternatives) - 1)))
 

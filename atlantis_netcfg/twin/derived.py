@@ -179,7 +179,7 @@ def _dns(_topology: Topology, _item: Item) -> Properties:
 
 
 def _fast_path(family: str) -> Callable[[Topology, Item], Properties]:
-    """Nothing takes it here. That counters are numbers and the rest booleans is inferred."""
+    """Nothing takes it here. Assumption: settings-computed."""
     shown = {
         f"{family}-{path}-{name}": value
         for path in ("fast-path", "fasttrack")
@@ -194,7 +194,7 @@ def _snmp(_topology: Topology, _item: Item) -> Properties:
 
 
 def _romon(topology: Topology, item: Item) -> Properties:
-    """The `id`, or the address of a port (manual, RoMON); what is shown while it is off is inferred."""
+    """The `id`, or the address of a port (manual, RoMON). Assumption: settings-computed."""
     own = topology.store.text(topology.store.table("/tool/romon"), item, "id")
     return {"current-id": own or ""}
 

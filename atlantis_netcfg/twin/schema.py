@@ -86,7 +86,8 @@ def offered(menu: str, argument: str) -> tuple[str, ...]:
 def needed(version: str, menu: str) -> tuple[str, ...] | str:
     """Return the arguments without which `add` is refused, or the words said to an `add` with no argument at all.
 
-    As devices of three versions said it; an older device is held to the oldest of them (inferred).
+    As devices of three versions said it; an older device is held to the oldest of them.
+    Assumption: offered-values
     """
     found: list[str] | str = []
     data = json.loads(resources.files("atlantis_netcfg.twin").joinpath("data", _NEEDED).read_bytes())

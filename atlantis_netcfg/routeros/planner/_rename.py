@@ -5,8 +5,7 @@ packet notices. Two interfaces never have one name: where ports wait for each ot
 not come by has a name of its own for a moment.
 """
 
-# Inferred: that a new name shows in every row that refers to the port, gateways of routes and parents of queues too.
-# Were it not so, what is read back would not be as declared, and the device would take the change back.
+# Rows refer to a port by its id. Assumption: port-new-name
 
 from __future__ import annotations
 

@@ -134,8 +134,8 @@ def inspect(core: Core, call: Call) -> Result:
 
     Paths are words with commas between them; slashes find nothing (tikoci/centrs, commands/api/AGENTS.md: CHR 7.23.1).
     """
-    # Inferred: queries pick among the rows, as they do among those of `print`.
-    # Inferred: every version offers the values of 7.21.5 for those arguments that it has.
+    # Queries pick among the rows. Assumption: inspect-whole
+    # Other versions offer the same. Assumption: offered-values
     requests: dict[str, Callable[[Core, Call], list[dict[str, str]]]] = {"child": _children, "completion": _offers}
     request = call.arguments.get("request", "")
     if request not in requests:

@@ -293,19 +293,20 @@ class Parser:
 
     def _bad_command(self, word: str, start: int) -> ConsoleError:
         """`:parse` returns code that holds the mistake, with the words from there on."""
-        # Inferred: recorded on 7.20.8 to 7.23.3; older and newer versions are taken to answer so, too.
+        # On every version. Assumption: parse-words
         words = self.text.placed(f"bad command name {word}", start)
         rest = _REST.match(self.text.source, start)
         return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
 
     def _bad_parameter(self, command: Command, name: str, start: int) -> ConsoleError:
         """From 7.23 the argument is named, and the column of a run is the one behind it."""
-        # Inferred: recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others are taken to answer as the next of these.
+        # Recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others answer as the next of these. Assumption: parse-words
         if not self.core.schema.at_least("7.23beta1"):
             return self.text.error("expected end of command", start)
         words = self.text.placed(f"bad parameter {name}", start + len(name))
         path = f"{command.menu.rstrip('/')}/{command.name}"
-        # Inferred: of a first argument the column is behind its name, of a later one before it, as in four records.
+        # Of a first argument the column is behind its name, of a later one before it, as in four records.
+        # Wherever there is no record: Assumption: parse-words
         column = start if command.arguments else start + len(name)
         return ConsoleError(words, f"(evl {self.text.placed(f'bad parameter {name}', column)} {path})")
 

@@ -313,7 +313,7 @@ def _code(core: Core, text: str) -> str:
     try:
         codes += (_code_of(statement) for statement in parser.statements())
     except ConsoleError as error:
-        # Inferred: what follows a mistake that stands within the code is left out.
+        # What follows a mistake that stands within the code is left out. Assumption: parse-words
         return ";".join([*codes, error.verdict]) if error.verdict.startswith("(") else error.verdict
     return ";".join(codes) or ("/" if text else "")
 
@@ -326,7 +326,7 @@ def _code_of(statement: Statement) -> str:
         )
     if isinstance(statement, Put):
         return f"(evl /putmessage={_echo(statement.what)})"
-    # Inferred: of statements that hold others no code is recorded in full.
+    # Of statements that hold others no code is recorded in full. Assumption: parse-words
     return (
         f"(evl /{ {Attempt: 'do', Choice: 'if', Local: 'local', Each: 'foreach', Failure: 'error'}[type(statement)] })"
     )

@@ -118,7 +118,7 @@ _ETHERNET = Menu(
     "/interface/ethernet",
     Shape.FIXED,
     (
-        # Inferred: rows refer to a port by its id, so that a new name shows in all of them at once and moves no packet.
+        # Rows refer to a port by its id. Assumption: port-new-name
         Arg("name", Text(empty=False), ""),
         Arg("advertise", Choices(offered("/interface/ethernet", "advertise"), ordered=False), _RATES),
         Arg("arp", _ARP, "enabled"),

@@ -134,7 +134,7 @@ def test_the_power_fails_and_the_router_keeps_what_was_in_safe_mode(
 ) -> None:
     """Without `safe-mode-power-loss` the run reads what has stayed, and still ends as before or as declared."""
     fault = Fault.model_validate({"do": FaultKind.POWER, "match": where[0], "sentence": where[1], "when": when})
-    cut(tmp_path, fault, *plan, (Deviation.POWER_LOSS,))
+    cut(tmp_path, fault, *plan, deviations=(Deviation.POWER_LOSS,))
 
 
 @pytest.mark.campaign

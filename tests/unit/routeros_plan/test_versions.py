@@ -154,13 +154,6 @@ def test_a_rule_that_names_no_chain_is_in_that_of_the_users(version: str) -> Non
         assert plan("router", declared, observed(text, version)).actions == ()
 
 
-def test_older_routers_are_not_asked_for_chains() -> None:
-    new = {"chain", "realm", "vrf"}
-    assert new.isdisjoint(MENUS["/routing/rule"].proplist(Version(7, 21, 5)))
-    assert new <= set(MENUS["/routing/rule"].proplist(Version(7, 22)))
-    assert "policy-rules" in MENUS["/routing/settings"].proplist(Version(7, 22))
-
-
 WIFI = "/interface wifi\nset [ find default-name=wifi1 ] configuration.installation=outdoor\n"
 
 
