@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed, Row
     from atlantis_netcfg.routeros.menus import Field, Menu
 
-__all__ = ["read", "write"]
+__all__ = ["OF_THE_BOX", "read", "write"]
 
-_OF_THE_BOX = frozenset(
+OF_THE_BOX = frozenset(
     {
         ("/interface/bridge", "admin-mac"),
         ("/interface/ovpn-client", "mac-address"),
@@ -114,7 +114,7 @@ def _values(menu: Menu, row: Row, named: frozenset[str]) -> Iterator[tuple[str, 
 def _is_somebodys_choice(menu: Menu, each: Field, row: Row) -> bool:
     """Tell of a property that is not at its default; where the device computes that, `no` and `none` count as it."""
     if each.keep and each.default is None:
-        computed = menu.shape is not Shape.LIST or (menu.path, each.name) in _OF_THE_BOX
+        computed = menu.shape is not Shape.LIST or (menu.path, each.name) in OF_THE_BOX
         return not computed and canonical(Kind.BOOLEAN, row[each.name]) not in ("", "no", "none")
     default = each.form(menu.default_of(each.name, row))
     return menu.form(each.name, row) != default

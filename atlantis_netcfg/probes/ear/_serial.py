@@ -44,7 +44,8 @@ def serial(question: dict[str, Any], sound: Sound) -> None:
             converse(question, sound, port, lambda most: os.read(port, most), lambda data: os.write(port, data))
         finally:
             _put_back(port, before)
-            fcntl.ioctl(port, termios.TIOCNXCL)  # else it stays as long as anybody has the port open
+            with suppress(OSError):  # it has been pulled out
+                fcntl.ioctl(port, termios.TIOCNXCL)  # else it stays as long as anybody has the port open
     except termios.error as error:
         raise no_answer(OSError(*error.args), path) from None
     finally:

@@ -97,6 +97,9 @@ def _changed(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
     names = [name for name in raw.differing(menu) if not menu.by_name[name].secret]
     if not names:
         return _NO_SECRETS
+    names = [name for name in names if (menu.path, name) not in snapshot.OF_THE_BOX]
+    if not names:
+        return Since.UNKNOWN, "a confirmed state leaves out what a device gives itself"
     found = raw.found or {}
     same = all(menu.form(name, found) == menu.form(name, then) for name in names)
     return (Since.ALREADY if same else Since.AFTER), ""

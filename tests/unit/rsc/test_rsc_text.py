@@ -70,6 +70,7 @@ def test_the_public_surface() -> None:
         "Statement",
         "console_path",
         "drop_volatile",
+        "in_quotes",
         "is_volatile",
         "parse",
         "print_export",

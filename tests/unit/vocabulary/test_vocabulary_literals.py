@@ -21,6 +21,7 @@ NO_COMMANDS = {
     "/interface/X/print": "the menu of either family of radios, which `test_a_radio_s_menu_can_be_printed` looks up",
     "/dev/disk/by-id/usb-…": "the path of a card in a technician's computer",
     "/var/tmp": "a folder of that computer",  # noqa: S108 - nothing is made in it here
+    "/system/identity/set atlantis=no": "what every parser has to refuse, to show that it looks at names",
     "/quit": "a word of the console's own, which the trees show at the root only as a script's word",
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
