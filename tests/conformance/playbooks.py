@@ -58,7 +58,11 @@ def intent_tasks() -> list[dict[str, Any]]:
 
 def _task(menu: str, rows: Sequence[Mapping[str, str | None]]) -> dict[str, Any]:
     data = [
-        {**{name: _typed(value) for name, value in row.items()}, **_ALSO.get(str(row.get("name")), {})} for row in rows
+        {
+            **{name: name == "blackhole" or _typed(value) for name, value in row.items()},
+            **_ALSO.get(str(row.get("name")), {}),
+        }
+        for row in rows
     ]
     arguments: dict[str, Any] = {"path": path_of(menu), "data": data}
     known = TABLE.get(menu)
