@@ -5,18 +5,21 @@ from __future__ import annotations
 import importlib
 import json
 import re
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from ansible.errors import AnsibleConnectionFailure
 from ansible.module_utils.testing import patch_module_args
+from ansible.plugins.action import ActionBase
 from impostor import HOSTILE, control_characters
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import thin
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin, answer, checked, masked
 
+ROOT = Path(__file__).parents[3]
 MODULES = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
 TOKEN = "glpat-of-nobody"
 BUILD = {"library": {"url": "https://git.example.org/a.git", "revision": "v1", "token": TOKEN}, "ros_setup": "/s"}
@@ -182,6 +185,42 @@ def test_plain_ansible_can_print_why_a_gateway_was_not_reached(monkeypatch: pyte
     assert control_characters(str(failed.value)) == []
     assert str(failed.value).startswith("over ssh:\nevil\\u001b")
     assert failed.value.__suppress_context__, "Ansible prints causes as well"
+
+
+class Stock(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+    """An action of Ansible's own."""
+
+    def __init__(self, says: dict[str, Any] | Exception) -> None:
+        self.says = says
+
+    def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401, ARG002
+        if isinstance(self.says, Exception):
+            raise self.says
+        return self.says
+
+
+class Guarded(thin.Cleaned, Stock):
+    """The same, cleaned."""
+
+
+def test_actions_of_ansible_s_own_let_plain_ansible_print_what_a_gateway_says() -> None:
+    told = Guarded({"rc": 1, "stdout": HOSTILE, "stdout_lines": [HOSTILE]}).run()
+    assert told["rc"] == 1
+    assert control_characters("".join(_texts(told))) == []
+    with pytest.raises(AnsibleConnectionFailure) as failed:
+        Guarded(AnsibleConnectionFailure(HOSTILE)).run()
+    assert control_characters(str(failed.value)) == []
+
+
+def test_no_role_uses_an_action_that_prints_a_gateway_s_words_as_they_are() -> None:
+    """Of Ansible's own they use those that contact nobody."""
+    allowed = {"assert", "debug", "import_role", "include_tasks", "meta"}
+    used = {
+        name
+        for path in [*(ROOT / "roles").rglob("tasks/*.yml"), *(ROOT / "playbooks").glob("*.yml")]
+        for name in re.findall(r"^ *(?:- )?ansible\.builtin\.(\w+):", path.read_text(), re.MULTILINE)
+    }
+    assert used - allowed == set()
 
 
 def test_what_only_ansible_prints_as_its_own_is_not_taken_from_a_gateway() -> None:

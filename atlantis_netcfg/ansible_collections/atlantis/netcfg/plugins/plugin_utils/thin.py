@@ -33,7 +33,7 @@ from atlantis_netcfg.worker import end_with_parent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["FOLDER", "Thin", "answer", "checked", "masked"]
+__all__ = ["FOLDER", "Cleaned", "Thin", "answer", "checked", "masked"]
 
 FOLDER: Final = "/var/lib/atlantis/tool"
 """On the gateways: the tool, under its SHA-256."""
@@ -74,8 +74,7 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         try:
             said = self._called(name, zlib.compress(json.dumps(asked, default=str).encode(), 9), variables)
         except AnsibleConnectionFailure as error:
-            # It quotes whoever answers at the address, and so would its cause.
-            raise AnsibleConnectionFailure(printable.lines(str(error).replace("\r\n", "\n"))) from None
+            raise _shown(error) from None
         told: dict[str, Any] = printable.cleaned(masked(answer(said, name), secrets))
         return told
 
@@ -108,6 +107,23 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         told = str(self._templar.template(constants.config.get_config_value("INTERPRETER_PYTHON", variables=of)))
         words = ["/usr/bin/python3"] if told.startswith("auto") else shlex.split(told)
         return f"{self._compute_environment_string()} {shlex.join(words)}".strip()
+
+
+class Cleaned(ActionBase):  # type: ignore[misc]  # as above
+    """An action of Ansible's own that shows what a gateway says, and has a terminal obey none of it."""
+
+    def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
+        """Run it as ever; whoever is not reached raises, as ever."""
+        try:
+            result: dict[str, Any] = printable.cleaned(super().run(tmp, task_vars))
+        except AnsibleConnectionFailure as error:
+            raise _shown(error) from None
+        return result
+
+
+def _shown(error: AnsibleConnectionFailure) -> AnsibleConnectionFailure:
+    """It quotes whoever answers at the address, and so would its cause."""
+    return AnsibleConnectionFailure(printable.lines(str(error).replace("\r\n", "\n")))
 
 
 def checked(name: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], set[str], str | None]:
