@@ -57,6 +57,7 @@ ASKING: dict[str, tuple[str, ...]] = {
     "drift": ("drift", "site=coastal", "--junit=DRIFT"),
     "backup": ("backup", "site=coastal"),
     "resume": ("resume", "site=coastal"),
+    "verify": ("verify", f"device={ROUTER}"),
     "links": ("links", "site=coastal", "--accept-cost"),
     "prove": ("prove", "site=coastal", "--accept-cost"),
     "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=PACKAGE", "--plan"),
