@@ -21,7 +21,7 @@ from atlantis_netcfg.site import load
 from bench.declared import CHECKOUT
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.core.events import Event
 
 
 def main() -> int:

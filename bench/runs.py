@@ -7,7 +7,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
 from bench import measure
 from bench.declared import CHECKOUT, ROUTER, SITE

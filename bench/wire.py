@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.jobs import device_job

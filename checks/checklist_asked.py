@@ -13,13 +13,13 @@ from atlantis_netcfg.cli._checking.opening import folder_of
 from atlantis_netcfg.cli._checking.sitting import taking_part
 from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.cli.check import COMMAND
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.paths import state_dir
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.checking import examine
-from atlantis_netcfg.paths import state_dir
 from atlantis_netcfg.report.checklist import Kind
 from atlantis_netcfg.site import ALL
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

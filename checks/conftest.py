@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.checklist import Scope
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.printable import lines
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.printable import lines
 from atlantis_netcfg.site import choose, load
-from atlantis_netcfg.verdicts import Verdict
 from checks.checklist_asked import Asking, How, told, waits
 from checks.gateway_promises import Promises, promises
 from checks.gateway_reached import Answers, NotReached, ask

@@ -13,7 +13,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.el
     OF_AN_ACCOUNT,
     OF_SYSTEMD,
 )
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.gateway.interop import PREFIX, VPN_INTERFACE
 from atlantis_netcfg.operations.computers.dds import ENVIRONMENT
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns

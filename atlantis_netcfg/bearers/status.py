@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.verdicts import Verdict, worst
+from atlantis_netcfg.core.verdicts import Verdict, worst
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
 from atlantis_netcfg.bundle._errors import BundleRefused
 from atlantis_netcfg.bundle.programs import run
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.paths import private_directory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,7 +7,7 @@ import json
 import os
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from atlantis_netcfg.printable import lines
+from atlantis_netcfg.core.printable import lines
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 
 __all__ = ["KeyDamaged", "NotSigned", "Refused"]
 

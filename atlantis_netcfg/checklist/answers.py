@@ -25,12 +25,12 @@ from pydantic import Field, StrictBool
 
 from atlantis_netcfg.checklist._evidence import wrong_with
 from atlantis_netcfg.checklist.people import OVERRIDABLE, SAYABLE, Confirmation, unskippable
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.report.checklist import Kind
 from atlantis_netcfg.site import Finding, report
 from atlantis_netcfg.site.blocks import Block, meant, read
 from atlantis_netcfg.site.model import Model, Text
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

@@ -22,8 +22,8 @@ from atlantis_netcfg.checklist._opening import begin, found
 from atlantis_netcfg.checklist._signing import signed
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.people import confirmed, named, overridden, spoken
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.journal import SiteLock, utc_now
-from atlantis_netcfg.near import nearest
 from atlantis_netcfg.report.checklist import LeftOut
 
 if TYPE_CHECKING:

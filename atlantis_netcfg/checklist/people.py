@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist._errors import Refused
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Finding, Kind, Override
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

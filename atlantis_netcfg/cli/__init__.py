@@ -18,8 +18,8 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
-from atlantis_netcfg.errors import ExitCode, NetcfgError
-from atlantis_netcfg.printable import Printer
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.printable import Printer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -80,8 +80,8 @@ class _Line:
         self.command = module.COMMAND
         if _HELP & set(rest):
             return _print_help(module.COMMAND)
-        from atlantis_netcfg import temporary
         from atlantis_netcfg.cli._parse import parse
+        from atlantis_netcfg.core import temporary
 
         arguments = parse(module.COMMAND, rest)
         temporary.remove_orphans()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, cast
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.suggest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

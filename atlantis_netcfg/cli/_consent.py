@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import printable
 from atlantis_netcfg.cli._outcome import signal_of
-from atlantis_netcfg.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import DeviceFailed, UsageError
 from atlantis_netcfg.operations.costs import unpaid
 
 if TYPE_CHECKING:

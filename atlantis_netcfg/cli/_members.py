@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.deploying import Deployed, Server
     from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
     from atlantis_netcfg.site import Declaration
@@ -61,7 +61,7 @@ def close(
 def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.cli._vpn import AGAIN
-    from atlantis_netcfg.errors import OutcomeUnknown
+    from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.operations.vpn.deploying import Deployed
 
     try:

@@ -7,8 +7,8 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import printable
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, complete
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -99,10 +99,10 @@ def _changes_nothing(command: Command, typed: Sequence[str]) -> bool:
 
 def crashed(error: BaseException, typed: Sequence[str], *, as_json: bool) -> ExitCode:
     """Tell an error that nobody foresaw in one sentence; the traceback goes to a log file."""
-    from atlantis_netcfg import crash
-    from atlantis_netcfg.paths import state_dir
+    from atlantis_netcfg.core import crash_report
+    from atlantis_netcfg.core.paths import state_dir
 
-    return failed(crash.crashed(error, repr(list(typed)), state_dir), as_json=as_json)
+    return failed(crash_report.crashed(error, repr(list(typed)), state_dir), as_json=as_json)
 
 
 def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import Arguments, Command, Flag, Word
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.suggest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

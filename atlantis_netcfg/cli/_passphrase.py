@@ -10,8 +10,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Flag
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable

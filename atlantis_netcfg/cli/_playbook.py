@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.ansible_settings import import_ansible
 from atlantis_netcfg.operations.asking import shared
 from atlantis_netcfg.operations.play_control import PlayControl
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.vault import Vault
     from atlantis_netcfg.site import Declaration

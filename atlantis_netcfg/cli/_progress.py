@@ -8,13 +8,13 @@ import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
-from atlantis_netcfg import printable
-from atlantis_netcfg.events import Stage, ignore
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.events import Stage, ignore
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.events import Event, Subscriber
+    from atlantis_netcfg.core.events import Event, Subscriber
 
 __all__ = ["progress"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.lte import is_unit

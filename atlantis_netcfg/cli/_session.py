@@ -13,7 +13,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from atlantis_netcfg import paths
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pays, removes
@@ -21,7 +20,8 @@ from atlantis_netcfg.cli._outcome import Stopped, as_typed, carried
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
 from atlantis_netcfg.cli._progress import progress
-from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched, worst
+from atlantis_netcfg.core import paths
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, worst
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of

@@ -6,8 +6,8 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import printable
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Flag, Word
+from atlantis_netcfg.core import printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.deploying import Server
     from atlantis_netcfg.operations.vpn.desk import Desk
@@ -56,7 +56,7 @@ def folder(arguments: Arguments) -> Path:
     """The folder of the authority, whether it is there or not."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
+    from atlantis_netcfg.core import paths
 
     named = arguments.optional(AUTHORITY.name)
     return Path(named).absolute() if named is not None else paths.state_dir() / "vpn"
@@ -73,7 +73,7 @@ def declared(arguments: Arguments) -> Declaration:
     """The whole pilot, checked; vaulted values stay sealed."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.site import load
 
     named = arguments.optional(INVENTORY.name)

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.firstcontact import Adopted
     from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
-    from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["COMMAND", "run"]
@@ -66,8 +66,8 @@ def run(arguments: Arguments) -> ExitCode:
 def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
     from pathlib import Path
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.cli._passphrase import vault_of
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.site import choose, load
 
     named = arguments.optional("inventory")
@@ -87,7 +87,7 @@ def _adoption(
     import shlex
     import sys
 
-    from atlantis_netcfg import paths
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.firstcontact import FACTORY_ADDRESS
     from atlantis_netcfg.operations.adoption import SSH, Adoption
 
@@ -113,7 +113,7 @@ def _adoption(
 
 
 def _via(via: str) -> str:
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.adoption import SERIAL, SSH
 
     if via != SSH and not (via.startswith(SERIAL) and via != SERIAL):
@@ -122,7 +122,7 @@ def _via(via: str) -> str:
 
 
 def _seconds(text: str | None) -> float:
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     if text is None:
         return 600.0
@@ -137,7 +137,7 @@ def _passwords(arguments: Arguments, name: str) -> Iterator[Secret]:
     from getpass import getpass
     from pathlib import Path
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
     file = arguments.optional("password-file")
     if file is not None:
@@ -149,8 +149,8 @@ def _passwords(arguments: Arguments, name: str) -> Iterator[Secret]:
 
 
 def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the command only
-    from atlantis_netcfg.errors import UsageError
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.secret import Secret
 
     try:
         mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
@@ -174,7 +174,7 @@ def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
 
 
 def _show(standing: str, steps: tuple[str, ...]) -> None:
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     print(f"the router is {standing}; the steps:", flush=True)
     for number, step in enumerate(steps, start=1):
@@ -184,7 +184,7 @@ def _show(standing: str, steps: tuple[str, ...]) -> None:
 def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
     import json
 
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     if arguments.flag("json"):
         told: Mapping[str, Any] = {**result.as_json(), "errors": []}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Command, Word
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,8 +47,8 @@ def run(arguments: Arguments) -> ExitCode:
     """Make the bundle, or open one, and say what is in it."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.cli._passphrase import vault_of
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.operations.bundling import gateways_of, has_tokens
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import load
@@ -67,7 +67,7 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _refuse_both(arguments: Arguments) -> None:
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     if arguments.optional("image") is not None and arguments.optional("status") is not None:
         raise UsageError("`image=` and `status=` both say what is on the board", hint="leave one of them out")
@@ -82,8 +82,8 @@ def _refuse_both(arguments: Arguments) -> None:
 def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:
     from pathlib import Path
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.operations.bundling import Asked, made
 
     to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Make the files, write or print them, and say what they hold."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.dds import profile_views, profiles
     from atlantis_netcfg.site import choose, load
 
@@ -67,7 +67,7 @@ def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
     """Put each file there whole, and say whether that changed it. Raises UsageError."""
     import os
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     changed = {}
     for name, text in files.items():

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.report.drift import DriftReport
 
@@ -95,7 +95,7 @@ def _file(name: str | None) -> Path | None:
     """Where to write, looked at before any device is asked. Raises UsageError."""
     from pathlib import Path
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     if name is None:
         return None
@@ -112,7 +112,7 @@ def _write(path: Path, data: bytes) -> None:
     """Put the whole file there at once: a build server may look at any moment."""
     import os
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     scratch = path.with_name(f".{path.name}.{os.getpid()}")
     try:

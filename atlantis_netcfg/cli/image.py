@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.image import Card
     from atlantis_netcfg.operations.imaging import Made, Order
     from atlantis_netcfg.site import Declaration
@@ -49,8 +49,8 @@ def run(arguments: Arguments) -> ExitCode:
     """Check everything that can be known at once, ask, make the image, write it and read it back."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.operations.imaging import Order, made
     from atlantis_netcfg.site import choose, load
 
@@ -71,7 +71,7 @@ def _file(arguments: Arguments) -> Path | None:
     """Where the image goes to, if not to a card."""
     from pathlib import Path
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     name, device = arguments.value("image-only"), arguments.optional("to")
     if (name is None) == (device is None):
@@ -91,7 +91,7 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
     """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
     from pathlib import Path
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.image import BlockTree, Card, admit, confirmed
 
     if declaration.pilot.example_values:
@@ -119,8 +119,8 @@ def _typed(card: Card) -> str:
     """What a person types at the question. Raises UsageError when nobody is there to be asked."""
     import sys
 
-    from atlantis_netcfg import printable
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.errors import UsageError
 
     what = "serial" if card.shown.serial else "name and size"
     if not sys.stdin.isatty():
@@ -150,7 +150,7 @@ def _keep(ready: Made, file: Path | None, card: Card | None) -> dict[str, Any]:
 def _close(order: Order, ready: Made, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
     import json
 
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
     if as_json:
         image = {"name": order.image.name, "sha256": ready.expanded.sha256, "confirmed_by": ready.expanded.told_by}

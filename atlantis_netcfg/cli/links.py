@@ -9,7 +9,7 @@ from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTOR
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.links import Looked
     from atlantis_netcfg.report.links import LinksReport
 
@@ -53,7 +53,7 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _one_site(site: str) -> None:
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.site import ALL
 
     if site == ALL:
@@ -65,7 +65,7 @@ def _configure(opened: Session) -> None:
 
     A check that fails is for the look to tell.
     """
-    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.operations import Mode
 
     report = opened.perform(Mode.APPLY)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.proving import Proof
     from atlantis_netcfg.site import Declaration, Host
@@ -146,7 +146,7 @@ def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
 
 def _configure(opened: Session) -> None:
     """Bring the emulated router to its declared state: fresh from `provision adopt` it has no filter."""
-    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.operations import Mode
 
     report = opened.perform(Mode.APPLY)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Kept
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -31,7 +31,7 @@ def run(arguments: Arguments) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli._checking import kept
-    from atlantis_netcfg.errors import ExitCode, NothingMatched
+    from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 
     site, vehicle, rehearsed = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
     every = kept.kept_of(kept.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
@@ -89,7 +89,7 @@ def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | Non
 
 
 def _line(row: Mapping[str, Any]) -> str:
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     if "exit" not in row:
         return printable.line(f"{row['run']}  {row['state']}: {row['why']}")
@@ -111,7 +111,7 @@ def _standing(row: Mapping[str, Any]) -> str:
 
 
 def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     if since is None:
         yield "there was no green one before the newest"

@@ -8,7 +8,7 @@ from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -29,7 +29,7 @@ def run(arguments: Arguments) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli._checking import kept
-    from atlantis_netcfg.errors import DeviceFailed
+    from atlantis_netcfg.core.errors import DeviceFailed
     from atlantis_netcfg.report.checklist import lines
 
     site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")

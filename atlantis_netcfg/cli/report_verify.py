@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Kept, Trouble
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.report.checklist import Document
 
 __all__ = ["COMMAND", "run"]
@@ -43,7 +43,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Look at every byte that was signed."""
     import json
 
-    from atlantis_netcfg.errors import ExitCode, NothingMatched
+    from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 
     file = arguments.optional("file")
     rows = [_mailed(arguments, file)] if file is not None else list(_kept(arguments))
@@ -84,9 +84,9 @@ def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
     from dataclasses import replace
     from pathlib import Path
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.checklist import KEY, verify_report
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.report.checklist import Document
 
     path = Path(name)
@@ -117,7 +117,7 @@ def _row(name: str, place: Path, document: Document | None, troubles: Sequence[T
 
 
 def _lines(row: Mapping[str, Any]) -> Iterator[str]:
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     rehearsed = ", rehearsed" if row["rehearsed"] else ""
     if not row["troubles"]:

@@ -21,7 +21,7 @@ from atlantis_netcfg.cli._arguments import (
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.journal import Confirmed
 
 __all__ = ["COMMAND", "run"]

@@ -15,7 +15,7 @@ from atlantis_netcfg.cli._arguments import (
     Command,
     Word,
 )
-from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments

@@ -20,7 +20,7 @@ from atlantis_netcfg.cli._arguments import (
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 

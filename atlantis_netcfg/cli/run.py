@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -77,7 +77,7 @@ def _bundle(arguments: Arguments) -> Path | None:
     """The bundle that was named. Raises UsageError where it cannot be used."""
     from pathlib import Path
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     named = arguments.value("offline")
     if named is not None and arguments.flag("rehearse"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import JSON, Command, Flag, Word
-from atlantis_netcfg.errors import ExitCode, NothingMatched
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,7 +31,7 @@ def run(arguments: Arguments) -> ExitCode:
     """List them, oldest first; exit 7 when there is none."""
     import json
 
-    from atlantis_netcfg import paths
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.journal import Store
 
     store = Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))

@@ -8,7 +8,7 @@ from atlantis_netcfg.cli._arguments import INVENTORY, ONLY, Command, Word
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.trust import Identity
     from atlantis_netcfg.site import Declaration, Host
@@ -31,9 +31,9 @@ def run(arguments: Arguments) -> ExitCode:
     """Look at each device, ask where something is new, and keep the answers."""
     import sys
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.cli._vpn import declared
-    from atlantis_netcfg.errors import NothingMatched, UsageError, worst
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.examples import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity
@@ -57,7 +57,7 @@ def run(arguments: Arguments) -> ExitCode:
 def _one(declaration: Declaration, host: Host, request: Request) -> ExitCode:
     """One device; what is wrong with it keeps no other from being looked at."""
     from atlantis_netcfg.cli._outcome import tell
-    from atlantis_netcfg.errors import ExitCode, NetcfgError, worst
+    from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
     from atlantis_netcfg.operations.computers import is_computer
     from atlantis_netcfg.operations.trust import identities
 
@@ -72,7 +72,7 @@ def _one(declaration: Declaration, host: Host, request: Request) -> ExitCode:
 
 def _device(identity: Identity, request: Request) -> ExitCode:
     from atlantis_netcfg.cli._consent import agreed
-    from atlantis_netcfg.errors import DeviceFailed, ExitCode
+    from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
     from atlantis_netcfg.operations.trust import agree
 
     shows = f"{identity.device}: its {identity.service} is {identity.seen}"
@@ -94,7 +94,7 @@ def _device(identity: Identity, request: Request) -> ExitCode:
 
 
 def _computer(declaration: Declaration, host: Host, request: Request) -> ExitCode:
-    from atlantis_netcfg.errors import DeviceFailed, ExitCode
+    from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
     from atlantis_netcfg.operations.trust import Computer, KeyState
 
     computer = Computer(declaration, host, request)

@@ -9,7 +9,7 @@ from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTOR
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import Prepared, Upgraded
 
@@ -90,7 +90,7 @@ def run(arguments: Arguments) -> ExitCode:
 
 def _show(opened: Session, prepared: Prepared) -> None:
     """Print what would be sent, what it costs, and what it brings with it."""
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     if opened.as_json:
         return
@@ -124,7 +124,7 @@ def _ask(opened: Session, prepared: Prepared, request: Request) -> Request:
 def _close(opened: Session, upgraded: Upgraded) -> ExitCode:
     import json
 
-    from atlantis_netcfg import printable
+    from atlantis_netcfg.core import printable
 
     if opened.as_json:
         print(json.dumps(upgraded.as_json(), ensure_ascii=False))

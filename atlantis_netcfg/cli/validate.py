@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Say what was checked, or list every error."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.site import InventoryInvalid, load
 
     named = arguments.optional("inventory")

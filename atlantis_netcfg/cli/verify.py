@@ -9,7 +9,7 @@ from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTOR
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.verifying import Verified, Verifying
     from atlantis_netcfg.site import Declaration, Host
 
@@ -81,8 +81,8 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _host(declaration: Declaration, name: str) -> Host:
-    from atlantis_netcfg.errors import UsageError
-    from atlantis_netcfg.near import nearest
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.suggest import nearest
     from atlantis_netcfg.operations.kinds import handled
 
     if name in declaration.hosts:

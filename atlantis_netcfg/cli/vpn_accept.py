@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["COMMAND", "run"]
 
@@ -38,7 +38,7 @@ def run(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.cli import _members, _vpn
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.handout import accept
 
     declaration = _vpn.declared(arguments)
@@ -66,8 +66,8 @@ def _opener(arguments: Arguments) -> Secret:
     from pathlib import Path
 
     from atlantis_netcfg.cli._passphrase import asked
-    from atlantis_netcfg.errors import UsageError
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.secret import Secret
 
     named = arguments.optional("key")
     if named is None:
@@ -83,7 +83,7 @@ def _opener(arguments: Arguments) -> Secret:
 
 
 def _bytes(path: Path, what: str) -> bytes:
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
 
     try:
         with path.open("rb") as file:

@@ -9,7 +9,7 @@ from atlantis_netcfg.cli._vpn import AUTHORITY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -32,7 +32,7 @@ COMMAND = Command(
 def run(arguments: Arguments) -> ExitCode:
     """Tell the entries, oldest first."""
     from atlantis_netcfg.cli import _vpn
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.audit import audited, first_moment
 
     since = arguments.optional("since")

@@ -10,7 +10,7 @@ from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, INVENTORY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -36,7 +36,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Make it, unless it is there."""
     from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._passphrase import chosen
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.founding import founded, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.authority import Authority
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase

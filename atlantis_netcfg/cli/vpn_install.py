@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import printable
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
 from atlantis_netcfg.cli._vpn import AUTHORITY
+from atlantis_netcfg.core import printable
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.router import Installed
 
 __all__ = ["COMMAND", "run"]
@@ -41,8 +41,8 @@ def run(arguments: Arguments) -> ExitCode:
     """Look, ask, install, read back."""
     from pathlib import Path
 
-    from atlantis_netcfg import paths
     from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.core import paths
     from atlantis_netcfg.site import ALL, choose, load
 
     named = arguments.optional(INVENTORY.name)
@@ -64,7 +64,7 @@ def _installed(opened: Session) -> ExitCode:
     from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._consent import agreed
     from atlantis_netcfg.cli._progress import progress
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.vpn.router import identity_for, install
 

@@ -9,7 +9,7 @@ from atlantis_netcfg.cli._vpn import AUTHORITY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -26,7 +26,7 @@ def run(arguments: Arguments) -> ExitCode:
     from datetime import UTC, datetime
 
     from atlantis_netcfg.cli import _vpn
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn import records
 
     now = datetime.now(UTC)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.wishes import Asked
 
 __all__ = ["COMMAND", "run"]
@@ -77,7 +77,7 @@ def _asked(arguments: Arguments) -> Sequence[Asked]:
     """What was asked for: the words, or the records of a file. Raises UsageError, ListInvalid."""
     from pathlib import Path
 
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.wishes import KEYS, Asked
     from atlantis_netcfg.site.lists import read
 

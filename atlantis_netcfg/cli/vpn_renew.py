@@ -10,7 +10,7 @@ from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.identity import Member, Roll
 
 __all__ = ["COMMAND", "run"]
@@ -67,7 +67,7 @@ def run(arguments: Arguments) -> ExitCode:
 def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.errors import NothingMatched, UsageError
+    from atlantis_netcfg.core.errors import NothingMatched, UsageError
     from atlantis_netcfg.operations.vpn.records import expires, find, period
 
     name, within = arguments.optional("name"), arguments.optional("all")

@@ -10,7 +10,7 @@ from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.identity import Member, Roll
 
 __all__ = ["COMMAND", "run"]
@@ -58,7 +58,7 @@ def run(arguments: Arguments) -> ExitCode:
 
 
 def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.records import find, of_partner
 
     name, partner = arguments.optional("name"), arguments.optional("partner")

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.identity import Certificate, Member
 
 __all__ = ["COMMAND", "run"]
@@ -29,7 +29,7 @@ def run(arguments: Arguments) -> ExitCode:
     from datetime import UTC, datetime
 
     from atlantis_netcfg.cli import _vpn
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn import records
 
     now = datetime.now(UTC)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.standing import Standing
     from atlantis_netcfg.vpn.identity import Member
 

@@ -10,7 +10,7 @@ from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["COMMAND", "run"]
 
@@ -38,7 +38,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
     from atlantis_netcfg.cli._progress import progress
-    from atlantis_netcfg.errors import UsageError
+    from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.founding import server_names
 
     declaration = _vpn.declared(arguments)

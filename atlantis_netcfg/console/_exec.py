@@ -12,7 +12,7 @@ from atlantis_netcfg.console._errors import ConsoleLost, UnknownHostKey
 from atlantis_netcfg.console._keys import PinnedKey
 from atlantis_netcfg.console._ssh import TcpSocket, connected, ended_after
 from atlantis_netcfg.console._types import COMMAND_S, CONNECT_S
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from types import TracebackType

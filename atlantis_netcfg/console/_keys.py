@@ -8,7 +8,7 @@ import hashlib
 import paramiko
 
 from atlantis_netcfg.console._errors import HostKeyChanged, UnknownHostKey
-from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST
 
 __all__ = ["PinnedKey", "fingerprint"]
 

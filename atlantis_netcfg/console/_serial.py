@@ -17,7 +17,7 @@ from atlantis_netcfg.console._wire import WireLost
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console._types import Console
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["open_serial"]
 

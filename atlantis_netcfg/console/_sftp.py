@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["upload"]
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.console._keys import PinnedKey
 from atlantis_netcfg.console._terminal import Terminal
 from atlantis_netcfg.console._types import CONNECT_S
 from atlantis_netcfg.console._wire import WireLost
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
     from atlantis_netcfg.console._types import Console, Tally
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["TcpSocket", "connected", "ended_after", "open_ssh"]
 

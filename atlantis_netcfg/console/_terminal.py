@@ -16,12 +16,12 @@ from atlantis_netcfg.console._rows import parse_rows
 from atlantis_netcfg.console._screen import MOST, WIDTH, Screen
 from atlantis_netcfg.console._types import COMMAND_S
 from atlantis_netcfg.console._wire import Wire, WireLost
-from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.core.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["FLAGS", "Terminal"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["COMMAND_S", "CONNECT_S", "Console", "Tally"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.dds.tuning import ANNOUNCEMENT_BYTES, TUNING, Tuning
 from atlantis_netcfg.dds.versions import RELEASES, Release
-from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.site.model import ControlCentre, Dds, DdsPath, Gateway
 
 if TYPE_CHECKING:

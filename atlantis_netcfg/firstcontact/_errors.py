@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.firstcontact._wish import TEMPORARY
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.versions import Version
+from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

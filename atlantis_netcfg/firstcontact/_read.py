@@ -6,11 +6,11 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import ConsoleRefused, parse_rows
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.firstcontact._menus import CLEARED
 from atlantis_netcfg.firstcontact._wish import Facts, Row
 from atlantis_netcfg.rsc import RscError, console_path, parse
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console import Console

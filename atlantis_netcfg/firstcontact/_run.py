@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import ConsoleUnreachable, LoginFailed
-from atlantis_netcfg.errors import TRUST, NetcfgError
-from atlantis_netcfg.events import Event, Stage, Subscriber
+from atlantis_netcfg.core.errors import TRUST, NetcfgError
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.firstcontact._adopted import Adopted, Status
 from atlantis_netcfg.firstcontact._errors import PreflightRefused, Unfinished
 from atlantis_netcfg.firstcontact._preflight import objections
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from atlantis_netcfg.console import Console
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.firstcontact._ways import Doorway, Way
     from atlantis_netcfg.journal import Pins, Recorder
-    from atlantis_netcfg.secret import Secret
 
 __all__ = ["FirstContact"]
 

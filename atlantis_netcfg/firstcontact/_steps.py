@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.firstcontact._menus import CLEARED, removable, resets
 from atlantis_netcfg.firstcontact._wish import CERTIFICATE, MARK, TEMPORARY
 from atlantis_netcfg.rsc import console_path, quote
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from datetime import datetime
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.firstcontact._wish import Facts, Row, Wish
-    from atlantis_netcfg.secret import Secret
 
 __all__ = ["SIGN_S", "Line", "Step", "clear", "close_door", "factory_users", "prepare"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import ConsoleLost, SafeModeHeld
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.firstcontact._words import cut_off
 from atlantis_netcfg.journal import ContactStep, ContactStepDone
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.console import Console
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.firstcontact._steps import Step
     from atlantis_netcfg.firstcontact._wish import Wish
     from atlantis_netcfg.journal import Recorder

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console import Console
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["Doorway", "Way"]
 

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.rsc import Export
-    from atlantis_netcfg.secret import Secret
-    from atlantis_netcfg.versions import Version
 
 __all__ = ["CERTIFICATE", "FACTORY_ADDRESS", "FACTORY_USER", "MARK", "TEMPORARY", "Facts", "Row", "Standing", "Wish"]
 

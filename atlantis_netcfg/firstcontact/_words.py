@@ -6,14 +6,14 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import ConsoleLost, HostKeyChanged, SafeModeHeld
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.firstcontact._errors import CutOff, NotFactoryFresh, StillToMove
 from atlantis_netcfg.firstcontact._recognise import foreign
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.errors import NetcfgError
+    from atlantis_netcfg.core.errors import NetcfgError
     from atlantis_netcfg.firstcontact._steps import Step
     from atlantis_netcfg.firstcontact._wish import Facts, Wish
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step
 from atlantis_netcfg.gateway.ros_key import ArchiveKey, archive_key
 from atlantis_netcfg.gateway.ros_releases import ARCHITECTURES, RELEASES

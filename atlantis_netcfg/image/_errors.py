@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core.errors import DeviceFailed, UsageError
 
 __all__ = ["CardUnfinished", "DeviceRefused", "ImageRefused"]
 

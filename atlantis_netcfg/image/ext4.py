@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
+from atlantis_netcfg.core import temporary
 from atlantis_netcfg.image._errors import ImageRefused
 from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
 

@@ -6,7 +6,7 @@ import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
+from atlantis_netcfg.core import temporary
 from atlantis_netcfg.image._errors import ImageRefused
 from atlantis_netcfg.image.ext4 import tool
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched
 
 __all__ = ["JournalFailed", "NoSuchRun", "PinsDamaged", "SiteBusy", "StateDamaged"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 
 __all__ = ["MachineFailed"]
 

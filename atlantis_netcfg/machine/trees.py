@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.core.paths import cache_dir
 from atlantis_netcfg.machine._errors import MachineFailed
 from atlantis_netcfg.machine._keeper import remove, unmount
 from atlantis_netcfg.machine._programs import asked, program
-from atlantis_netcfg.paths import cache_dir
 
 if TYPE_CHECKING:
     import subprocess

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import ExitCode, NetcfgError, NothingMatched, complete
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.firstcontact import Way
     from atlantis_netcfg.journal import Journal, JournalFailed, Recorder
     from atlantis_netcfg.journal.records import Record
-    from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Access
 

@@ -15,7 +15,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import paths, temporary
+from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.journal import write_atomically
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.operations.channel import Channel
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.site import load

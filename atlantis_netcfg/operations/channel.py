@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.errors import NetcfgError
-    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.core.errors import NetcfgError
+    from atlantis_netcfg.core.events import Event
 
 __all__ = ["Channel"]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.journal import Journal, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.kinds import managed
@@ -21,7 +21,7 @@ from atlantis_netcfg.site.model import LteRouter
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.journal import Pins, Recorder
     from atlantis_netcfg.operations.kinds import Managed
     from atlantis_netcfg.operations.request import Request

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.pairs import bridges
 from atlantis_netcfg.site.model import Router

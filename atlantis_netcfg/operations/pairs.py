@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.operations.bearers import LAN, as_bearer
 from atlantis_netcfg.routeros.pair import Pair, Signal
 from atlantis_netcfg.site.model import BearerKind, Cpe

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers import RehearsedComputers, rehearsed_computers
@@ -43,7 +43,7 @@ from atlantis_netcfg.twin import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.paths import hold_own, state_dir
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.paths import hold_own, state_dir
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.journal import NoSuchRun, Store
-from atlantis_netcfg.near import nearest
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.replacement import for_replacement
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.worker import run_until_settled
 from atlantis_netcfg.journal import Store, unrecorded
 from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.costs import Costs, gate
@@ -20,7 +21,6 @@ from atlantis_netcfg.operations.pairs import far_bearer, pair_of
 from atlantis_netcfg.operations.turns import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import Status, fleet
-from atlantis_netcfg.worker import run_until_settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

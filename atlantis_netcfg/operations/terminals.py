@@ -13,12 +13,12 @@ from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
-from atlantis_netcfg.errors import ExitCode, UsageError, complete
+from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
+from atlantis_netcfg.core.verdicts import Verdict, worst
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
 from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.site.model import Router, SatelliteTerminal
-from atlantis_netcfg.verdicts import Verdict, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.lte import rutos
 from atlantis_netcfg.console import host_key_of
-from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import worst
+from atlantis_netcfg.core.errors import worst
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -24,7 +24,7 @@ from atlantis_netcfg.operations.request import Mode
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.journal import Confirmed, JournalFailed, Recorder
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.crash import write_log
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.crash_report import write_log
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
 from atlantis_netcfg.operations.kinds import handled

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import paths, printable
 from atlantis_netcfg.bearers.cost import preview
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core import paths, printable
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.jobs import endpoint_of
@@ -20,13 +21,12 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
 from atlantis_netcfg.routeros.verify import UNDO_S, fall_silent, read, try_out
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bearers.cost import Preview
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.verify import Seen
     from atlantis_netcfg.site import Declaration, Host

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.console import Console
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.firstcontact import Way, Wish
-    from atlantis_netcfg.secret import Secret
 
 __all__ = ["SSH_PORT", "HostKey", "SerialWay", "SshWay", "Ways"]
 

@@ -15,8 +15,8 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.versions import Version
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

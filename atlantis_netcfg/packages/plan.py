@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.packages.npk import MAIN, Npk
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding, LinkState
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._seen import read
 from atlantis_netcfg.probes._unasked import unasked
 from atlantis_netcfg.probes.answers import Looked
 from atlantis_netcfg.probes.questions import Look
 from atlantis_netcfg.probes.step import Judged, Step
 from atlantis_netcfg.report.checklist import Kind, Phase
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

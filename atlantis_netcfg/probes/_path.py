@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._unasked import PLACES
 from atlantis_netcfg.probes.answers import Ran
 from atlantis_netcfg.probes.questions import Run
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._seen import measured
 from atlantis_netcfg.probes._unasked import PLACES, not_run
 from atlantis_netcfg.probes.answers import Ran
 from atlantis_netcfg.probes.questions import Run
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

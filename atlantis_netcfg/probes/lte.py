@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._looked import link_steps, well
 from atlantis_netcfg.probes.step import Step
 from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.site.model import BearerKind
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

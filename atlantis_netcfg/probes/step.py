@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from atlantis_netcfg.core.verdicts import Verdict, worst
 from atlantis_netcfg.report.checklist import Evidence, Kind, Phase
-from atlantis_netcfg.verdicts import Verdict, worst
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

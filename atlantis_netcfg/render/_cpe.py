@@ -17,8 +17,8 @@ from atlantis_netcfg.site.channels import lower_edge
 if TYPE_CHECKING:
     from jinja2 import Template
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site.model import Bearer, Cpe, Ptp, ServedLink
 
 __all__ = ["CpeView", "RadioView", "cpe", "cpe_prerequisites", "cpe_view", "radio_name"]

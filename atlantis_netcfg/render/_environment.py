@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
-from atlantis_netcfg.paths import checkout, private_cache
+from atlantis_netcfg.core.paths import checkout, private_cache
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
     from jinja2.bccache import Bucket
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["MARK", "compiled", "duration", "environment", "mark", "template_folder"]
 

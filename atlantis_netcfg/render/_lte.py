@@ -15,8 +15,8 @@ from atlantis_netcfg.render.view import ManagementView, Prerequisite
 if TYPE_CHECKING:
     from jinja2 import Template
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.site.model import Bearer, LteRouter
 
 __all__ = ["LteView", "lte", "lte_bearer", "lte_prerequisites", "lte_view"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
-from atlantis_netcfg.printable import visible
+from atlantis_netcfg.core.printable import visible
 
 __all__ = ["add", "clean", "count", "skip", "tell", "total", "written"]
 

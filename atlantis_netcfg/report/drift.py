@@ -7,11 +7,11 @@ from datetime import datetime
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import printable
-from atlantis_netcfg.errors import ExitCode, worst
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import ExitCode, worst
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import worst as worst_verdict
 from atlantis_netcfg.report.cost import cost_lines
-from atlantis_netcfg.verdicts import Verdict
-from atlantis_netcfg.verdicts import worst as worst_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

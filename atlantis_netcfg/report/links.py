@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import printable
-from atlantis_netcfg.errors import ExitCode, worst
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.report.cost import asked, cost_lines
 
 if TYPE_CHECKING:

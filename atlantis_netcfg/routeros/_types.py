@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.core.secret import MASK
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from atlantis_netcfg.versions import Version
+    from atlantis_netcfg.core.versions import Version
 
 __all__ = [
     "FEW_FOREIGN",

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros.menus import Kind, Shape, canonical
 from atlantis_netcfg.rsc import Statement, print_statement
-from atlantis_netcfg.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
 from atlantis_netcfg.routeros.pin import MONITOR, Sim, sim_of
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.lazy import homes
+from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site.declaration import ALL, Declaration, Host, choose

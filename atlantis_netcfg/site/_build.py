@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from atlantis_netcfg.near import nearest
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site._near import shown_key
 from atlantis_netcfg.site._words import explain, label_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site._names import why_no_name
 from atlantis_netcfg.site._near import meant
 from atlantis_netcfg.site.findings import Finding, Mark

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

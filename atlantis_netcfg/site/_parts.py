@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site._build import build
 from atlantis_netcfg.site._draft import Draft, Part

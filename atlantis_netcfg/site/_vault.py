@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NoReturn
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["CLOSED", "TAG", "UNTAGGED", "Decrypt", "SealedSecret", "VaultError", "unseal"]
 

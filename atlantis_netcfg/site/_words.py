@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import date
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site._near import meant
 from atlantis_netcfg.site.findings import Finding

@@ -20,7 +20,7 @@ from atlantis_netcfg.site.findings import Finding, Mark
 if TYPE_CHECKING:
     from yaml.nodes import MappingNode, SequenceNode
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["parse"]
 

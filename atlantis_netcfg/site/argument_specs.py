@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from pydantic_core import PydanticUndefined
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.site import _schema
 from atlantis_netcfg.site.model import Gateway, LteRouter, Pilot, Router, SatelliteTerminal, Site, VpnServer
 

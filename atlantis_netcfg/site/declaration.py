@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NothingMatched
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site._near import choices
 
 if TYPE_CHECKING:

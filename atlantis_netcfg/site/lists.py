@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site._near import choices, shown_key
 from atlantis_netcfg.site._yaml import parse
 from atlantis_netcfg.site.findings import Finding

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.site._files import HOSTS, Sources, scan
 from atlantis_netcfg.site._hosts import lay_out
 from atlantis_netcfg.site._near import choices

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.lazy import homes
+from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.around import Around, Called, Load, Validity

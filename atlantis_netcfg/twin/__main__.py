@@ -21,7 +21,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.twin.control import TwinRefused, obey
 from atlantis_netcfg.twin.site import Site
 from atlantis_netcfg.twin.spec import SiteSpec

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.twin.answers import Trap
 from atlantis_netcfg.twin.around._shown import move
 from atlantis_netcfg.twin.lte._modem import refit

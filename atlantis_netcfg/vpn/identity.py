@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["TIMERS", "Certificate", "Identity", "KeyType", "Kind", "Link", "Member", "Roll", "Standing", "Wrap"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Container

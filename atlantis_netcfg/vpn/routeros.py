@@ -11,12 +11,12 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.render import environment, router_view
 from atlantis_netcfg.rsc import quote
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site.model import Transport
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.site.model import Router, VpnServer

@@ -16,7 +16,7 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.twin import TwinRefused
 from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.cli._progress import _reminder
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage
 from campaign import advice
 from campaign.command import Command, end, living
 from campaign.faults import FAULTS, draw

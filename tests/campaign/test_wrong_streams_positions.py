@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import Cell, Listen, Place, Rows, Transcript, Trouble, acoustic, usbl
 from atlantis_netcfg.probes.gps import RouterosGps, StreamGps, Wanted
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Geofence, GpsDriver
-from atlantis_netcfg.verdicts import Verdict
 from campaign import positions
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from own_world import NETPLAN, World, own_steps
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import (
     Answer,
     Discovered,
@@ -34,7 +35,6 @@ from atlantis_netcfg.probes.rc_rf import RcHeard, SticksMoved, Wanted
 from atlantis_netcfg.probes.satellite import _there
 from atlantis_netcfg.probes.wifi import AssociatedProbe, RegisteredProbe
 from atlantis_netcfg.site.model import EthernetEndpoint, WifiEndpoint
-from atlantis_netcfg.verdicts import Verdict
 from campaign import senders
 from campaign.senders import (
     STRANGERS,

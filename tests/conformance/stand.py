@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
 from atlantis_netcfg.twin import Link, SiteSpec, SpawnedSite, User, spawn
 

@@ -14,7 +14,7 @@ from typing import TypedDict
 
 import yaml
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.site import report, validate
 
 HERE = Path(__file__).parent

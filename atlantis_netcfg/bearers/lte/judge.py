@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte.record import LteReading, Registration
 from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

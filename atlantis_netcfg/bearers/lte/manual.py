@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.bearers.lte.record import LteReading
 from atlantis_netcfg.bearers.status import Finding
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 __all__ = ["LOOK_FOR", "finding", "read"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ipaddress import AddressValueError, IPv4Address, IPv4Network
 
 from atlantis_netcfg.bearers.status import Finding
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 __all__ = ["FACTORY_ADDRESSES", "judge_carrier_nat", "judge_factory_address"]
 

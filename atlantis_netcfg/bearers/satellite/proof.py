@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from atlantis_netcfg.bearers.status import Finding
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 __all__ = ["WINDOW_S", "Attempt", "Expected", "Outcome", "Probe", "judge_attempt"]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
 from atlantis_netcfg.bearers.wifi.record import Condition, Family
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Answers, Book
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._checking.desk import Desk
-    from atlantis_netcfg.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.report.checklist import Document
 
 __all__ = ["again", "close", "greet", "note", "signer"]

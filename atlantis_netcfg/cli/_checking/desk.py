@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg import printable
 from atlantis_netcfg.checklist import Refused
 from atlantis_netcfg.checklist.people import named
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.suggest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.cli._checking import people
 from atlantis_netcfg.cli._checking.people import GREEN
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.checking import examine
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

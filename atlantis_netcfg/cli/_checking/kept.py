@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import paths
 from atlantis_netcfg.checklist import books
 from atlantis_netcfg.cli._checking.opening import folder_of
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core import paths
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.near import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

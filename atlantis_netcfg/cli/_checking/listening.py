@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.checking import RealEars
 from atlantis_netcfg.probes import Place
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Checklist, Entry
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.checking import Ears
 
 __all__ = [

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Confirmation, Refused
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.report.checklist import Kind, Phase
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

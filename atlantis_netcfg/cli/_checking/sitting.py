@@ -25,8 +25,8 @@ from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.cli._checking.price import price_of
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.cli._session import session
-from atlantis_netcfg.errors import DeviceFailed, ExitCode
-from atlantis_netcfg.events import Event, Stage, ignore
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.core.events import Event, Stage, ignore
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.report.checklist import Phase
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Book, Checklist
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.report.checklist import Item
     from atlantis_netcfg.site import Declaration, Host
 

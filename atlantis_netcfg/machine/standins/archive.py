@@ -12,7 +12,7 @@ from email.utils import format_datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
+from atlantis_netcfg.core import temporary
 from atlantis_netcfg.machine.standins.packages import StandInFailed, build
 
 if TYPE_CHECKING:

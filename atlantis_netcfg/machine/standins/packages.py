@@ -7,7 +7,7 @@ import subprocess
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
+from atlantis_netcfg.core import temporary
 from atlantis_netcfg.machine._errors import MachineFailed
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from atlantis_netcfg.bundle import (
     open_bundle,
 )
 from atlantis_netcfg.bundle.programs import require
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.bundling._target import from_board, from_file, from_image
 from atlantis_netcfg.operations.bundling._wish import wish_of
 from atlantis_netcfg.operations.examples import refuse_examples
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
 

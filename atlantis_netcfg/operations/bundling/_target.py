@@ -7,9 +7,9 @@ import shlex
 import zlib
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
 from atlantis_netcfg.bundle import BundleRefused, Target, read_target
 from atlantis_netcfg.bundle.programs import run
+from atlantis_netcfg.core import temporary
 from atlantis_netcfg.image import LAYOUTS, ImageRefused, checksum, expand
 from atlantis_netcfg.image.ext4 import Ext4, require
 from atlantis_netcfg.image.layouts import find

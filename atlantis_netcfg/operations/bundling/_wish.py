@@ -6,7 +6,7 @@ import base64
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bundle import HostWish, Key, Library, Source, Wished
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.computers.parts import PARTS, concerns
 from atlantis_netcfg.site import choose

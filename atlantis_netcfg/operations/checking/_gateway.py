@@ -15,7 +15,7 @@ from atlantis_netcfg.probes.ear import BOOT
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.errors import NetcfgError
+    from atlantis_netcfg.core.errors import NetcfgError
     from atlantis_netcfg.operations.checking._carrier import Carrier
     from atlantis_netcfg.operations.checking._ears import Asked, Heard
     from atlantis_netcfg.operations.checking._way_in import WayIn

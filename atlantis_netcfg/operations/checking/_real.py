@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.events import Event, Stage, ignore
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.events import Event, Stage, ignore
 from atlantis_netcfg.operations.checking._gateway import ask_gateway, in_words
 from atlantis_netcfg.operations.checking._laptop import ask_here
 from atlantis_netcfg.operations.checking._router import Routers
@@ -18,7 +18,7 @@ from atlantis_netcfg.probes import Place, Trouble
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.checking._ears import Asked, Heard
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.probes import Answer

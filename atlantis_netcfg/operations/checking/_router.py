@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.checking._gateway import in_words
 from atlantis_netcfg.operations.checking._unanswered import all_unanswered, unanswered
 from atlantis_netcfg.operations.computers import is_computer
@@ -21,7 +21,7 @@ from atlantis_netcfg.probes import Ask, Look, Looked, Prove, Proved, Rows, Troub
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Mapping, Sequence
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.checking._ears import Asked, Heard
     from atlantis_netcfg.operations.proving import Proving
     from atlantis_netcfg.operations.request import Request

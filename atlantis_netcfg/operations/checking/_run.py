@@ -8,20 +8,20 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.crash import crashed
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.paths import state_dir
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.checking._before import unfit
 from atlantis_netcfg.operations.checking._unanswered import unanswered
-from atlantis_netcfg.paths import state_dir
 from atlantis_netcfg.probes import Ask
 from atlantis_netcfg.report.checklist import Finding
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.checklist import Entry
-    from atlantis_netcfg.crash import Crashed
+    from atlantis_netcfg.core.crash_report import Crashed
     from atlantis_netcfg.operations.checking._ears import Ears
     from atlantis_netcfg.probes import Answer, Judged, Place, Question
     from atlantis_netcfg.report.checklist import Item

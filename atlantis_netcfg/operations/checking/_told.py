@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.report.checklist import Item
 
 __all__ = ["telling"]

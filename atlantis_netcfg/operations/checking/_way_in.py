@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # it ships no types
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.checking._carrier import Carrier, Ended
 from atlantis_netcfg.operations.computers._access import key_trouble

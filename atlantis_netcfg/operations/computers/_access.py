@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.journal import make_private, translated, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.site.model import Gateway, VpnServer

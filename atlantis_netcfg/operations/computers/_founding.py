@@ -6,11 +6,11 @@ import hashlib
 import secrets
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn._computers import computers
 from atlantis_netcfg.operations.vpn.founding import server_names
 from atlantis_netcfg.operations.vpn.wishes import Asked, wish_of
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority, Delivered
 from atlantis_netcfg.vpn.handout import identity_file
 

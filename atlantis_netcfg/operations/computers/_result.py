@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import complete
+from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.journal import NOT_RECORDED
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.request import Mode
@@ -16,7 +16,7 @@ from atlantis_netcfg.routeros.apply import Status
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.errors import ExitCode
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.journal import JournalFailed
 
 __all__ = ["ComputerResult"]

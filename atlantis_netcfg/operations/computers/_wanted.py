@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._access import is_computer, is_server

@@ -10,8 +10,8 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import ActionsConfirmed, Outcome, conclude
 from atlantis_netcfg.operations.asking import declaration_of
 from atlantis_netcfg.operations.channel import Channel

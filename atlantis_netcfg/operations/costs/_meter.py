@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.cost import CostRefused, bill, preview, size
 from atlantis_netcfg.bearers.policy import active_bearer
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.journal import CostCounted, Counters, Store
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.costs._gate import accepting

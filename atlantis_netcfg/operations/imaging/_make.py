@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg import temporary
-from atlantis_netcfg.errors import DeviceFailed, UsageError
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.image import (
     Card,
     Expanded,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Made", "Order", "made"]

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__, paths
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg import __version__
+from atlantis_netcfg.core import paths
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.journal import Store, write_atomically
 
 if TYPE_CHECKING:

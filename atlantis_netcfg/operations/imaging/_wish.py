@@ -5,7 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.image import LAYOUTS, Layout, Static, Wish
 from atlantis_netcfg.site.model import AddressBy, Gateway
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.operations.kinds._cpe import ManagedCpe
 from atlantis_netcfg.operations.kinds._lte import ManagedLte
 from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, Text

@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError, complete
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import NetcfgError, complete
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import FAST_S, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.jobs import endpoint_of
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Sequence
 
     from atlantis_netcfg.bearers.policy import Way
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.site import Declaration, Host

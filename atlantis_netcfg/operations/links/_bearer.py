@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState, Quality
 from atlantis_netcfg.bearers.satellite import judge_factory_address
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.links._own import Own, Silent, unheard
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.policy import active_bearers
 from atlantis_netcfg.bearers.satellite import judge_names
-from atlantis_netcfg.errors import NetcfgError, NothingMatched
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched
 from atlantis_netcfg.journal import MonthBytes, Store
 from atlantis_netcfg.operations.bearers import PATIENCE_S
 from atlantis_netcfg.operations.costs import ways_of
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import BearerStatus, Finding
     from atlantis_netcfg.bearers.policy import Way
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.site.model import Bearer

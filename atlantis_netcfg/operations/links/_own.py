@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding, LinkState, Quality
 from atlantis_netcfg.bearers import wifi as radios
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.links._radio import RadioLook, wanted_of
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

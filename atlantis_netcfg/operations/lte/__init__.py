@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.lazy import homes
+from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.operations.lte._emulation import EmulatedUnit, emulated_units, not_rehearsed

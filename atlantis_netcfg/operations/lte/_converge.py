@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.lte import Registration, rutos
 from atlantis_netcfg.bearers.lte.judge import quality
 from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, complete
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import ActionsConfirmed, LayerSent, Outcome, Planned, conclude, unrecorded
 from atlantis_netcfg.operations.lte._came import Came
 from atlantis_netcfg.operations.lte._result import FINE, LteResult, words
@@ -19,7 +20,6 @@ from atlantis_netcfg.operations.lte._uci import LAYER, masked, planned_action, s
 from atlantis_netcfg.operations.lte._unit import NotRehearsed
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.site.model import LteDriver
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console import Commands

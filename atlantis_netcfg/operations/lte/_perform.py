@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.crash import crashed
-from atlantis_netcfg.errors import ExitCode, worst
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
     Journal,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

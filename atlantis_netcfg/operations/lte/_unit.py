@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.lte import Registration, at, manual, modemmanager, rutos
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.console import open_commands
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.operations.simcard import TriedPin
 from atlantis_netcfg.site.model import LteDriver, LteRouter
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.bearers.lte.rutos import LteSettings, RutosEndpoint
     from atlantis_netcfg.console import Commands
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.operations.request import Target
     from atlantis_netcfg.site import Host

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 
 __all__ = ["NothingToProve"]
 

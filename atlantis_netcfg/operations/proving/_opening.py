@@ -11,7 +11,7 @@ from __future__ import annotations
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.satellite import Outcome
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -11,8 +11,8 @@ from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe, judge_attempt, judge_factory_address
 from atlantis_netcfg.bearers.satellite.addresses import FACTORY_ADDRESSES
 from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
-from atlantis_netcfg.errors import complete
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import complete
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.proving._asking import RULES, STATUS, ask_now, connected, outcome, rows
 from atlantis_netcfg.operations.proving._opening import filter_rows, temporarily
 from atlantis_netcfg.operations.proving._plan import BUDGET_BYTES, HELD, expected_bytes, session_bytes, tasks
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.bearers.policy import Way
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.proving._plan import Task
     from atlantis_netcfg.operations.proving._reading import Reading
     from atlantis_netcfg.routeros.api import Session

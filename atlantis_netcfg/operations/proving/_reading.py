@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:

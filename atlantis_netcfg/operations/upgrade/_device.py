@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.console import upload
-from atlantis_netcfg.errors import DeviceFailed, OutcomeUnknown
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import PackagesConfirmed, PackageSent, Rebooting
 from atlantis_netcfg.operations.upgrade._look import REBOOTED_WITHIN_S, Seen, log_of, look
 from atlantis_netcfg.packages import Upgrade, plan
@@ -22,7 +22,7 @@ from atlantis_netcfg.routeros.api import Command, Session, SessionLost
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.packages import Npk
     from atlantis_netcfg.routeros.api import Endpoint

@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.packages import Installed, Package
 from atlantis_netcfg.routeros.api import Command, Session
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

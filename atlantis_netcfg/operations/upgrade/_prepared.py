@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.cost import preview
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, complete
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bearers.cost import Link, Preview
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.upgrade._look import Seen
     from atlantis_netcfg.packages import Upgrade

@@ -6,8 +6,8 @@ import re
 from enum import StrEnum
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.vpn.authority import CLIENT_DAYS
 
 if TYPE_CHECKING:

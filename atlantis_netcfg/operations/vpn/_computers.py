@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.operations.vpn._check import shown
 from atlantis_netcfg.site.model import Gateway, Router
 from atlantis_netcfg.vpn import names

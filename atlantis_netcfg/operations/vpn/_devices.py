@@ -5,7 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.operations.vpn._check import shown
 from atlantis_netcfg.vpn import names
 from atlantis_netcfg.vpn.authority import CLIENT_DAYS, Wish

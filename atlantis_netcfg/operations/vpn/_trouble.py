@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown
 
 __all__ = ["AnswerLost", "HostKeyChanged", "RecordOlder", "ServerAway", "ServerRefused"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.vpn.records import of_partner, period
 from atlantis_netcfg.vpn.authority import AuthorityDamaged
 from atlantis_netcfg.vpn.ledger import LedgerDamaged

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NetcfgError, OutcomeUnknown, UsageError, complete
-from atlantis_netcfg.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.core.errors import NetcfgError, OutcomeUnknown, UsageError, complete
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn._trouble import ServerAway, ServerRefused

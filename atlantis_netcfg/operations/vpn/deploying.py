@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.vpn.authority import Authority, Revoked
 
 __all__ = ["Deployed", "Later", "Server"]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.operations.vpn.desk import Desk
-    from atlantis_netcfg.secret import Secret
     from atlantis_netcfg.vpn.authority import Revoked
     from atlantis_netcfg.vpn.identity import Member
 

@@ -18,7 +18,7 @@ import zlib
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from atlantis_netcfg.carried import INSTALL, Tool, build_live
+from atlantis_netcfg.core.remote_bundle import INSTALL, Tool, build_live
 from atlantis_netcfg.operations.vpn._ssh import in_words, ssh_words
 from atlantis_netcfg.operations.vpn._trouble import AnswerLost, ServerAway, ServerRefused
 

@@ -6,8 +6,8 @@ import re
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import NothingMatched, UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.vpn.identity import Standing
 
 if TYPE_CHECKING:

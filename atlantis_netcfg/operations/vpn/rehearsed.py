@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.site.model import Gateway, Router
 from atlantis_netcfg.vpn import pki

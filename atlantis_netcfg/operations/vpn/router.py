@@ -20,8 +20,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
+from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -46,7 +46,7 @@ from atlantis_netcfg.vpn.handout import read_identity
 from atlantis_netcfg.vpn.identity import KeyType
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.events import Subscriber
+    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.site import Declaration, Host

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, complete
-from atlantis_netcfg.events import Subscriber, ignore
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.events import Subscriber, ignore
+from atlantis_netcfg.core.verdicts import Verdict, worst
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.verdicts import Verdict, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

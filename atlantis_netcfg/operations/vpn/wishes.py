@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.vpn._check import Check, Refused
 from atlantis_netcfg.operations.vpn._computers import wish_of_host
 from atlantis_netcfg.operations.vpn._devices import wish_of_device

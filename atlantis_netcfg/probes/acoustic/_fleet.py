@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.acoustic import evologics
 from atlantis_netcfg.probes.acoustic.bands import plain
 from atlantis_netcfg.probes.acoustic.beacon import Beacon
@@ -14,7 +15,6 @@ from atlantis_netcfg.probes.acoustic.status import Reading
 from atlantis_netcfg.probes.answers import Transcript
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping

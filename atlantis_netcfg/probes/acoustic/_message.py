@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.acoustic import evologics
 from atlantis_netcfg.probes.acoustic.allowed import ask_at, message
 from atlantis_netcfg.probes.acoustic.bands import level_words
@@ -19,7 +20,6 @@ from atlantis_netcfg.probes.acoustic.modem import WATER
 from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Consent, Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

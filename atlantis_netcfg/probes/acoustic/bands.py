@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 __all__ = ["AIR_LEVEL", "INTEGRITY_LOW", "LEVELS", "RSSI_DB", "SOUND_SPEED_MPS", "STATES", "level_words", "plain"]
 

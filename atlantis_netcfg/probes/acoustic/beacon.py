@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.acoustic import seatrac
 from atlantis_netcfg.probes.acoustic.bands import SOUND_SPEED_MPS, plain
 from atlantis_netcfg.probes.acoustic.trouble import not_understood, said, two_modems, whose_unknown
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

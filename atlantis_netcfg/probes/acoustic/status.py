@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.acoustic import evologics
 from atlantis_netcfg.probes.acoustic.bands import (
     AIR_LEVEL,
@@ -19,7 +20,6 @@ from atlantis_netcfg.probes.acoustic.bands import (
 from atlantis_netcfg.probes.acoustic.trouble import not_understood, said, two_modems, whose_unknown
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

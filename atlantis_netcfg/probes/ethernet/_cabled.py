@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import _path, _ping
 from atlantis_netcfg.probes._seen import read
 from atlantis_netcfg.probes._unasked import PLACES, not_run
 from atlantis_netcfg.probes.ethernet import _port
 from atlantis_netcfg.probes.questions import Place
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._seen import read
 from atlantis_netcfg.probes._unasked import rows_of, unasked
 from atlantis_netcfg.probes.answers import Rows
 from atlantis_netcfg.probes.questions import Ask
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

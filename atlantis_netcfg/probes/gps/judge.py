@@ -6,11 +6,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.gps.earth import distance_m, from_middle_m, meters, place
 from atlantis_netcfg.probes.gps.record import DAY_S, Nature, at_day
 from atlantis_netcfg.probes.gps.silence import speechless
 from atlantis_netcfg.site.model import GpsDriver
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.answers import Rows, Transcript
 from atlantis_netcfg.probes.gps import gpsd, nmea, routeros
 from atlantis_netcfg.probes.gps.evidence import evidence
@@ -14,7 +15,6 @@ from atlantis_netcfg.probes.gps.silence import troubled
 from atlantis_netcfg.probes.questions import Ask, Listen, Place, Question, Say
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.site.model import GpsDriver
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.answers import Trouble
 from atlantis_netcfg.site.model import GpsDriver
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from atlantis_netcfg.probes.gps.record import Reception, Wanted

@@ -22,6 +22,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.answers import Discovered, Trouble
 from atlantis_netcfg.probes.own._reading import printed
 from atlantis_netcfg.probes.own._site import OwnSite, by_hand, run, step
@@ -40,7 +41,6 @@ from atlantis_netcfg.probes.own._words import (
 from atlantis_netcfg.probes.questions import Discover, Place
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.site.model import ControlCentre
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

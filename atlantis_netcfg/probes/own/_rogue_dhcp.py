@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.own._reading import neighbours, offers, rows, yes
 from atlantis_netcfg.probes.own._site import OwnSite, ask, by_hand, run, step
 from atlantis_netcfg.probes.own._words import fail, good, measured, unknown
 from atlantis_netcfg.probes.questions import Place, Probing
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -6,9 +6,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.answers import Trouble
 from atlantis_netcfg.probes.rc_rf.stream import System
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,8 +6,8 @@ from statistics import correlation
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.rc_rf.judge import no_channels
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.answers import Transcript
 from atlantis_netcfg.probes.questions import Listen, Place, Question
 from atlantis_netcfg.probes.rc_rf._stream_judged import armed, doubts, unusable
@@ -13,7 +14,6 @@ from atlantis_netcfg.probes.rc_rf.judge import judge
 from atlantis_netcfg.probes.rc_rf.moved import judge_moved
 from atlantis_netcfg.probes.rc_rf.stream import enough, read
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

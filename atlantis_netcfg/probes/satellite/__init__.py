@@ -11,13 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._looked import BearerProbe, bearers
 from atlantis_netcfg.probes.satellite._allowed import AllowListProbe
 from atlantis_netcfg.probes.step import Consent, Step
 from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.site.allowed import allowed
 from atlantis_netcfg.site.model import BearerKind
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes._seen import measured
 from atlantis_netcfg.probes._unasked import unasked
 from atlantis_netcfg.probes.answers import Proved
 from atlantis_netcfg.probes.questions import Prove
 from atlantis_netcfg.probes.step import Judged
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -9,6 +9,7 @@ from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.probes.acoustic.bands import INTEGRITY_LOW, RSSI_DB, SOUND_SPEED_MPS
 from atlantis_netcfg.probes.acoustic.beacon import Beacon, damage
@@ -17,7 +18,6 @@ from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
 from atlantis_netcfg.site.model import AcousticDriver
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

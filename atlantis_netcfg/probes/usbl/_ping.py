@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes.acoustic import seatrac
 from atlantis_netcfg.probes.acoustic.allowed import ask_seatrac, ping
 from atlantis_netcfg.probes.acoustic.beacon import damage
@@ -18,7 +19,6 @@ from atlantis_netcfg.probes.acoustic.trouble import not_understood, said
 from atlantis_netcfg.probes.step import Consent, Judged
 from atlantis_netcfg.probes.usbl._fixes import impossible, told
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

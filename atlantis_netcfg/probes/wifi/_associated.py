@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import _path, _ping
 from atlantis_netcfg.probes._seen import declared, read
 from atlantis_netcfg.probes._unasked import PLACES, not_run
@@ -14,7 +15,6 @@ from atlantis_netcfg.probes.questions import Run
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.probes.wifi import _channel, _iw
 from atlantis_netcfg.probes.wifi._level import judge_chains, judge_level, judge_rate
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

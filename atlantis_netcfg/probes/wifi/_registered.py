@@ -9,6 +9,7 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.wifi import Family
 from atlantis_netcfg.bearers.wifi import queries as wifi_queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import _path, _ping
 from atlantis_netcfg.probes._seen import declared, read
 from atlantis_netcfg.probes._unasked import rows_of, unasked
@@ -17,7 +18,6 @@ from atlantis_netcfg.probes.questions import Ask
 from atlantis_netcfg.probes.step import Judged
 from atlantis_netcfg.probes.wifi._associated import FAIL_LOSS_PERCENT
 from atlantis_netcfg.probes.wifi._level import judge_chains, judge_level, judge_rate
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -5,7 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.printable import visible
+from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report.checklist._grid import grid
 from atlantis_netcfg.report.checklist._shapes import cut
 from atlantis_netcfg.report.checklist._states import ASCII, State, state

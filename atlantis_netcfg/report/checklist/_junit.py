@@ -9,7 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.report._xml import add, clean, count, skip, tell, written
 from atlantis_netcfg.report.checklist._grid import grid
 from atlantis_netcfg.report.checklist._states import State, state

@@ -6,7 +6,7 @@ import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.printable import visible
+from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report.checklist._states import SYMBOLS
 
 if TYPE_CHECKING:

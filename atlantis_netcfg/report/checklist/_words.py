@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.printable import visible
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report.checklist._states import GREEN, State, state
 from atlantis_netcfg.report.checklist.document import EvidenceType
 

@@ -8,8 +8,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.verdicts import Verdict, worst
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.verdicts import Verdict, worst
 
 __all__ = [
     "Change",

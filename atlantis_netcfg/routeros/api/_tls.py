@@ -14,7 +14,7 @@ import struct
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
-from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.routeros.api._errors import CertificateChanged, CertificateUnknown, Unreachable
 
 if TYPE_CHECKING:

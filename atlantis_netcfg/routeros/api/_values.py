@@ -10,8 +10,8 @@ from atlantis_netcfg.routeros.api._errors import Refused
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.secret import Secret
 
 __all__ = ["READING_WINDOW", "Command", "Endpoint", "Reply", "Traffic", "Trap"]
 

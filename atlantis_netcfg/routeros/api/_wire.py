@@ -7,7 +7,7 @@ import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
-from atlantis_netcfg import printable
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.routeros.api._errors import FellSilent, ProtocolError, SessionLost
 from atlantis_netcfg.routeros.api._sentences import Answer, Decoder, GarbageError, encode, parse
 from atlantis_netcfg.routeros.api._values import Command, Reply, Traffic, Trap

@@ -10,8 +10,9 @@ import asyncio
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.journal import Protected, Signed
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import FEW_FOREIGN
@@ -24,7 +25,6 @@ from atlantis_netcfg.routeros.apply._shield import Held, Hold, held_by
 from atlantis_netcfg.routeros.apply._state import differing, restoring
 from atlantis_netcfg.routeros.observe import HISTORY, counting_rows, merged, number_of_rows, observe, printing
 from atlantis_netcfg.routeros.scheduler_jobs import WillNotRun
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

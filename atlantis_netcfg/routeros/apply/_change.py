@@ -10,8 +10,8 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import (
     ActionsAcknowledged,
     ActionsConfirmed,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.console import ConsoleUnreachable, SafeModeHeld
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Refused, SessionLost
 from atlantis_netcfg.routeros.apply._protection import ProtectionLost
 from atlantis_netcfg.routeros.apply._shield import Hold, NoShield, held_by

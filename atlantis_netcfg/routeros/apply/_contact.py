@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.routeros.api import (
     WINDOW,
     CertificateChanged,

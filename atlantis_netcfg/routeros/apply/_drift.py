@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.routeros.apply._job import Status
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftKind, History, Past, compare
 

@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros.apply._begin import safe_mode_first
 from atlantis_netcfg.routeros.apply._change import change

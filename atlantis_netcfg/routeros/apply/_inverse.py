@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Layer, Observed, Verb
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.commands import console

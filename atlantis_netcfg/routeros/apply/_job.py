@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.events import Subscriber, ignore
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.journal import NoJournal, Recorder
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console import Console
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, PortCounts
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._toll import Toll
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
-    from atlantis_netcfg.secret import Secret
 
 __all__ = [
     "Channel",

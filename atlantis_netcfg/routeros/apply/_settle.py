@@ -9,8 +9,8 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost

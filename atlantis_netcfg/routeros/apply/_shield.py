@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.apply._protection import ProtectionLost
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, conclude, unrecorded
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import complete
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import complete
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import JournalFailed
 from atlantis_netcfg.routeros.apply._claim import Signer, withdrawing
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status

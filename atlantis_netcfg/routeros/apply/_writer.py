@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import WINDOW, Command
 from atlantis_netcfg.routeros.apply._scripts import action_at, output, scripts

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.apply._claim import CLAIMS, Sign, seen, withdrawing
 from atlantis_netcfg.routeros.drift import Difference, DriftKind, Owner
 from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, disarm, jobs_of

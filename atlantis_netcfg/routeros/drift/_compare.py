@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.drift._history import History
 from atlantis_netcfg.routeros.drift._model import Comparison, Difference, DriftKind, FieldDifference, Owner, Since
 from atlantis_netcfg.routeros.drift._raw import Raw, content, raw_differences
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape, canonical, rank
 from atlantis_netcfg.routeros.planner import as_renamed
-from atlantis_netcfg.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.menus._model import Field
 from atlantis_netcfg.routeros.menus._values import Kind
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

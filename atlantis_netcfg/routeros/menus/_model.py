@@ -13,8 +13,8 @@ from atlantis_netcfg.routeros.menus._values import Kind, canonical
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.routeros._types import Layer, Row
-    from atlantis_netcfg.versions import Version
 
 __all__ = ["MARK", "Field", "Menu", "Shape"]
 

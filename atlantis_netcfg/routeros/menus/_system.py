@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus._fields import (
     COMMENT,
@@ -24,7 +25,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     words,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
-from atlantis_netcfg.versions import Version
 
 __all__ = ["MENUS"]
 

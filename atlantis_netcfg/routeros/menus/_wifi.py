@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus._fields import (
     COMMENT,
@@ -29,7 +30,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     words,
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.menus._model import Field

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.routeros.pair import _safe
 

@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import NoJournal, Released
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring

@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.routeros.api import Traffic
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._contact import Contact

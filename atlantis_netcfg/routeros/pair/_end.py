@@ -7,8 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError, complete
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, complete
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     DeviceObserved,
@@ -30,7 +31,6 @@ from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.parsing import Examination
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

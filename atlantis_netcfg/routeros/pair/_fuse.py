@@ -12,7 +12,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros import scheduler_jobs
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.scheduler_jobs import MENU, PAIR

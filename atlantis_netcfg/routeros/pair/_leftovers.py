@@ -11,7 +11,7 @@ import asyncio
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.apply import Mode, Status
 from atlantis_netcfg.routeros.pair import _safe
 from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE_S

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed, NetcfgError
-from atlantis_netcfg.events import Stage
+from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
 from atlantis_netcfg.routeros.apply._protection import Interfered
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.versions import NEWEST_KNOWN
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
 from atlantis_netcfg.routeros.diff import render, set_lines
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
@@ -26,14 +27,13 @@ from atlantis_netcfg.routeros.planner._rename import (
     renames,
 )
 from atlantis_netcfg.routeros.planner._simulate import after, simulate
-from atlantis_netcfg.versions import NEWEST_KNOWN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.routeros._items import Desired, Item
     from atlantis_netcfg.routeros._types import Facts, Observed, Row
-    from atlantis_netcfg.versions import Version
 
 __all__ = ["CannotPlan", "after", "as_renamed", "plan", "renamed", "simulate"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Hidden, Layer, Verb
 from atlantis_netcfg.routeros.pin import Sim, objection
 

@@ -13,7 +13,7 @@ from typing import Annotated
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 from pydantic_core import PydanticCustomError
 
-from atlantis_netcfg.secret import MASK, Secret
+from atlantis_netcfg.core.secret import MASK, Secret
 from atlantis_netcfg.site._names import why_no_name
 
 __all__ = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site._draft import Draft, Part, Rule
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
-from atlantis_netcfg.secret import EXAMPLE_PREFIX, Secret
+from atlantis_netcfg.core.secret import EXAMPLE_PREFIX, Secret
 from atlantis_netcfg.site._draft import Draft, Part, Rule
 from atlantis_netcfg.site._vault import SealedSecret
 from atlantis_netcfg.site.findings import Finding

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import yaml
 from pydantic import TypeAdapter
 
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.site._draft import Draft, Part, Rule
 from atlantis_netcfg.site._near import meant
 from atlantis_netcfg.site.model import Column, Model, VehicleKind

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.lazy import homes
+from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.twin.rutos._spec import NOT_REHEARSED, RutosNetwork, RutosSim, RutosSpec

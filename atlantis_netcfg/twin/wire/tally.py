@@ -6,7 +6,7 @@ import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.core.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.journal import Holder
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _check as checks
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.vpn.authority._types import Delivered, ServerNames, Sighting
     from atlantis_netcfg.vpn.identity import Roll
     from atlantis_netcfg.vpn.ledger import Entry

@@ -7,7 +7,7 @@ from datetime import timedelta
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _head as heads

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _lists as lists

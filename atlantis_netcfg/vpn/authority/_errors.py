@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,9 +9,9 @@ from __future__ import annotations
 import secrets
 from typing import TYPE_CHECKING, Literal
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.paths import hold_own
 from atlantis_netcfg.journal import sync_directory, write_atomically
-from atlantis_netcfg.paths import hold_own
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _head as heads
@@ -24,7 +24,7 @@ from atlantis_netcfg.vpn.ledger.records import Founded
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.vpn.authority._types import ServerNames
 
 __all__ = ["Sealing", "found", "is_complete", "prepare", "require", "seal"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cryptography.hazmat.primitives.serialization import Encoding
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority._book import new_operation
@@ -20,7 +20,7 @@ from atlantis_netcfg.vpn.ledger import records
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.vpn.authority._desk import Desk
     from atlantis_netcfg.vpn.authority._plan import Planned
     from atlantis_netcfg.vpn.authority._types import Delivered

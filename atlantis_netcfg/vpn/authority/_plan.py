@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.near import nearest
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.vpn import names
 from atlantis_netcfg.vpn.authority._addresses import Addresses
 from atlantis_netcfg.vpn.authority._errors import NoSuchMember, OtherMember

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _plan as plan
 from atlantis_netcfg.vpn.authority import _types as types

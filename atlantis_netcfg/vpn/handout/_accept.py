@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.site.model import Router
 from atlantis_netcfg.vpn.handout._archive import NotAHandOut
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.vpn.identity import Identity
 

@@ -11,7 +11,7 @@ import re
 import tarfile
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

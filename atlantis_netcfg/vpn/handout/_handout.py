@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.handout import _page as pages
 from atlantis_netcfg.vpn.handout._archive import pack, unpack
@@ -19,7 +19,7 @@ from atlantis_netcfg.vpn.identity import Kind
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.handout._sealed import Sealing
     from atlantis_netcfg.vpn.identity import Identity

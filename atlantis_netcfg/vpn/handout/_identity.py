@@ -20,8 +20,8 @@ from cryptography import x509
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_pem_private_key
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
 
 if TYPE_CHECKING:

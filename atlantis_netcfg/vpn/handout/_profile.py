@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site.model import Transport, VpnServer
 from atlantis_netcfg.vpn.handout._identity import header, inline
 from atlantis_netcfg.vpn.identity import Kind, Link, Wrap

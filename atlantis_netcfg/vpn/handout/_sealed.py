@@ -6,8 +6,8 @@ import re
 import secrets
 from dataclasses import dataclass
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.handout._archive import NotAHandOut
 

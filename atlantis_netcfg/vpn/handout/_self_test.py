@@ -14,7 +14,7 @@ from atlantis_netcfg.vpn.handout._reach import dds_port, reach, tunnel_of_server
 from atlantis_netcfg.vpn.identity import Link
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.identity import Identity, Member
 

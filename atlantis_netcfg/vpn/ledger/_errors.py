@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 
 __all__ = ["LedgerDamaged", "LedgerFailed"]
 

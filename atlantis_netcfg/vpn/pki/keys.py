@@ -12,7 +12,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.pki._errors import KeyDamaged
 

@@ -20,7 +20,7 @@ import pyrage
 from atlantis_netcfg.vpn.pki._errors import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = [
     "SEAL_GUESSES",

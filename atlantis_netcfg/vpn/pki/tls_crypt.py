@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.ciphers import Cipher
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.ciphers.modes import CTR
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.pki._errors import KeyDamaged
 
 __all__ = ["METADATA_MAX", "client_key", "server_key", "shared_key"]

@@ -14,9 +14,9 @@ from pathlib import Path
 from carton import CHANGES, ROUTER, declaration
 
 from atlantis_netcfg.console._terminal import Terminal
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.adoption import Adoption
-from atlantis_netcfg.secret import Secret
 
 RUN = Terminal.run
 

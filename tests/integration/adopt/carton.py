@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import Declaration, load
 from atlantis_netcfg.twin import Device, RouterSpec, RunningSite, SiteSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.core.events import Event
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ROUTER = "scc-router"

@@ -15,7 +15,7 @@ from carton import CHANGES, ROUTER, Carton, adopted_export, carton
 
 from atlantis_netcfg.console import ConsoleLost
 from atlantis_netcfg.console._terminal import Terminal
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

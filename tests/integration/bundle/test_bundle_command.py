@@ -23,7 +23,7 @@ from ansible.parsing.vault import VaultLib, VaultSecret
 from bundle_stand import HOST, arm64, status
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.machine.standins import publish
 from atlantis_netcfg.operations.bundling import wish_of
 from atlantis_netcfg.operations.bundling._target import from_image

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.core.paths import checkout
 
 if TYPE_CHECKING:
     from pathlib import Path

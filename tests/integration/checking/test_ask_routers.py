@@ -19,7 +19,7 @@ from atlantis_netcfg.twin import Link, RunningSite
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.core.events import Event
     from atlantis_netcfg.probes import Answer
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

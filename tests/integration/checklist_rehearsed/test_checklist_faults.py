@@ -13,13 +13,13 @@ from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.cli import check
 from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli._session import session
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.checking import examine
 from atlantis_netcfg.operations.checking.rehearsed import FAULTS, rehearsed_ears
 from atlantis_netcfg.operations.checking.rehearsed._of_routers import FAULTS as OF_ROUTERS
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.report.checklist import Kind
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

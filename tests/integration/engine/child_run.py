@@ -14,11 +14,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
 from atlantis_netcfg.journal._log import Entry, line
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import PASSWORD, TEXT, Bench, leases, on
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
 from atlantis_netcfg.routeros.menus import MENUS, Field
 from atlantis_netcfg.routeros.parsing import Examination

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, Meddler, on
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.estimate import Bearer
 

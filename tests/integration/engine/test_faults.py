@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
 
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle

@@ -13,7 +13,7 @@ import pytest
 from engine_bench import run
 from test_fleet import jobs, ships
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, Status, fleet
 from atlantis_netcfg.twin import Fault, FaultKind, Link
 

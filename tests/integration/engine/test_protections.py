@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import Protected
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status
 from atlantis_netcfg.routeros.apply import _executor

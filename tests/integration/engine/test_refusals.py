@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import PASSWORD, TEXT, Bench, on
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge, desired
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import DeviceMode, User
 from atlantis_netcfg.twin import Mode as TwinMode
 

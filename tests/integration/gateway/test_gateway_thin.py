@@ -11,7 +11,7 @@ from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import FOLDER
-from atlantis_netcfg.carried import build
+from atlantis_netcfg.core.remote_bundle import build
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,8 +15,8 @@ from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, L
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.machine import Yard
-    from atlantis_netcfg.secret import Secret
 
 ENDPOINT = "203.0.113.2"
 SERVER = "scc-vpn"

@@ -14,7 +14,7 @@ from docs_console import Shown, shown
 from house_checkout import ROOT, clean_environment, shared_checkout, start
 
 from atlantis_netcfg.cli._help import MEANING
-from atlantis_netcfg.errors import WORST_FIRST, ExitCode
+from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.image import BlockTree, Bus, DeviceRefused, admit, confirmed
 from atlantis_netcfg.image.guard import same
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 from blocks_fake import LoopCard, Tree, loop
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.image import (
     Card,
     CardUnfinished,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.operations import lte
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.links import Looked, look

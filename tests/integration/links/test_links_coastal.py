@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 from links_bench import Bench, bench, inventory, masked
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

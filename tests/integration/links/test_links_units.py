@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from links_bench import Bench, bench, block, inventory, masked
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import lte
 from atlantis_netcfg.operations.request import Target

@@ -12,11 +12,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
 from engine_bench import PASSWORD as ENGINE_PASSWORD
 from engine_bench import run, without_header
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from atlantis_netcfg.rsc import quote
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.twin import (
     Air,
     Management,
@@ -34,7 +34,7 @@ from atlantis_netcfg.twin import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
-    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.core.events import Event
 
 T = TypeVar("T")
 PASSWORD = ENGINE_PASSWORD

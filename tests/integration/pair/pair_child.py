@@ -13,10 +13,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

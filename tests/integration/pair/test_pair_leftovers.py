@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from pair_bench import PairBench, Words, on
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import Journal, Record, Released
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge
 from atlantis_netcfg.routeros.apply import Patience

@@ -14,7 +14,7 @@ from quay import ROUTER, Door, Quay, forwarded, quay
 from vpn_desk import PASSPHRASE
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import upgrade
 from atlantis_netcfg.operations.upgrade import Waiting

@@ -105,7 +105,7 @@ import sys
 from types import SimpleNamespace
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._session import Session
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 Session.perform = lambda *_words, **_more: SimpleNamespace(devices={}, exit=ExitCode.CHANGES)
 sys.exit(main())
 """

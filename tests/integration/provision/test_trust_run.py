@@ -12,7 +12,7 @@ from impostor import Impostor, impostor
 from npk_files import write
 from quay import ADDRESS, ROUTER, Quay, quay
 
-from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.journal import Store
 
 if TYPE_CHECKING:

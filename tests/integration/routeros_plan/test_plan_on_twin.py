@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import guard
 from atlantis_netcfg.routeros._types import Facts, Observed
 from atlantis_netcfg.routeros.commands import console, sentence
@@ -19,7 +20,6 @@ from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan
 from atlantis_netcfg.twin import Device, Management, RouterSpec
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Plan, Row

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.versions import Version
+from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from npk_files import MAGIC, contents, info, part, write
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.packages import NotAPackage, read_npk
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Callable

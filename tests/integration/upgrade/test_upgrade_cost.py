@@ -9,8 +9,9 @@ import pytest
 from npk_files import write
 
 from atlantis_netcfg.bearers.cost import CostRefused
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
@@ -18,7 +19,6 @@ from atlantis_netcfg.operations.upgrade import Prepared
 from atlantis_netcfg.operations.upgrade._prepared import _cost
 from atlantis_netcfg.packages import Upgrade, read_npk
 from atlantis_netcfg.site import load
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.site import Declaration

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.site.model import Gateway, VpnServer
 from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 from authority_stand import NAMES, PASSPHRASE, Stand, handed_to, stand, wish
 
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import Authority
 

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Self
 
 from live_computer import LOG, PATIENCE_S, Computer, until
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish

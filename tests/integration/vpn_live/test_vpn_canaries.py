@@ -20,7 +20,7 @@ import pytest
 from live_stand import Record, Server
 from vpn_desk import over_a_pipe
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.authority import _sealed as sealed
 from atlantis_netcfg.vpn.handout import open_handout

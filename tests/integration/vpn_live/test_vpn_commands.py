@@ -11,9 +11,9 @@ import pytest
 from live_stand import LOG, NAME, Client, Record, Server, until
 from vpn_desk import PASSPHRASE, Desk, onboarding, seated
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.handout import open_handout, read_identity
 

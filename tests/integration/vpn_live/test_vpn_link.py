@@ -12,7 +12,7 @@ import pytest
 from live_stand import NAME, Computer
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
-from atlantis_netcfg.carried import build_live
+from atlantis_netcfg.core.remote_bundle import build_live
 from atlantis_netcfg.operations.vpn import link as link_module
 from atlantis_netcfg.operations.vpn._state import PLACE
 from atlantis_netcfg.operations.vpn._trouble import AnswerLost, HostKeyChanged, ServerAway, ServerRefused

@@ -17,10 +17,10 @@ from cryptography import x509
 from live_stand import NAME, Client, Record, Server, declaration
 from vpn_desk import NOBODY, PASSPHRASE, Desk, seated
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import connected, live
 from atlantis_netcfg.operations.vpn._trouble import ServerRefused
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 

@@ -18,12 +18,12 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.machine import tree, why_not, yard
 from atlantis_netcfg.machine._namespaces import add_namespace, delete_namespace, join
 from atlantis_netcfg.operations.computers import tree_spec
 from atlantis_netcfg.operations.vpn.founding import server_names
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
 from atlantis_netcfg.vpn.authority import Authority, Delivered, Wish
 from atlantis_netcfg.vpn.authority import _sealed as sealed

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from router_stand import HOST, SHIPPED, router
 
-from atlantis_netcfg.errors import ExitCode, UsageError
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Request

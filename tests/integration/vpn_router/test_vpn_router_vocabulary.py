@@ -8,7 +8,7 @@ from heard import listening
 from router_stand import router
 from trees import Tree
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path

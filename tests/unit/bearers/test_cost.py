@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.bearers.cost import Basis, Link, Tariff, bill, preview, size
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 CERTUS_100 = Tariff(Decimal(8), "EUR", min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
 """The published fair-use rule; the price is an example."""

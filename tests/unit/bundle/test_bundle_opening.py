@@ -11,7 +11,7 @@ import pytest
 from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signer
 
 from atlantis_netcfg.bundle import BundleRefused, Keys, Wished, bytes_to_carry, open_bundle
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.bundle import Key, Library, Source, Wished
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.operations.bundling import gateways_of, has_tokens, wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request

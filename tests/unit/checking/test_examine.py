@@ -13,7 +13,8 @@ import pytest
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
 from atlantis_netcfg.checklist import Entry
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.checking import _run, examine, telling
 from atlantis_netcfg.probes import (
     SITE,
@@ -35,7 +36,6 @@ from atlantis_netcfg.probes import (
 )
 from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Item, Kind, Phase
 from atlantis_netcfg.site import load
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

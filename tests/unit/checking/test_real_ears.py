@@ -14,7 +14,8 @@ import pytest
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import plan
-from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.checking import (
     NotReached,
@@ -30,12 +31,11 @@ from atlantis_netcfg.operations.proving import Proof
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
 from atlantis_netcfg.site import load
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.events import Event
+    from atlantis_netcfg.core.events import Event
     from atlantis_netcfg.operations.links import Looked as LooksBack
     from atlantis_netcfg.probes import Answer, Question
 

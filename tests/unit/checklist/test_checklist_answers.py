@@ -9,8 +9,8 @@ from answers_cases import cases, told
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found
 
 from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, Refused
-from atlantis_netcfg.errors import ExitCode, UsageError
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Confirmation, Refused, last_green, verify
-from atlantis_netcfg.errors import ExitCode, UsageError
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.verdicts import Verdict
 
 DEEDS = st.tuples(
     st.sampled_from(["settle", "confirm", "override", "close"]), st.sampled_from(EVERY), st.sampled_from(list(Verdict))

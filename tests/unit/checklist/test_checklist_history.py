@@ -8,8 +8,8 @@ import pytest
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
 from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.report.checklist import Finding
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

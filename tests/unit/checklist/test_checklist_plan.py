@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
-from atlantis_netcfg.errors import ExitCode, NothingMatched
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 from atlantis_netcfg.probes import columns
 from atlantis_netcfg.report.checklist import Kind, Phase
 from atlantis_netcfg.site import Declaration, load

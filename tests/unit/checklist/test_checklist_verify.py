@@ -16,8 +16,8 @@ from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _key, books, ver
 from atlantis_netcfg.checklist._canonical import canonical, parsed, written
 from atlantis_netcfg.checklist._key import Key
 from atlantis_netcfg.checklist._signing import digest, sealed
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable

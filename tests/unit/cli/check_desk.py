@@ -13,11 +13,11 @@ from atlantis_netcfg.cli._checking.desk import Desk
 from atlantis_netcfg.cli._checking.flow import Round
 from atlantis_netcfg.cli._checking.listening import Listening
 from atlantis_netcfg.cli._checking.people import shown
-from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
 from atlantis_netcfg.report.checklist import Drawing, Item, Kind, Phase, Row
 from atlantis_netcfg.site import load
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Arguments, Command, Flag, Word
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable

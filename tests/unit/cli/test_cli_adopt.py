@@ -8,7 +8,7 @@ import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.adopt import _from
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path

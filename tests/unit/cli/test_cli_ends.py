@@ -16,8 +16,8 @@ from pilot_commands import Table, done
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._progress import progress
-from atlantis_netcfg.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
+from atlantis_netcfg.core.events import Event, Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 SAID = """\

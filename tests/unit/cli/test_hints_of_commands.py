@@ -16,9 +16,9 @@ from atlantis_netcfg.checklist._canonical import written
 from atlantis_netcfg.cli import _commands, _session, main
 from atlantis_netcfg.cli._checking import sitting
 from atlantis_netcfg.cli._commands import COMMANDS
-from atlantis_netcfg.errors import ExitCode, NetcfgError, worst
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
+from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.journal import RunStarted, Store
-from atlantis_netcfg.paths import checkout
 from atlantis_netcfg.report.run import RunReport
 from atlantis_netcfg.site import load
 

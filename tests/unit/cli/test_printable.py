@@ -14,11 +14,11 @@ import pytest
 from impostor import HOSTILE, control_characters
 from pilot_commands import Table
 
-from atlantis_netcfg import printable
 from atlantis_netcfg.cli import image, main
 from atlantis_netcfg.cli._progress import progress
-from atlantis_netcfg.errors import DeviceFailed, ExitCode
-from atlantis_netcfg.events import Event, Stage
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.core.events import Event, Stage
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments

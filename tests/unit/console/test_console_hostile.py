@@ -14,7 +14,7 @@ from paramiko.common import AUTH_SUCCESSFUL, OPEN_SUCCEEDED
 from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable, fingerprint, host_key_of, open_commands
 from atlantis_netcfg.console import _ssh as ssh
 from atlantis_netcfg.console._screen import MOST, Screen
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -8,7 +8,7 @@ import pytest
 from desk import Desk, DeskLine
 
 from atlantis_netcfg.console import ConsoleUnreachable, LoginFailed, open_serial
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,7 +18,7 @@ from atlantis_netcfg.console import (
     open_ssh,
     upload,
 )
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.twin import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def test_a_server_that_is_none_leaves_no_traceback_on_the_screen() -> None:
     program = """
 import socket, threading
 from atlantis_netcfg.console import ConsoleUnreachable, open_ssh
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 door = socket.create_server(("127.0.0.1", 0))
 threading.Thread(target=lambda: door.accept()[0].close(), daemon=True).start()
 try:

@@ -7,8 +7,8 @@ from ipaddress import IPv4Address
 import pytest
 from dds_pilots import leaves, pilot, view
 
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
-from atlantis_netcfg.errors import UsageError
 from atlantis_netcfg.site.model import BearerKind, Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
 
 CYCLONE = "CycloneDDS/Domain"

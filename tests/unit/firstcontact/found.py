@@ -6,11 +6,11 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.firstcontact import Facts, Wish
 from atlantis_netcfg.firstcontact._menus import CLEARED
 from atlantis_netcfg.rsc import parse
-from atlantis_netcfg.secret import Secret
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from typing import Any

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.gateway.ros2 import GatewayRos2, StandIn, gateway_ros2
 from atlantis_netcfg.gateway.ros_key import ArchiveKey, archive_key
 from atlantis_netcfg.gateway.ros_releases import RELEASES

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.cli._parse import parse
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.paths import cache_dir, private_cache
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.paths import cache_dir, private_cache
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.paths import checkout, state_dir
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.paths import checkout, state_dir
 
 if TYPE_CHECKING:
     from pathlib import Path

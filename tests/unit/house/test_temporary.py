@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg import temporary
+from atlantis_netcfg.core import temporary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -212,7 +212,7 @@ def test_images_go_where_there_is_room(place: Path, monkeypatch: pytest.MonkeyPa
 
 
 ELSEWHERE = {
-    "atlantis_netcfg/temporary.py",
+    "atlantis_netcfg/core/temporary.py",
     # A file without a name ends with its process.
     "atlantis_netcfg/operations/vpn/link.py",
     "atlantis_netcfg/operations/checking/_carrier.py",

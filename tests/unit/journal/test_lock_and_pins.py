@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ import yaml
 
 from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState
 from atlantis_netcfg.bearers.policy import Way
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.links._bearer import Seen, ranked, told, twice
 from atlantis_netcfg.operations.links._own import Own, Silent
 from atlantis_netcfg.operations.links._router import Echo, Neighbour, Port, RouterReading
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,7 +11,7 @@ import pytest
 from impostor import served
 
 from atlantis_netcfg.bearers.lte.rutos import RutosEndpoint, RutosRefused, RutosUnreachable, read
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     import ssl

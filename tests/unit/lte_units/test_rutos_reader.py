@@ -22,7 +22,7 @@ from atlantis_netcfg.bearers.lte.rutos import (
     read,
     reading_of,
 )
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.twin.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 
 if TYPE_CHECKING:

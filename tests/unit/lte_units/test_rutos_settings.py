@@ -20,7 +20,7 @@ from atlantis_netcfg.bearers.lte.rutos import (
     pin_held,
 )
 from atlantis_netcfg.console import HostKeyChanged, LoginFailed, UnknownHostKey, open_commands
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.twin.rutos import RunningRutos, RutosSpec
 
 if TYPE_CHECKING:

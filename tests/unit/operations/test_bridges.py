@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.operations.pairs import bridges
 from atlantis_netcfg.site import load
 

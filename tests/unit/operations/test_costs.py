@@ -12,8 +12,9 @@ import pytest
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.cli._commands import COMMANDS, load
-from atlantis_netcfg.errors import ExitCode, UsageError
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.journal import CostCounted, NoJournal, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
@@ -26,7 +27,6 @@ from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
 from atlantis_netcfg.site import load as load_inventory
 from atlantis_netcfg.site.model import LteDriver, LteRouter
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.journal import Record

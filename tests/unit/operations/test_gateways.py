@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.journal import SiteBusy, Store
 from atlantis_netcfg.operations.computers import Watch, _watch, perform
 from atlantis_netcfg.operations.computers._fetching import fetching, narrowed

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.errors import NothingMatched, UsageError
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import NoJournal, Store
 from atlantis_netcfg.operations import Request, Target
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
 from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import Host, load
 from atlantis_netcfg.site.model import LteDriver, LteRouter, Sim
 

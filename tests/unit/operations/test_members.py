@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.members import members_of
@@ -18,7 +19,6 @@ from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Cpe, SignalBounds
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.bearers import LAN, patient
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.estimate import Bearer
-from atlantis_netcfg.secret import Secret
 
 ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
 BRIDGE = Bearer("wifi-ptp", 0.004, 50e6, 50e6, metered=False)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.trust import Computer, KeyState, has_identity
-from atlantis_netcfg.paths import checkout
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Gateway
 

@@ -12,9 +12,9 @@ from ansible.parsing.vault import VaultLib, VaultSecret
 from atlantis_netcfg.cli import _passphrase
 from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, Command
 from atlantis_netcfg.cli._passphrase import vault_of
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vault import Vault
-from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.worker import run_until_settled
+from atlantis_netcfg.core.worker import run_until_settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable

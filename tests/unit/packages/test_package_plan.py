@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.packages import Installed, Npk, Package, Upgrade, UpgradeRefused, plan
-from atlantis_netcfg.versions import Version
 
 MIB = 1024 * 1024
 

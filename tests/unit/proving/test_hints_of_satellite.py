@@ -17,7 +17,9 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
 from atlantis_netcfg.cli import _outcome
 from atlantis_netcfg.console._keys import PinnedKey
-from atlantis_netcfg.errors import TRUST, ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.proving._reading import read
 from atlantis_netcfg.operations.terminals import look
@@ -26,8 +28,6 @@ from atlantis_netcfg.probes.answers import Proved
 from atlantis_netcfg.probes.satellite._allowed import AllowListProbe
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin
-from atlantis_netcfg.secret import Secret
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable

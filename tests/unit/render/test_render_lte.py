@@ -12,8 +12,8 @@ from render_declared import GOLDEN, declaration
 from render_walk import Packet, Walk
 
 from atlantis_netcfg import rsc
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.render import RenderError, environment, lte, lte_prerequisites, lte_view
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site.model import LteDriver, LteRouter, Sim
 from atlantis_netcfg.twin import Device, Management, ModemSpec, RouterSpec
 

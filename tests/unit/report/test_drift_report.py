@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.report.drift import DriftReport
 from atlantis_netcfg.report.junit import junit
 

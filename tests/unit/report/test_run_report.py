@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.report.run import Pass, RunReport
 
 

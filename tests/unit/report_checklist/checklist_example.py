@@ -10,6 +10,7 @@ from typing import Any
 
 from PIL import Image
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.report.checklist import (
     Change,
     Document,
@@ -28,7 +29,6 @@ from atlantis_netcfg.report.checklist import (
     Signature,
     SinceGreen,
 )
-from atlantis_netcfg.verdicts import Verdict
 
 AT = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
 COLUMNS = ("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps")

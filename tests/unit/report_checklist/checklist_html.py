@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.printable import visible
+from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report._xml import clean
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import checklist_example as made
 from hypothesis import strategies as st
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.report.checklist import (
     Change,
     Document,
@@ -25,7 +26,6 @@ from atlantis_netcfg.report.checklist import (
     Row,
     SinceGreen,
 )
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from atlantis_netcfg.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.routeros import api
 
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import pytest
 from scripted_device import Device, Peer, serving
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
 from atlantis_netcfg.routeros.api._tls import client_context, cut_off, keep_alive
-from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 from scripted import Scripted
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
 from atlantis_netcfg.routeros.apply.leftovers import look
 from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
-from atlantis_netcfg.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

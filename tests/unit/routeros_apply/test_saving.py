@@ -7,7 +7,7 @@ import asyncio
 import pytest
 from scripted import Scripted
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Reply, Trap
 from atlantis_netcfg.routeros.apply._saving import fetch, saved
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._items import RunTime
 from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Verb
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash, restoring
 from atlantis_netcfg.routeros.planner import plan, simulate
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

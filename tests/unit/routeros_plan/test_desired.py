@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros.desired import Mistake, from_export, read
 
 GOLDEN = Path(__file__).parents[1] / "render" / "golden"

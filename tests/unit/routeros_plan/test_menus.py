@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.twin.menus import MODELLED
-from atlantis_netcfg.versions import Version
 
 TREES = Path(__file__).parents[3] / "atlantis_netcfg/twin/data"
 

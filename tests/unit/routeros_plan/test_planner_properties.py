@@ -10,12 +10,12 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from plan_world import facts
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer, Observed, Verb
 from atlantis_netcfg.routeros.commands import console, sentence
 from atlantis_netcfg.routeros.desired import Desired, Item
 from atlantis_netcfg.routeros.menus import MENUS, Field, Kind, Menu, Shape
 from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Plan, Row

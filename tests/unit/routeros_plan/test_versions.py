@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from plan_world import facts, lines, observed, rows
 
+from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.firstcontact import _preflight
 from atlantis_netcfg.routeros._items import Desired, Item
 from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.menus import MENUS, Shape
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
-from atlantis_netcfg.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.vpn import routeros as vpn
 
 SOURCES = Path(__file__).parents[3] / "atlantis_netcfg"

@@ -18,7 +18,7 @@ from atlantis_netcfg.bearers.satellite import (
     judge_names,
 )
 from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in group_vars/all/pilot.yml")
 

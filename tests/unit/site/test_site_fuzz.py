@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.site import report, validate
 from atlantis_netcfg.site._words import FALLBACK
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.site import Declaration, InventoryInvalid, choose, load, report, validate
 from atlantis_netcfg.site.model import Cpe, Router
 from atlantis_netcfg.site.rules import clock
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 ROUTER = "host_vars/coastal-router.yml"

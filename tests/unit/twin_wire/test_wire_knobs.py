@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.twin import Counters, Fault, FaultKind, Knobs
 from atlantis_netcfg.twin.wire.faults import Faults
 from atlantis_netcfg.twin.wire.knobs import Pace

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from spoken import Said, lines
 from trees import ROOT, TREES
 
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, PtpProtocol
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,7 +7,7 @@ from spoken import lines
 from templates_said import NEWER, bare, left_out, rendered, sources, unknown, words
 from trees import TREES, VERSIONS, Tree
 
-from atlantis_netcfg.versions import Version
+from atlantis_netcfg.core.versions import Version
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)

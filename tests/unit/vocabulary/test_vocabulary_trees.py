@@ -10,9 +10,9 @@ from holes import HOLES, SINCE_ABSENT, Hole
 from spoken import lines, sentence, tokens
 from trees import PUBLISHED, ROOT, SHIPPED, TREES, VERSIONS, WHOLE, Tree, apply, grown, offered, steps
 
+from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.twin.schema import TREES as SHIPPED_BY_TWIN
 from atlantis_netcfg.twin.supplement import ADDED
-from atlantis_netcfg.versions import NEWEST_KNOWN, Version
 
 BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
 

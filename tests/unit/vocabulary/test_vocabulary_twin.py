@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trees import TREES, VERSIONS, Tree
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.twin import Device, RouterSpec
 from atlantis_netcfg.twin.supplement import PACKAGE_MENUS
-from atlantis_netcfg.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

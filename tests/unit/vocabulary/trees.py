@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.versions import Version
+from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

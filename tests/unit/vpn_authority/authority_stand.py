@@ -12,8 +12,8 @@ from ipaddress import IPv4Address, IPv4Network
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
 from atlantis_netcfg.vpn.authority import _sealed as sealed
 from atlantis_netcfg.vpn.identity import Identity, Kind

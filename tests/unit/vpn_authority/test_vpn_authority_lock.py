@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from authority_stand import stand
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn.authority import AuthorityBusy, _lock
 from atlantis_netcfg.vpn.authority._lock import Lock, is_held
 

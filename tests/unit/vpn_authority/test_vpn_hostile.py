@@ -10,7 +10,7 @@ from hostile_names import hostile_names, is_legitimate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.errors import ExitCode, UsageError
+from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.vpn.authority import Delivered, NameRefused, Wish
 from atlantis_netcfg.vpn.identity import Kind
 from atlantis_netcfg.vpn.names import check_name, member_name

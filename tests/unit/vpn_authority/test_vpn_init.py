@@ -13,8 +13,8 @@ from authority_stand import NAMES, PASSPHRASE, stand
 from cryptography import x509
 from cryptography.x509.oid import NameOID
 
-from atlantis_netcfg.errors import ExitCode, UsageError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames, _book
 

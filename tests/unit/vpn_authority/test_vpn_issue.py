@@ -12,7 +12,7 @@ import pytest
 from authority_stand import POOL, Stand, stand, wish
 from cryptography import x509
 
-from atlantis_netcfg.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.vpn.authority import AuthorityFailed, Delivered, NameTaken, OtherMember, Wish
 from atlantis_netcfg.vpn.identity import Identity, KeyType, Kind, Link, Standing, Wrap
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT

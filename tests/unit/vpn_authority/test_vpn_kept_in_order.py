@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from authority_stand import stand, wish
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import AuthorityDamaged, ClockBehind, _book
 from atlantis_netcfg.vpn.identity import KeyType

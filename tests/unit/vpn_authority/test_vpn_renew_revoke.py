@@ -11,7 +11,7 @@ from authority_stand import stand, wish
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import Change, Delivered, NoSuchMember, Sighting
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Standing, Wrap

@@ -18,11 +18,11 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils im
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.cli import _session, _vpn, main
 from atlantis_netcfg.cli._playbook import Outcome
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.computers._result import ComputerResult
 from atlantis_netcfg.operations.vpn import router
 from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
-from atlantis_netcfg.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.cli._commands import COMMANDS
-from atlantis_netcfg.errors import ExitCode
-from atlantis_netcfg.printable import line as printable_line
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.printable import line as printable_line
 
 if TYPE_CHECKING:
     import pytest

@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli import _vpn, main
-from atlantis_netcfg.paths import checkout
+from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:

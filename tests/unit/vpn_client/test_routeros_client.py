@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.site import load
 from atlantis_netcfg.site.model import Transport
 from atlantis_netcfg.twin import Device, RouterSpec, User
 from atlantis_netcfg.twin.ovpn import OvpnRefused, read_ovpn
-from atlantis_netcfg.versions import Version
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.routeros import RouterTooOld, check_version
 

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec, rsa
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
 
 NOT_BEFORE = datetime(2026, 11, 1, tzinfo=UTC)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from handout_mint import Wanted, identity
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.site import Declaration, load
 from atlantis_netcfg.vpn.handout import contents
 from atlantis_netcfg.vpn.handout._reach import reach

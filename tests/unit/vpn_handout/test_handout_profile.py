@@ -16,7 +16,7 @@ from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,8 @@ import pyrage
 import pytest
 from handout_mint import Wanted, identity
 
-from atlantis_netcfg.errors import UsageError
-from atlantis_netcfg.secret import Secret
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.site import Declaration, load
 from atlantis_netcfg.vpn import handout as handouts
 from atlantis_netcfg.vpn import pki

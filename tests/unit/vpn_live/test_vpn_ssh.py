@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from ansible.plugins.connection.ssh import Connection
 
-from atlantis_netcfg.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations.vpn._ssh import _KEPT, control_path, in_words, ssh_words
 from atlantis_netcfg.operations.vpn._trouble import HostKeyChanged, ServerAway
 

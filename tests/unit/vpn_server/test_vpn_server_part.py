@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.site import load
 from atlantis_netcfg.vpn.identity import TIMERS, Certificate, KeyType, Kind, Link, Member, Roll, Standing, Wrap
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, ccd, live_files, openvpn_server, server_conf

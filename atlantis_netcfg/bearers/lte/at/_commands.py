@@ -7,7 +7,7 @@ them holds a `=` and is a documented read all the same: `+QENG="servingcell"`. W
 
 from __future__ import annotations
 
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core.errors import NetcfgError
 
 __all__ = ["ALLOWED", "READS", "VENDOR_READS", "CommandForbidden", "checked"]
 

@@ -13,7 +13,7 @@ import serial
 
 from atlantis_netcfg.bearers.lte.at._commands import checked
 from atlantis_netcfg.bearers.lte.at._owner import PortOwned, require_free
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 
 if TYPE_CHECKING:
     from types import TracebackType

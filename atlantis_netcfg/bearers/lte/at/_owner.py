@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 
 __all__ = ["PortOwned", "require_free"]
 

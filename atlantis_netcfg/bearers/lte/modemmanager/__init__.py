@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.lte.modemmanager._bus import TIMEOUT_S, Bus, MmUnreachable
 from atlantis_netcfg.bearers.lte.modemmanager._words import MODEM, reading_of, signal_is_set_up
 from atlantis_netcfg.bearers.status import Finding
-from atlantis_netcfg.verdicts import Verdict
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte.record import LteReading

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from jeepney import DBusAddress, HeaderFields, MessageFlag, MessageType, new_method_call
 from jeepney.io.blocking import open_dbus_connection
 
-from atlantis_netcfg.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceFailed
 
 if TYPE_CHECKING:
     from types import TracebackType

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte.record import LteReading, Registration
-from atlantis_netcfg.errors import DeviceFailed
-from atlantis_netcfg.secret import MASK
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.secret import MASK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = [
     "PIN",

@@ -24,12 +24,12 @@ from atlantis_netcfg.bearers.lte.rutos._errors import (
     RutosRefused,
     RutosUnreachable,
 )
-from atlantis_netcfg.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.secret import Secret
+    from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["TIMEOUT_S", "Answer", "RutosEndpoint", "Wire", "certificate_of"]
 

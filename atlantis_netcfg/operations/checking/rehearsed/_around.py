@@ -7,7 +7,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.events import ignore
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.operations.checking._real import RealEars
 from atlantis_netcfg.operations.checking.rehearsed._ears import RehearsedEars
 from atlantis_netcfg.operations.checking.rehearsed._faults import FAULTS
@@ -15,7 +16,6 @@ from atlantis_netcfg.operations.checking.rehearsed._routers import clock_words
 from atlantis_netcfg.operations.checking.rehearsed._stands import standing
 from atlantis_netcfg.operations.checking.rehearsed._world import healthy
 from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.paths import state_dir
 from atlantis_netcfg.twin.computer import Computer
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
-from atlantis_netcfg.printable import visible
+from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report.checklist._colours import TINTS
 from atlantis_netcfg.report.checklist._states import SYMBOLS
 from atlantis_netcfg.report.checklist._words import signed

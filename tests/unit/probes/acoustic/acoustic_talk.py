@@ -10,9 +10,9 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import Listen, Transcript, Trouble
 from atlantis_netcfg.twin.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.probes import (
     Ask,
     Cell,
@@ -40,7 +41,6 @@ from atlantis_netcfg.twin.computer import (
 )
 from atlantis_netcfg.twin.device import Device
 from atlantis_netcfg.twin.spec import Management, RouterSpec, User
-from atlantis_netcfg.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -21,8 +21,8 @@ class ActionModule(Door):
     @staticmethod
     def perform(asked: Asked) -> Mapping[str, Any]:
         """Converge the hosts of the play; in check mode, only plan."""
+        from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.site import perform  # noqa: PLC0415 - Ansible imports every action plugin
-        from atlantis_netcfg.printable import cleaned  # noqa: PLC0415 - as above
 
         told: dict[str, Any] = cleaned(
             perform(asked.inventory, asked.hosts, asked.request, plan_only=asked.plan_only, decrypt=asked.decrypt)

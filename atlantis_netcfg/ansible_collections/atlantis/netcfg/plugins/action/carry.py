@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 from ansible.errors import AnsibleActionFail, AnsibleError
 from ansible.plugins.action import ActionBase
 
-from atlantis_netcfg import temporary
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin
-from atlantis_netcfg.errors import NetcfgError
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bundle import Bundle
@@ -57,8 +57,8 @@ class ActionModule(Thin):
         return result
 
     def _opened(self) -> Bundle:
-        from atlantis_netcfg import paths  # noqa: PLC0415 - Ansible imports every action plugin
         from atlantis_netcfg.bundle import Keys, open_bundle  # noqa: PLC0415
+        from atlantis_netcfg.core import paths  # noqa: PLC0415 - Ansible imports every action plugin
 
         state = self._task.args.get("state")
         try:

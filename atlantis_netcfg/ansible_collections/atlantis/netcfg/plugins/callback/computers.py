@@ -73,7 +73,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         folder = inventory_of(manager.get_vars(play=play, host=hosts[0])) if hosts else None
         if folder is None or not folder.is_dir():
             return
-        from atlantis_netcfg.errors import NetcfgError  # noqa: PLC0415 - as below
+        from atlantis_netcfg.core.errors import NetcfgError  # noqa: PLC0415 - as below
         from atlantis_netcfg.operations.asking import declaration_of  # noqa: PLC0415 - as below
 
         try:

@@ -11,8 +11,8 @@ from ansible.errors import AnsibleActionFail
 from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.worker import end_if_orphaned, end_with_parent
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.worker import end_if_orphaned, end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -56,8 +56,8 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Do what is asked; an error of ours is told in its own words, with its hint."""
+        from atlantis_netcfg.core.printable import lines  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
-        from atlantis_netcfg.printable import lines  # noqa: PLC0415 - as above
 
         end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)

@@ -25,10 +25,10 @@ from ansible.module_utils.common.parameters import remove_values
 from ansible.module_utils.errors import UnsupportedError
 from ansible.plugins.action import ActionBase
 
-from atlantis_netcfg import printable
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.carried import INSTALL, build
-from atlantis_netcfg.worker import end_with_parent
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.remote_bundle import INSTALL, build
+from atlantis_netcfg.core.worker import end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

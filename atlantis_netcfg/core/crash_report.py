@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.errors import NetcfgError
-from atlantis_netcfg.paths import private_directory
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.paths import private_directory
 
 if TYPE_CHECKING:
     from collections.abc import Callable
