@@ -9,10 +9,10 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import Link, SiteSpec, TwinSpec, spawn
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Link, SiteSpec, TwinSpec, spawn
 from bench import edits, measure
 from bench.declared import CHECKOUT
 from bench.figures import Crowd
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 __all__ = ["crowds"]
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._playbook import PlaybookRunner
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import LAN
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.vault import Vault
-from atlantis_netcfg.site import load
 from bench.declared import CHECKOUT
 
 if TYPE_CHECKING:

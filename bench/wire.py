@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.emulator.routeros import Link, Router
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.routeros import converge
-from atlantis_netcfg.twin import Link, Router
 from bench.declared import ROUTER, SITE, Declared
 from bench.edits import FILTER, damage
 from bench.job import Scenario

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from itertools import count, groupby
 from typing import TYPE_CHECKING, Any, Self
 
+from atlantis_netcfg.emulator.routeros import Link, SiteSpec, SpawnedSite, spawn
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.rsc import parse, print_statement
-from atlantis_netcfg.twin import Link, SiteSpec, SpawnedSite, spawn
 from bench import edits, measure, namespace
 from bench.contenders.ours import Ours
 from bench.declared import ROUTER, Declared

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Scope, State, books, plan
+from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.cli._checking.listening import listening
 from atlantis_netcfg.cli._checking.opening import folder_of
@@ -16,18 +18,16 @@ from atlantis_netcfg.cli.check import COMMAND
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration import ALL
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.checking import examine
-from atlantis_netcfg.report.checklist import Kind
-from atlantis_netcfg.site import ALL
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from atlantis_netcfg.checklist import Checklist, Entry
-    from atlantis_netcfg.report.checklist import Item
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.declaration import Declaration
 
 __all__ = ["Asking", "How", "told", "waits"]
 

@@ -16,10 +16,10 @@ from atlantis_netcfg.checklist import Scope
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.printable import lines
 from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration import choose, load
 from atlantis_netcfg.operations.computers import is_gateway
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.site import choose, load
 from checks.checklist_asked import Asking, How, told, waits
 from checks.gateway_promises import Promises, promises
 from checks.gateway_reached import Answers, NotReached, ask
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from atlantis_netcfg.checklist import Entry
-    from atlantis_netcfg.report.checklist import Item
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.declaration import Declaration, Host
 
 INVENTORY = Path(__file__).resolve().parent.parent / "inventory"
 ITEMS: Mapping[str, Callable[[Promises], Iterable[str]]] = {

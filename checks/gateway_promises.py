@@ -14,17 +14,17 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.el
     OF_SYSTEMD,
 )
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.gateway.interop import PREFIX, VPN_INTERFACE
 from atlantis_netcfg.operations.computers.dds import ENVIRONMENT
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.site.model import Gateway
 from atlantis_netcfg.vpn.client import IDENTITY, SERVICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["BUILT", "ENVIRONMENT", "JOURNAL", "LOCALE", "SSHD", "FileThere", "Promises", "UnitThere", "promises"]
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.operations import checking
+from atlantis_netcfg.checklist import runner
 from atlantis_netcfg.operations.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from checks.gateway_promises import Promises
 
 __all__ = ["Answers", "NotReached", "ask"]
@@ -52,10 +52,10 @@ def ask(declaration: Declaration, promised: Promises, ssh_config: str | None) ->
     """
     name = promised.host.name
     try:
-        way = checking.way_in(declaration, promised.host, Request(), ssh_config)
+        way = runner.way_in(declaration, promised.host, Request(), ssh_config)
         began = time.time()
         done = way.run("python3 -c %s %s", _PROBE.read_text(encoding="utf-8"), json.dumps(promised.questions()))
-    except checking.NotReached as why:
+    except runner.NotReached as why:
         raise NotReached(f"{why}; {why.hint}") from None
     if done.rc != 0:
         raise NotReached(f"{name} could not answer: {done.err.decode(errors='replace').strip()[-600:]}")

@@ -13,7 +13,7 @@ import pytest
 from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.report.checklist import Item
+    from atlantis_netcfg.checklist.report import Item
 
 pytestmark = pytest.mark.timeout(3600)
 """The first test waits for all questions of the site, over a link that may be silent for a minute."""

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes atlantis_netcfg/twin/data/changes.json.gz: what each published RouterOS version changed in the command tree.
+"""Writes what each published RouterOS version changed in the command tree (emulator/routeros/data/changes.json.gz).
 
     tools/command_trees.py FOLDER    a clone of github.com/tikoci/restraml, bare or not; data only, The Unlicense
 
@@ -26,7 +26,7 @@ VERSIONS = (
 )
 """Every published tree from 7.16 on that differs from the one before it."""
 WHOLE = ("7.16", "7.18.2", "7.21.5")
-DATA = Path(__file__).resolve().parents[1] / "atlantis_netcfg" / "twin" / "data"
+DATA = Path(__file__).resolve().parents[1] / "atlantis_netcfg" / "emulator" / "routeros" / "data"
 
 Node = dict[str, Any]
 

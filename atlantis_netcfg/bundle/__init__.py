@@ -9,10 +9,10 @@ There are no Python wheels in a bundle, because no role of a gateway needs one. 
 from __future__ import annotations
 
 from atlantis_netcfg.bundle._errors import BundleRefused
-from atlantis_netcfg.bundle.making import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
 from atlantis_netcfg.bundle.manifest import Manifest
 from atlantis_netcfg.bundle.mirrors import archive
-from atlantis_netcfg.bundle.opening import Bundle, bytes_to_carry, open_bundle
+from atlantis_netcfg.bundle.open import Bundle, bytes_to_carry, open_bundle
 from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.bundle.target import Target, read_target
 from atlantis_netcfg.bundle.wish import HostWish, Key, Library, Source, Wished

@@ -11,10 +11,10 @@ from atlantis_netcfg.checklist._errors import KeyDamaged, NotSigned, Refused
 from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._opening import Head
 from atlantis_netcfg.checklist.answers import Answers, AnswersInvalid, Overriding
-from atlantis_netcfg.checklist.book import Book
+from atlantis_netcfg.checklist.confirmations import Confirmation
 from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green, narrowed, since
-from atlantis_netcfg.checklist.people import Confirmation
 from atlantis_netcfg.checklist.plan import Checklist, Entry, Scope, plan
+from atlantis_netcfg.checklist.session import Book
 from atlantis_netcfg.checklist.verifying import Trouble, verify, verify_report
 
 __all__ = [

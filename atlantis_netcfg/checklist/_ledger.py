@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from atlantis_netcfg.checklist._canonical import content, parsed
+from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.journal import JournalFailed, translated, utc_now, write_all
-from atlantis_netcfg.report.checklist import Document, Item
 
 if TYPE_CHECKING:
     from collections.abc import Callable

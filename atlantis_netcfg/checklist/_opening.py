@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._signing import MANIFEST
+from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.journal import make_private, new_run, run_order, sync_directory, translated
-from atlantis_netcfg.report.checklist import Document
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist.plan import Checklist
-    from atlantis_netcfg.report.checklist import Drawing
+    from atlantis_netcfg.checklist.report import Drawing
 
 __all__ = ["Found", "Head", "begin", "found", "runs"]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist._canonical import canonical, parsed, written
 from atlantis_netcfg.checklist._key import fingerprint, fits
-from atlantis_netcfg.report.checklist import Document, Signature
+from atlantis_netcfg.checklist.report import Document, Signature
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -24,22 +24,22 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, StrictBool
 
 from atlantis_netcfg.checklist._evidence import wrong_with
-from atlantis_netcfg.checklist.people import OVERRIDABLE, SAYABLE, Confirmation, unskippable
+from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, SAYABLE, Confirmation, unskippable
+from atlantis_netcfg.checklist.report import Kind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Kind
-from atlantis_netcfg.site import Finding, report
-from atlantis_netcfg.site.blocks import Block, meant, read
-from atlantis_netcfg.site.model import Model, Text
+from atlantis_netcfg.declaration import Finding, report
+from atlantis_netcfg.declaration.model import Model, Text
+from atlantis_netcfg.declaration.yaml_file import Block, meant, read
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
     from typing import Self
 
-    from atlantis_netcfg.checklist.book import Book
     from atlantis_netcfg.checklist.plan import Checklist
-    from atlantis_netcfg.report.checklist import Item
+    from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.checklist.session import Book
 
 __all__ = ["Answers", "AnswersInvalid", "Overriding"]
 

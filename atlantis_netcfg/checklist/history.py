@@ -10,15 +10,15 @@ from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._canonical import content, parsed
 from atlantis_netcfg.checklist._opening import runs
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report
+from atlantis_netcfg.checklist.report import Change, Document, SinceGreen
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Change, Document, SinceGreen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.report.checklist import Item
+    from atlantis_netcfg.checklist.report import Item
 
 __all__ = ["Kept", "State", "books", "changes", "last_green", "narrowed", "since"]
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import SITE, Cell
+from atlantis_netcfg.checklist.probes.registry import ETHERNET, TITLES, by_a_person, steps_of
+from atlantis_netcfg.checklist.report import Item, Kind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import SITE, Cell
-from atlantis_netcfg.probes.columns import ETHERNET, TITLES, by_a_person, steps_of
-from atlantis_netcfg.report.checklist import Item, Kind, LeftOut, Phase, Row
-from atlantis_netcfg.site.model import BearerKind, Column
+from atlantis_netcfg.declaration.model import BearerKind, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from atlantis_netcfg.probes import Step
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Step
+    from atlantis_netcfg.declaration import Declaration
 
 __all__ = ["Checklist", "Entry", "Scope", "plan"]
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._canonical import content, parsed, written
-from atlantis_netcfg.checklist._closing import listed
 from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._key import Key
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, Trouble, broken_seal, check_report
-from atlantis_netcfg.report.checklist import Document
+from atlantis_netcfg.checklist.finalize import listed
+from atlantis_netcfg.checklist.report import Document
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.vpn.deploying import Deployed, Server
     from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
-    from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Authority, Revoked
     from atlantis_netcfg.vpn.identity import Member
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, Self
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.ansible_settings import import_ansible
-from atlantis_netcfg.operations.asking import shared
 from atlantis_netcfg.operations.play_control import PlayControl
+from atlantis_netcfg.operations.request_io import shared
 from atlantis_netcfg.operations.unreported import other_ends, without_result
 from atlantis_netcfg.routeros.apply import Status
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.vault import Vault
-    from atlantis_netcfg.site import Declaration
 
 __all__ = ["EngineError", "Outcome", "PlaybookRunner"]
 

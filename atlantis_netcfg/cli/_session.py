@@ -22,6 +22,7 @@ from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, worst
+from atlantis_netcfg.declaration import choose, load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -32,15 +33,14 @@ from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
 from atlantis_netcfg.report.cost import asked
 from atlantis_netcfg.report.run import RunReport
-from atlantis_netcfg.site import choose, load
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.operations.vault import Vault
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Session", "session"]
 
@@ -112,7 +112,7 @@ class Session:
             mode=mode,
             rehearsed=self.rehearsed,
             targets=self.rehearsal.targets if self.rehearsal else {},
-            standins=self.rehearsal.computers.standins if self.rehearsal else None,
+            standins=self.rehearsal.computers.stubs if self.rehearsal else None,
             authority=self.rehearsal.computers.authority if self.rehearsal else None,
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,

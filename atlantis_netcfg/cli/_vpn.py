@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.deploying import Server
-    from atlantis_netcfg.operations.vpn.desk import Desk
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.operations.vpn.operator import Desk
     from atlantis_netcfg.vpn.authority import Authority
 
 __all__ = [
@@ -74,7 +74,7 @@ def declared(arguments: Arguments) -> Declaration:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.site import load
+    from atlantis_netcfg.declaration import load
 
     named = arguments.optional(INVENTORY.name)
     return load(Path(named) if named else paths.checkout() / "inventory")
@@ -97,7 +97,7 @@ def who() -> str:
 
 def desk(arguments: Arguments, authority: Authority) -> Desk:
     """Who signs, on this command line."""
-    from atlantis_netcfg.operations.vpn.desk import Desk
+    from atlantis_netcfg.operations.vpn.operator import Desk
 
     return Desk(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
 

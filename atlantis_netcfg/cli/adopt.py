@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from typing import Any
 
+    from atlantis_netcfg.bootstrap import Adopted
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.firstcontact import Adopted
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["COMMAND", "run"]
 
@@ -68,7 +68,7 @@ def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
 
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.site import choose, load
+    from atlantis_netcfg.declaration import choose, load
 
     named = arguments.optional("inventory")
     root = Path(named) if named else paths.checkout() / "inventory"
@@ -87,8 +87,8 @@ def _adoption(
     import shlex
     import sys
 
+    from atlantis_netcfg.bootstrap import FACTORY_ADDRESS
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.firstcontact import FACTORY_ADDRESS
     from atlantis_netcfg.operations.adoption import SSH, Adoption
 
     adoption = Adoption(

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bundle import Manifest, Size
     from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["COMMAND", "run"]
 
@@ -49,9 +49,9 @@ def run(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.operations.bundling import gateways_of, has_tokens
+    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.operations.bundle import gateways_of, has_tokens
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import load
 
     named, check = arguments.optional("inventory"), arguments.optional("check")
     inventory = Path(named) if named else paths.checkout() / "inventory"
@@ -84,7 +84,7 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.operations.bundling import Asked, made
+    from atlantis_netcfg.operations.bundle import Asked, made
 
     to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))
     site, as_json = arguments.word("site"), arguments.flag("json")
@@ -114,7 +114,7 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
 def _check(
     arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], place: Path, request: Request
 ) -> ExitCode:
-    from atlantis_netcfg.operations.bundling import opened
+    from atlantis_netcfg.operations.bundle import opened
 
     bundle = opened(declaration, hosts, place, request, accept=arguments.optional("key"))
     return _close(bundle.manifest, place, as_json=arguments.flag("json"))

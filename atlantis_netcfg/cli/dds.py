@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.dds import ProfileView
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 __all__ = ["COMMAND", "run"]
 
@@ -45,7 +45,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.dds import profile_views, profiles
-    from atlantis_netcfg.site import choose, load
+    from atlantis_netcfg.declaration import choose, load
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")

@@ -44,9 +44,9 @@ def run(arguments: Arguments) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.declaration import ALL
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.report.junit import junit
-    from atlantis_netcfg.site import ALL
 
     file = _file(arguments.value("junit"))
     with session(

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.image import Card
-    from atlantis_netcfg.operations.imaging import Made, Order
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.operations.image import Made, Order
 
 __all__ = ["COMMAND", "run"]
 
@@ -51,8 +51,8 @@ def run(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.operations.imaging import Order, made
-    from atlantis_netcfg.site import choose, load
+    from atlantis_netcfg.declaration import choose, load
+    from atlantis_netcfg.operations.image import Order, made
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")

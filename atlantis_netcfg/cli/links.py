@@ -54,7 +54,7 @@ def run(arguments: Arguments) -> ExitCode:
 
 def _one_site(site: str) -> None:
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.site import ALL
+    from atlantis_netcfg.declaration import ALL
 
     if site == ALL:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")

@@ -28,9 +28,9 @@ def run(arguments: Arguments) -> ExitCode:
     """Print what its end has printed."""
     import json
 
+    from atlantis_netcfg.checklist.report import lines
     from atlantis_netcfg.cli._checking import kept
     from atlantis_netcfg.core.errors import DeviceFailed
-    from atlantis_netcfg.report.checklist import lines
 
     site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
     every = kept.kept_of(kept.store(rehearsed=rehearsed), site, rehearsed=rehearsed)

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import Kept, Trouble
+    from atlantis_netcfg.checklist.report import Document
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.report.checklist import Document
 
 __all__ = ["COMMAND", "run"]
 
@@ -85,9 +85,9 @@ def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import KEY, verify_report
+    from atlantis_netcfg.checklist.report import Document
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.report.checklist import Document
 
     path = Path(name)
     try:

@@ -59,8 +59,8 @@ COMMAND = Command(
 def run(arguments: Arguments) -> ExitCode:
     """Find the state, show what it changes on the device, ask, apply, read back."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations.restoring import confirmed_state
-    from atlantis_netcfg.site import ALL
+    from atlantis_netcfg.declaration import ALL
+    from atlantis_netcfg.operations.restore import confirmed_state
 
     rehearsed = arguments.flag("rehearse")
     with session(

@@ -9,9 +9,9 @@ from atlantis_netcfg.cli._arguments import INVENTORY, ONLY, Command, Word
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.trust import Identity
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["COMMAND", "run"]
 
@@ -34,10 +34,10 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._vpn import declared
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
+    from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.examples import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity
-    from atlantis_netcfg.site import choose
 
     declaration = declared(arguments)
     chosen = choose(declaration, arguments.word("site"), arguments.many("only"))

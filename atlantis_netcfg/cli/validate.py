@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.site import Declaration, InventoryInvalid
+    from atlantis_netcfg.declaration import Declaration, InventoryInvalid
 
 __all__ = ["COMMAND", "run"]
 
@@ -29,7 +29,7 @@ def run(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.site import InventoryInvalid, load
+    from atlantis_netcfg.declaration import InventoryInvalid, load
 
     named = arguments.optional("inventory")
     inventory = Path(named) if named else paths.checkout() / "inventory"

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.verifying import Verified, Verifying
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["COMMAND", "run"]
 

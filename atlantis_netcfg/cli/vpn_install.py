@@ -43,7 +43,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.site import ALL, choose, load
+    from atlantis_netcfg.declaration import ALL, choose, load
 
     named = arguments.optional(INVENTORY.name)
     declaration = load(Path(named) if named else paths.checkout() / "inventory")

@@ -53,7 +53,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
-    from atlantis_netcfg.operations.vpn.founding import refuse_example_authority
+    from atlantis_netcfg.operations.vpn.init_authority import refuse_example_authority
     from atlantis_netcfg.operations.vpn.onboarding import Onboarding
     from atlantis_netcfg.operations.vpn.recipients import recipients_of
     from atlantis_netcfg.operations.vpn.wishes import wishes_of
@@ -78,8 +78,8 @@ def _asked(arguments: Arguments) -> Sequence[Asked]:
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration.lists import read
     from atlantis_netcfg.operations.vpn.wishes import KEYS, Asked
-    from atlantis_netcfg.site.lists import read
 
     words = {key: arguments.optional(key) for key in KEYS}
     batch = arguments.optional("batch")

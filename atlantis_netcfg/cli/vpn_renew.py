@@ -43,7 +43,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
-    from atlantis_netcfg.operations.vpn.founding import refuse_example_authority
+    from atlantis_netcfg.operations.vpn.init_authority import refuse_example_authority
     from atlantis_netcfg.operations.vpn.onboarding import Onboarding
     from atlantis_netcfg.operations.vpn.recipients import recipient_of
     from atlantis_netcfg.operations.vpn.wishes import change_of

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.standing import Standing
+    from atlantis_netcfg.operations.vpn.status import Standing
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["COMMAND", "run"]
@@ -38,7 +38,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn import records
     from atlantis_netcfg.operations.vpn.connected import Connected
-    from atlantis_netcfg.operations.vpn.standing import standing
+    from atlantis_netcfg.operations.vpn.status import standing
 
     declaration = _vpn.declared(arguments)
     authority = _vpn.opened(arguments)

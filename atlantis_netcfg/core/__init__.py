@@ -1,1 +1,1 @@
-"""What every part uses: errors and exit codes, events, verdicts, secrets, versions, places of files, and text for a screen."""
+"""What every part uses: errors, exit codes, events, verdicts, secrets, versions, places of files, text for a screen."""

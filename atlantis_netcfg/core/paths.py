@@ -21,7 +21,7 @@ _CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory prov
 
 def checkout() -> Path:
     """The checkout that this package runs from: it holds inventory/, playbooks/, roles/ and templates/."""
-    return Path(__file__).resolve().parents[1]
+    return Path(__file__).resolve().parents[2]
 
 
 def state_dir(environ: Mapping[str, str] | None = None) -> Path:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["INSTALL", "Tool", "build", "build_live"]
 
-_PLUGINS = Path(__file__).parent / "ansible_collections/atlantis/netcfg/plugins"
+_PLUGINS = Path(__file__).parents[1] / "ansible_collections/atlantis/netcfg/plugins"
 _BOARD = _PLUGINS / "plugin_utils" / "board"
 INSTALL = _BOARD / "install.py"
 """The program that takes a tool in on the gateway."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site.model import BearerKind
+from atlantis_netcfg.declaration.model import BearerKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.dds.tuning import ANNOUNCEMENT_BYTES, TUNING, Tuning
 from atlantis_netcfg.dds.versions import RELEASES, Release
-from atlantis_netcfg.site.model import ControlCentre, Dds, DdsPath, Gateway
+from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import BearerKind
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import BearerKind
 
 __all__ = ["ProfileView", "profile_views"]
 

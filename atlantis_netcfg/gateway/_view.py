@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from ipaddress import collapse_addresses
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site.model import DdsPath, Gateway
+from atlantis_netcfg.declaration.model import DdsPath, Gateway
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from ipaddress import IPv4Network
 
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import GpsTime, TimeServer
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import GpsTime, TimeServer
 
 __all__ = ["BaseView", "DdsPorts", "Neighbour", "base_view"]
 

@@ -18,7 +18,7 @@ from atlantis_netcfg.render import environment
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["GatewayBase", "gateway_base"]
 

@@ -13,8 +13,8 @@ from atlantis_netcfg.gateway.parts import Check, Configuration, File, Package, S
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Interop, Repository
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Interop, Repository
 
 __all__ = ["PREFIX", "SERVICE", "VPN_INTERFACE", "GatewayInterop", "gateway_interop"]
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, NetworkTool
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.site.model import AddressBy, Gateway, NetworkTool
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["GatewayNetwork", "gateway_network"]
 

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration.model import RosMiddleware
 from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step
 from atlantis_netcfg.gateway.ros_key import ArchiveKey, archive_key
 from atlantis_netcfg.gateway.ros_releases import ARCHITECTURES, RELEASES
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.site.model import RosMiddleware
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Dds, Ros2
     from atlantis_netcfg.gateway.ros_releases import Archive, Release
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Dds, Ros2
 
 __all__ = ["GatewayRos2", "StandIn", "gateway_ros2"]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site.model import RosDistribution, RosOrigin
+from atlantis_netcfg.declaration.model import RosDistribution, RosOrigin
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.bootstrap import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
-from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, Adopted, FirstContact, Status, Wish, features_of
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
     ContactStep,
@@ -20,22 +20,22 @@ from atlantis_netcfg.journal import (
     conclude,
     unrecorded,
 )
+from atlantis_netcfg.operations.console_access import HostKey, SerialWay, SshWay, Ways
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.ways import HostKey, SerialWay, SshWay, Ways
 from atlantis_netcfg.rsc import parse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from atlantis_netcfg.bootstrap import Way
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.firstcontact import Way
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Access
     from atlantis_netcfg.journal import Journal, JournalFailed, Recorder
     from atlantis_netcfg.journal.records import Record
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Access
 
 __all__ = ["SERIAL", "SSH", "Adoption", "AdoptionResult", "wish_of"]
 

@@ -10,9 +10,9 @@ from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.routeros.estimate import Bearer
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer as Declared
     from atlantis_netcfg.routeros.api import Endpoint
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Bearer as Declared
 
 __all__ = ["FAST_S", "LAN", "PATIENCE_S", "as_bearer", "bearer_of", "patient"]
 

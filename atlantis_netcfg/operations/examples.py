@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 __all__ = ["refuse_examples"]
 

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration.model import BearerKind, Cpe
 from atlantis_netcfg.operations.bearers import LAN, as_bearer
 from atlantis_netcfg.routeros.pair import Pair, Signal
-from atlantis_netcfg.site.model import BearerKind, Cpe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Bridge", "bridges", "far_bearer", "pair_of", "with_other_ends"]
 

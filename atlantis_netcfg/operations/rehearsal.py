@@ -11,21 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bootstrap import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.firstcontact import FACTORY_ADDRESS, FACTORY_USER
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers import RehearsedComputers, rehearsed_computers
-from atlantis_netcfg.operations.costs import ports_of
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit, not_rehearsed
-from atlantis_netcfg.operations.members import members_of
-from atlantis_netcfg.operations.pairs import with_other_ends
-from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.routeros.assumptions import unconfirmed
-from atlantis_netcfg.site.model import Cpe, Router
-from atlantis_netcfg.twin import (
+from atlantis_netcfg.declaration.model import Cpe, Router
+from atlantis_netcfg.emulator.routeros import (
     NOT_REHEARSED,
     Air,
     Link,
@@ -39,14 +30,23 @@ from atlantis_netcfg.twin import (
     User,
     spawn,
 )
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.computers import RehearsedComputers, rehearsed_computers
+from atlantis_netcfg.operations.costs import ports_of
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, is_unit, not_rehearsed
+from atlantis_netcfg.operations.pairs import with_other_ends
+from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.schedule import members_of
+from atlantis_netcfg.routeros.assumptions import unconfirmed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Rehearsal", "factory_spec", "rehearsal", "rehearse_adoption", "site_spec"]
 

@@ -11,14 +11,14 @@ from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.worker import run_until_settled
 from atlantis_netcfg.journal import Store, unrecorded
-from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.members import Member, members_of
 from atlantis_netcfg.operations.pairs import far_bearer, pair_of
-from atlantis_netcfg.operations.turns import RunName, Turn
+from atlantis_netcfg.operations.request_io import asked_for, declaration_of
+from atlantis_netcfg.operations.schedule import Member, members_of
+from atlantis_netcfg.operations.site_run import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import Status, fleet
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.operations.channel import Channel
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.event_stream import Channel
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
 

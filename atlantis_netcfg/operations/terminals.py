@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.verdicts import Verdict, worst
+from atlantis_netcfg.declaration.model import Router, SatelliteTerminal
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
-from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.request import Mode
-from atlantis_netcfg.site.model import Router, SatelliteTerminal
+from atlantis_netcfg.operations.request_io import asked_for, declaration_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.bearers import Finding
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["EVIDENCE_FOLDER", "TerminalResult", "is_terminal", "look", "perform"]
 

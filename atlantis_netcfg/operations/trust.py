@@ -13,6 +13,7 @@ from atlantis_netcfg.bearers.lte import rutos
 from atlantis_netcfg.console import host_key_of
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
@@ -20,13 +21,12 @@ from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte import Unit
 from atlantis_netcfg.routeros.api import certificate_of
-from atlantis_netcfg.site.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Computer", "Identity", "KeyState", "agree", "has_identity", "identities"]
 

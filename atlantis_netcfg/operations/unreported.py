@@ -14,9 +14,9 @@ from atlantis_netcfg.routeros.apply import DeviceResult, Status
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration
 
 __all__ = ["other_ends", "without_result"]
 
@@ -63,7 +63,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
 
 def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
     """The ends of all bridges that one of these is an end of, each with the other one: both have a result."""
-    from atlantis_netcfg.operations.members import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
+    from atlantis_netcfg.operations.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
 
     try:
         members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)

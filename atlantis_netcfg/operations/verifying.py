@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.verify import Seen
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Verified", "Verifying", "written"]
 

@@ -9,7 +9,7 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.site.model import Device, Pilot, Router, Site
+    from atlantis_netcfg.declaration.model import Device, Pilot, Router, Site
 
 __all__ = ["Declared", "DeclaredHost", "RenderError", "address_in_site", "hosts_of", "router_of"]
 

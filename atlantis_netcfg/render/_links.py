@@ -5,16 +5,16 @@ from __future__ import annotations
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.declaration.satellite_allow_list import allowed
 from atlantis_netcfg.render._declared import RenderError
 from atlantis_netcfg.render._watch import judged
 from atlantis_netcfg.render.view import Link, PortView, Target, Uplink
-from atlantis_netcfg.site.allowed import allowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address, IPv4Network
 
-    from atlantis_netcfg.site.model import AllowedTarget, Pilot, Port, Router, Site
+    from atlantis_netcfg.declaration.model import AllowedTarget, Pilot, Port, Router, Site
 
 __all__ = ["in_network", "management_port", "port_of", "ports", "served", "uplinks"]
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
     from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.declaration.model import Bearer, LteRouter
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.site.model import Bearer, LteRouter
 
 __all__ = ["LteView", "lte", "lte_bearer", "lte_prerequisites", "lte_view"]
 

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Network
 
+    from atlantis_netcfg.declaration.model import Router, Site
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.site.model import Router, Site
 
 __all__ = ["forwards", "managers", "remotes", "server_in_lan", "tunnel"]
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.declaration.model import LanBox
 from atlantis_netcfg.render._declared import address_in_site, hosts_of, router_of
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render._remote import forwards, managers, remotes, server_in_lan, tunnel
 from atlantis_netcfg.render.view import BRIDGE, LanView, ManagementView, Named, Prerequisite, RouterView
-from atlantis_netcfg.site.model import LanBox
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from jinja2 import Template
 
+    from atlantis_netcfg.declaration.model import Pilot, Router, Site
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
-    from atlantis_netcfg.site.model import Pilot, Router, Site
 
 __all__ = ["prerequisites", "router", "router_view"]
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.bearers.policy import daily_bytes
 from atlantis_netcfg.render.view import Judged
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site.model import Bearer, Failover
+    from atlantis_netcfg.declaration.model import Bearer, Failover
 
 __all__ = ["judged"]
 

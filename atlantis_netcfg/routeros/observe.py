@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Facts, Observed, Row
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
-from atlantis_netcfg.routeros.counting import looks, read_counts
+from atlantis_netcfg.routeros.counters import looks, read_counts
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED

@@ -10,16 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.declaration.model import BearerKind, Gateway, Transport, VpnServer
 from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.site.model import BearerKind, Gateway, Transport, VpnServer
 from atlantis_netcfg.vpn.identity import TIMERS, Link
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["CONF", "IDENTITY", "SERVICE", "OpenvpnClient", "openvpn_client", "site_link"]
 

@@ -15,7 +15,7 @@ from atlantis_netcfg.vpn.policy import ANYTHING, Protocol, policy
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.identity import Roll
     from atlantis_netcfg.vpn.policy import Permission, Policy, Traffic
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site.model import ControlCentre, DdsPath, Gateway, LanBox, Router
+from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, LanBox, Router
 from atlantis_netcfg.vpn._matrix import (
     ANYTHING,
     PING,
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Dds, VpnService
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Dds, VpnService
     from atlantis_netcfg.vpn.identity import Member, Roll
 
 __all__ = ["ANYTHING", "PING", "Flow", "Party", "Permission", "Policy", "Protocol", "Traffic", "Zone", "policy"]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration.model import Router, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.site.model import Router, VpnServer
 from atlantis_netcfg.vpn import _server_system as system
 from atlantis_netcfg.vpn.firewall import firewall
 from atlantis_netcfg.vpn.identity import TIMERS, Link
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Network
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.vpn.identity import Certificate, Member, Roll
 
 __all__ = [

@@ -17,7 +17,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.twin import TwinRefused
+from atlantis_netcfg.emulator.routeros import TwinRefused
 from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
 from campaign.faults import FAULTS, Fault, Round, Struck, draw

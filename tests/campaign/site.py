@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 from quay import _inventory, _opened
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import Air, SiteSpec, SpawnedSite, User
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Air, SiteSpec, SpawnedSite, User
 from campaign.relay import Relay
 
 if TYPE_CHECKING:

@@ -19,18 +19,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Rows, Transcript, Trouble, acoustic, usbl
+from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, Wanted
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Cell, Listen, Place, Rows, Transcript, Trouble, acoustic, usbl
-from atlantis_netcfg.probes.gps import RouterosGps, StreamGps, Wanted
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Geofence, GpsDriver
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 from campaign import positions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.probes import Judged, Probe
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Judged, Probe
+    from atlantis_netcfg.declaration import Declaration
     from campaign.positions import Ride, Stream
 
 CHECKOUT = Path(__file__).resolve().parents[2]

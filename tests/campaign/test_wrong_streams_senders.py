@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from own_world import NETPLAN, World, own_steps
 
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import (
+from atlantis_netcfg.checklist.probes import (
     Answer,
     Discovered,
     Looked,
@@ -28,13 +27,14 @@ from atlantis_netcfg.probes import (
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.probes._looked import BearerProbe
-from atlantis_netcfg.probes.ethernet import CabledProbe
-from atlantis_netcfg.probes.lte import _registered
-from atlantis_netcfg.probes.rc_rf import RcHeard, SticksMoved, Wanted
-from atlantis_netcfg.probes.satellite import _there
-from atlantis_netcfg.probes.wifi import AssociatedProbe, RegisteredProbe
-from atlantis_netcfg.site.model import EthernetEndpoint, WifiEndpoint
+from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe
+from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
+from atlantis_netcfg.checklist.probes.lte import _registered
+from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved, Wanted
+from atlantis_netcfg.checklist.probes.satellite import _there
+from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import EthernetEndpoint, WifiEndpoint
 from campaign import senders
 from campaign.senders import (
     STRANGERS,
@@ -54,7 +54,7 @@ from campaign.senders import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.probes import Judged, Probe
+    from atlantis_netcfg.checklist.probes import Judged, Probe
     from campaign.senders import Frame, Told
 
     Lie = Callable[[Random, dict[str, Told]], None]

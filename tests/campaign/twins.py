@@ -1,4 +1,4 @@
-"""The twins of a site in a process, like `python -m atlantis_netcfg.twin`, but hours can pass in a moment.
+"""The twins of a site in a process, like `python -m atlantis_netcfg.emulator.routeros`, but hours can pass in a moment.
 
 One command more: `{"twin": ..., "do": "skip", "seconds": 600}` lets so much time pass for all twins of the site: what a
 device does by itself after minutes (safe mode of a dead session, a job of its scheduler, a reboot) is done then.
@@ -11,12 +11,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.twin import SiteSpec
-from atlantis_netcfg.twin.__main__ import _serve
-from atlantis_netcfg.twin.control import COMMANDS
+from atlantis_netcfg.emulator.routeros import SiteSpec
+from atlantis_netcfg.emulator.routeros.__main__ import _serve
+from atlantis_netcfg.emulator.routeros.control import COMMANDS
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.twin import Router
+    from atlantis_netcfg.emulator.routeros import Router
 
 
 _STEP_S = 10.0

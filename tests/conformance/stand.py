@@ -20,18 +20,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import Link, SiteSpec, SpawnedSite, User, spawn
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Link, SiteSpec, SpawnedSite, User, spawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.site import Declaration
-    from atlantis_netcfg.twin import Knobs
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.routeros import Knobs
 
 ROOT = Path(__file__).resolve().parents[2]
 STRANGERS = ROOT / ".venv-strangers"

@@ -15,7 +15,7 @@ from typing import TypedDict
 import yaml
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.site import report, validate
+from atlantis_netcfg.declaration import report, validate
 
 HERE = Path(__file__).parent
 SHIPPED = HERE.parents[1] / "inventory"

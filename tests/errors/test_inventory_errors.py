@@ -5,8 +5,8 @@ from pathlib import Path
 import inventory_cases
 import pytest
 
-from atlantis_netcfg.site import InventoryInvalid, load, validate
-from atlantis_netcfg.site._words import FALLBACK
+from atlantis_netcfg.declaration import InventoryInvalid, load, validate
+from atlantis_netcfg.declaration._words import FALLBACK
 
 
 @pytest.mark.parametrize("path", inventory_cases.cases(), ids=lambda path: path.stem)

@@ -8,20 +8,20 @@ import sys
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import NotSigned
+from atlantis_netcfg.checklist.report import lines
 from atlantis_netcfg.cli._checking.desk import Later
 from atlantis_netcfg.cli._checking.kept import as_json, pages_in
 from atlantis_netcfg.cli._outcome import tell
 from atlantis_netcfg.journal import translated, write_atomically
-from atlantis_netcfg.report.checklist import lines
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from atlantis_netcfg.checklist import Answers, Book
+    from atlantis_netcfg.checklist.report import Document
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._checking.desk import Desk
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.report.checklist import Document
 
 __all__ = ["again", "close", "greet", "note", "signer"]
 
@@ -117,6 +117,6 @@ def _next(waiting: int) -> str:
 
 
 def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
-    from atlantis_netcfg.report.checklist import pages
+    from atlantis_netcfg.checklist.report import pages
 
     return pages(document, book.files)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.checklist import Refused
-from atlantis_netcfg.checklist.people import named
+from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.suggest import nearest
 

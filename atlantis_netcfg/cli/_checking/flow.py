@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.cli._checking import people
 from atlantis_netcfg.cli._checking.people import GREEN
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.operations.checking import examine
-from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Kind, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.checklist import Answers, Book, Entry
+    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.cli._checking.desk import Desk
     from atlantis_netcfg.cli._checking.listening import Listening
     from atlantis_netcfg.cli._checking.price import Price
-    from atlantis_netcfg.report.checklist import Item
 
 __all__ = ["Round"]
 

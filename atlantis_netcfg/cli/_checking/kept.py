@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import Kept
-    from atlantis_netcfg.report.checklist import Document
+    from atlantis_netcfg.checklist.report import Document
 
 __all__ = ["as_json", "kept_of", "pages_in", "run_of", "sites_with", "store"]
 

@@ -6,19 +6,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import Place
+from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.operations import Mode
-from atlantis_netcfg.operations.checking import RealEars
-from atlantis_netcfg.probes import Place
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.checklist import Checklist, Entry
+    from atlantis_netcfg.checklist.runner import Ears
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.operations.checking import Ears
 
 __all__ = [
     "Listening",
@@ -47,7 +47,7 @@ def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
         return
     if not rehearsed:
         raise UsageError("`break=` is for rehearsals: nothing real is broken on purpose", hint="add --rehearse")
-    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
     for fault in faults:
         if fault not in FAULTS:
@@ -60,7 +60,7 @@ def refuse_absent(faults: Sequence[str], every: Checklist) -> None:
     """Raise UsageError for a fault of something that this site does not have; `every`: its list, not narrowed."""
     if not faults:
         return
-    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
     here = {entry.item.id for entry in every.entries}
     for fault in faults:
@@ -75,7 +75,7 @@ def broken(faults: Sequence[str]) -> tuple[str, ...]:
     """What is broken, in words."""
     if not faults:
         return ()
-    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
     return tuple(f"{fault}: {FAULTS[fault].words}" for fault in faults)
 
@@ -84,7 +84,7 @@ def breaks_a_site(faults: Sequence[str]) -> bool:
     """Whether something beside vehicles is broken, which may be a router."""
     if not faults:
         return False
-    from atlantis_netcfg.operations.checking.rehearsed import FAULTS
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
     return any(turn.startswith("SITE/") for fault in faults for turn in FAULTS[fault].turns)
 
@@ -99,12 +99,12 @@ def not_rehearsed(opened: Session, entries: Sequence[Entry]) -> tuple[str, ...]:
     """What the twins of these entries cannot stand for."""
     if opened.rehearsal is None:
         return ()
-    from atlantis_netcfg.twin import acoustic, computer, gnss, mavlink
+    from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
 
     asked = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
     said = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
     beside = [line for endpoint, twin in said.items() if endpoint in asked for line in twin.NOT_REHEARSED]
-    return tuple(dict.fromkeys([*beside, *computer.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
+    return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
 
 
 @contextmanager
@@ -121,7 +121,7 @@ def listening(
         both = [RealEars(opened.declaration, opened.site, each, notify, ssh_config) for each in (request, paid)]
         yield Listening(*both)
         return
-    from atlantis_netcfg.operations.checking.rehearsed import rehearsed_ears
+    from atlantis_netcfg.checklist.runner.simulated import rehearsed_ears
 
     if opened.rehearsal.targets:
         _configure(opened)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist import Book, Head
-from atlantis_netcfg.checklist.drawing import drawing
+from atlantis_netcfg.checklist.topology import drawing
 from atlantis_netcfg.cli._checking.listening import broken, not_rehearsed
 
 if TYPE_CHECKING:

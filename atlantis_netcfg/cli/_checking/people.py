@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Confirmation, Refused
+from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Kind, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.checklist import Book, Entry
+    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.cli._checking.desk import Desk
     from atlantis_netcfg.cli._checking.price import Price
-    from atlantis_netcfg.report.checklist import Item
 
 __all__ = ["GREEN", "confirm", "consent", "mend", "otherwise", "ready", "shown"]
 

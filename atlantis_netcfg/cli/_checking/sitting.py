@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Answers, Scope, plan
-from atlantis_netcfg.checklist.people import named
+from atlantis_netcfg.checklist.confirmations import named
+from atlantis_netcfg.checklist.report import Phase
 from atlantis_netcfg.cli._checking import closing
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.flow import Round
@@ -29,17 +30,16 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage, ignore
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.examples import refuse_examples
-from atlantis_netcfg.report.checklist import Phase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.checklist import Book, Checklist
+    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.report.checklist import Item
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["Prepared", "Stopped", "sit", "taking_part"]
 

@@ -6,15 +6,15 @@ import shlex
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST
+from atlantis_netcfg.declaration.model import Gateway, VpnServer
 from atlantis_netcfg.journal import make_private, translated, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.site.model import Gateway, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["computer_access", "is_computer", "is_gateway", "is_server", "key_trouble"]
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg import machine
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.declaration.model import Gateway, VpnServer
+from atlantis_netcfg.emulator import lab
+from atlantis_netcfg.emulator.lab import stubs
+from atlantis_netcfg.emulator.lab.stubs.git_server import serve_git
+from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
+from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
-from atlantis_netcfg.machine import standins
-from atlantis_netcfg.machine.standins.git_server import serve_git
-from atlantis_netcfg.machine.standins.interop import NOT_REHEARSED as NO_LIBRARY
-from atlantis_netcfg.machine.standins.interop import InteropProjects
 from atlantis_netcfg.operations.computers._access import is_computer, is_gateway, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
-from atlantis_netcfg.site.model import Gateway, VpnServer
 from atlantis_netcfg.vpn.server import PACKAGES as VPN
 
 if TYPE_CHECKING:
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["RehearsedComputers", "rehearsed_computers", "tree_spec"]
 
-_CODENAME = machine.TreeSpec().release
+_CODENAME = lab.TreeSpec().release
 _STATE = (
     "find /etc /opt /usr/local /var/lib/atlantis /var/lib/dpkg -xdev -path /var/lib/atlantis/tool -prune"
     " -o -type f -printf '%p %s %T@\\n' 2>/dev/null | sort"
@@ -47,11 +47,11 @@ _KEYS = serialization.Encoding.OpenSSH
 class RehearsedComputers:
     """What stands for the computers of a rehearsal."""
 
-    machines: Mapping[str, machine.Machine] = field(default_factory=dict)
+    machines: Mapping[str, lab.Machine] = field(default_factory=dict)
     targets: Mapping[str, Target] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Host name to why nothing stands for it."""
-    standins: StandIns | None = None
+    stubs: StandIns | None = None
     authority: Path | None = None
     """Folder of the VPN's authority that was made for it."""
     not_rehearsed: tuple[str, ...] = ()
@@ -76,17 +76,17 @@ def rehearsed_computers(
     if not computers:
         yield RehearsedComputers()
         return
-    machine.provide(lambda words: notify(Event(computers[0].name, Stage.CONNECTING, words)))
-    if why := machine.why_not():
+    lab.provide(lambda words: notify(Event(computers[0].name, Stage.CONNECTING, words)))
+    if why := lab.why_not():
         yield RehearsedComputers(left_out={host.name: why for host in computers})
         return
     for host in computers:
         notify(Event(host.name, Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"))
-    root = machine.tree(tree_spec(declaration))
+    root = lab.tree(tree_spec(declaration))
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
     with ExitStack() as stack:
-        ground = stack.enter_context(machine.yard(folder))
+        ground = stack.enter_context(lab.yard(folder))
         machines = {host.name: _started(ground, declaration, host, root, public) for host in computers}
         targets = {name: _target(one, folder) for name, one in machines.items()}
         gateways, servers = (any(takes(host) for host in computers) for takes in (is_gateway, is_server))
@@ -94,11 +94,11 @@ def rehearsed_computers(
         authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
         told = (
             *((_CLOCK,) if gateways else ()),
-            *(line for line in machine.NOT_REHEARSED if not line.startswith("the clock:")),
-            *((*standins.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
+            *(line for line in lab.NOT_REHEARSED if not line.startswith("the clock:")),
+            *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
             *untold,
         )
-        yield RehearsedComputers(machines, targets, standins=served, authority=authority, not_rehearsed=told)
+        yield RehearsedComputers(machines, targets, stubs=served, authority=authority, not_rehearsed=told)
 
 
 def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
@@ -119,7 +119,7 @@ def _has_network(host: Host) -> bool:
     return isinstance(host.device, Gateway) and host.device.network is not None
 
 
-def tree_spec(declaration: Declaration) -> machine.TreeSpec:
+def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     """Name the Debian packages that the pilot's computers ask for; a rehearsal has no network to fetch them from.
 
     All of them for any site, so that one tree is made. Packages of ROS come from the stand-ins, at their own place in
@@ -129,16 +129,16 @@ def tree_spec(declaration: Declaration) -> machine.TreeSpec:
     for host in filter(is_gateway, declaration.hosts.values()):
         asked |= {one.name for one in gateway_base(declaration, host).packages}
         asked |= {one.name for one in gateway_interop(declaration, host).packages}
-    return machine.TreeSpec(packages=tuple(sorted(asked)))
+    return lab.TreeSpec(packages=tuple(sorted(asked)))
 
 
-def _served(stack: ExitStack, ground: machine.Yard, declaration: Declaration, folder: Path) -> StandIns | None:
+def _served(stack: ExitStack, ground: lab.Yard, declaration: Declaration, folder: Path) -> StandIns | None:
     """Serve stand-ins for the archive of ROS and for the partners' repositories; None: no ROS is declared."""
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
-    packages = standins.ros_packages(pilot.dds.distribution.value, more=pilot.gateways.ros2.packages)
-    archive = standins.publish(folder / "archive", packages, codename=_CODENAME)
+    packages = stubs.ros_packages(pilot.dds.distribution.value, more=pilot.gateways.ros2.packages)
+    archive = stubs.publish(folder / "archive", packages, codename=_CODENAME)
     repositories = ""
     if (interop := pilot.gateways.interop) is not None:
         projects = InteropProjects(folder / "git")
@@ -161,7 +161,7 @@ _NETWORK = "the declared network of the gateways: a machine keeps the one that i
 _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 
-def _started(ground: machine.Yard, declaration: Declaration, host: Host, root: Path, public: str) -> machine.Machine:
+def _started(ground: lab.Yard, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - `is_computer` has said so
     own = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
@@ -174,7 +174,7 @@ def _started(ground: machine.Yard, declaration: Declaration, host: Host, root: P
     return started
 
 
-def _target(one: machine.Machine, folder: Path) -> Target:
+def _target(one: lab.Machine, folder: Path) -> Target:
     known = folder / f"{one.name}.known"
     known.write_text(f"{one.name} {one.host_key}\n", encoding="utf-8")
     return Target(host="127.0.0.1", port=one.port, known_hosts=str(known), identity=str(folder / "key"))

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["BUNDLES", "bundle_of", "fetching", "narrowed"]
 

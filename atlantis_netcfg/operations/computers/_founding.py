@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn._computers import computers
-from atlantis_netcfg.operations.vpn.founding import server_names
+from atlantis_netcfg.operations.vpn.init_authority import server_names
 from atlantis_netcfg.operations.vpn.wishes import Asked, wish_of
 from atlantis_netcfg.vpn.authority import Authority, Delivered
-from atlantis_netcfg.vpn.handout import identity_file
+from atlantis_netcfg.vpn.enrolment_package import identity_file
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.identity import Identity
 
 __all__ = ["NOT_REHEARSED", "found"]

@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.computers._fetching import bundle_of, fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations.request_io import asked_for, declaration_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["perform"]
 
@@ -59,6 +59,6 @@ def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: R
             f"{', '.join(servers)}: the server of the VPN takes nothing from a bundle, which is made for gateways",
             hint="name the gateways with `only=`; run the server without `--offline`",
         )
-    from atlantis_netcfg.operations import bundling  # noqa: PLC0415 - most runs have no bundle
+    from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle
 
     bundling.opened(declaration, computers, request.offline, request)

@@ -12,7 +12,7 @@ from atlantis_netcfg.render import environment
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["ENVIRONMENT", "LOGIN", "GatewayDds", "gateway_dds"]
 

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from atlantis_netcfg.declaration import Declaration, Host
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import StandIn, gateway_ros2
@@ -13,7 +14,6 @@ from atlantis_netcfg.gateway.ros_key import ArchiveKey
 from atlantis_netcfg.operations.computers._access import computer_access, is_computer, is_gateway, is_server
 from atlantis_netcfg.operations.computers.dds import gateway_dds
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.site import Declaration, Host
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import openvpn_server
 

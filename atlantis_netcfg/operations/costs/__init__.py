@@ -16,10 +16,10 @@ from atlantis_netcfg.operations.costs._meter import Meter
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.journal import Recorder, Store
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
-    from atlantis_netcfg.site import Declaration
 
 __all__ = ["Costs", "Meter", "beforehand", "gate", "link_of", "links_of", "ports_of", "unpaid", "ways_of"]
 

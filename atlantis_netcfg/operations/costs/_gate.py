@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, preview
+from atlantis_netcfg.declaration.model import Gateway, LteDriver, LteRouter, Router, VpnServer
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs._links import link_of
@@ -12,15 +13,14 @@ from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.estimate import Estimate
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
-from atlantis_netcfg.site.model import Gateway, LteDriver, LteRouter, Router, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.bearers.cost import Link, Preview
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["accepting", "beforehand", "gate", "unpaid"]
 

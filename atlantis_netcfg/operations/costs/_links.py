@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.cost import Link, Tariff
 from atlantis_netcfg.bearers.policy import Way
+from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.operations.bearers import LAN
-from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Bearer
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
 
 __all__ = ["link_of", "links_of", "ports_of", "ways_of"]
 

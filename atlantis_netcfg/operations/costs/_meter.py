@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.bearers.cost import Bill, Link, Preview
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.apply import DeviceResult
     from atlantis_netcfg.routeros.estimate import Estimate
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Meter"]
 

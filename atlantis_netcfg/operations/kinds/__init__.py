@@ -15,7 +15,7 @@ from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, 
 from atlantis_netcfg.operations.kinds._router import ManagedRouter
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["Hardware", "Managed", "Place", "Text", "handled", "managed"]
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.declaration.model import Cpe, PtpProtocol, RadioMenus
 from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, Text
 from atlantis_netcfg.render import cpe, cpe_prerequisites, cpe_view, radio_name
-from atlantis_netcfg.site.model import Cpe, PtpProtocol, RadioMenus
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.declaration.model import Access, Ptp
     from atlantis_netcfg.render import Prerequisite
-    from atlantis_netcfg.site import Host
-    from atlantis_netcfg.site.model import Access, Ptp
 
 __all__ = ["ManagedCpe", "families"]
 

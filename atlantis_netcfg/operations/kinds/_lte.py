@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.declaration.model import Access, LteDriver, LteRouter
+from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, Text
 from atlantis_netcfg.render import lte, lte_bearer, lte_prerequisites, lte_view
-from atlantis_netcfg.site.model import Access, LteDriver, LteRouter
-from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Host
     from atlantis_netcfg.render import Prerequisite
-    from atlantis_netcfg.site import Host
 
 __all__ = ["ManagedLte"]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Access
+    from atlantis_netcfg.emulator.routeros import ModemSpec
     from atlantis_netcfg.render import Prerequisite
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Access
-    from atlantis_netcfg.twin import ModemSpec
 
 __all__ = ["Hardware", "Managed", "Place", "Text"]
 

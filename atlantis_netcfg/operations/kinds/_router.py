@@ -5,14 +5,14 @@ from __future__ import annotations
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.declaration.model import PortUse, Router
 from atlantis_netcfg.operations.kinds._managed import Hardware, Managed, Place, Text
 from atlantis_netcfg.render import prerequisites, router
-from atlantis_netcfg.site.model import PortUse, Router
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.declaration.model import Access
     from atlantis_netcfg.render import Prerequisite
-    from atlantis_netcfg.site import Host
-    from atlantis_netcfg.site.model import Access
 
 __all__ = ["ManagedRouter"]
 

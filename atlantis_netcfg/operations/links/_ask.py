@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import FAST_S, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.jobs import endpoint_of
@@ -18,16 +19,15 @@ from atlantis_netcfg.operations.links._radio import read_radio
 from atlantis_netcfg.operations.links._router import read_router
 from atlantis_netcfg.operations.links._unit import UnitLook, read_by_driver, read_routeros
 from atlantis_netcfg.operations.lte import Unit
-from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Sequence
 
     from atlantis_netcfg.bearers.policy import Way
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Round", "boxes", "door_to"]
 

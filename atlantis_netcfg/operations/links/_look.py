@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bearers.policy import active_bearers
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched
+from atlantis_netcfg.declaration.model import BearerKind, Cpe, LteDriver, LteRouter, Router
 from atlantis_netcfg.journal import MonthBytes, Store
+from atlantis_netcfg.operations.allow_list_test import named_targets, resolve
 from atlantis_netcfg.operations.bearers import PATIENCE_S
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.links._ask import Round, boxes
@@ -20,8 +22,6 @@ from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge
 from atlantis_netcfg.operations.links._router import RouterReading
 from atlantis_netcfg.operations.links._terminal import kept_off, of_terminal
 from atlantis_netcfg.operations.links._unit import UnitLook, of_unit
-from atlantis_netcfg.operations.proving import named_targets, resolve
-from atlantis_netcfg.site.model import BearerKind, Cpe, LteDriver, LteRouter, Router
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers import BearerStatus, Finding
     from atlantis_netcfg.bearers.policy import Way
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Bearer
 
 __all__ = ["Looked", "look"]
 

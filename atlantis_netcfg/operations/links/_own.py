@@ -13,7 +13,7 @@ from atlantis_netcfg.operations.links._radio import RadioLook, wanted_of
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.site import Host
+    from atlantis_netcfg.declaration import Host
 
 __all__ = ["Own", "Silent", "of_bridge", "unheard"]
 

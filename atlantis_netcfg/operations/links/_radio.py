@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.wifi import Family, WifiWanted, queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
+from atlantis_netcfg.declaration.model import Cpe, PtpMode
 from atlantis_netcfg.operations.links._door import command, rows
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.site.model import Cpe, PtpMode
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.wifi import WifiReading
+    from atlantis_netcfg.declaration import Host
     from atlantis_netcfg.operations.links._door import Door
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.site import Host
 
 __all__ = ["RadioLook", "read_radio", "wanted_of"]
 

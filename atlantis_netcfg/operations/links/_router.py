@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Way, probe_commands
 from atlantis_netcfg.operations.links._door import rows
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.counting import seconds
+from atlantis_netcfg.routeros.counters import seconds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from datetime import date
 
     from atlantis_netcfg.bearers import Quality
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations.links._router import RouterReading
-    from atlantis_netcfg.site import Declaration, Host
-    from atlantis_netcfg.site.model import Bearer
 
 __all__ = ["kept_off", "of_terminal"]
 

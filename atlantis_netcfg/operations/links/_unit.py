@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte import Registration, judge, routeros
 from atlantis_netcfg.bearers.satellite import judge_carrier_nat
+from atlantis_netcfg.declaration.model import LteDriver
 from atlantis_netcfg.operations.links._door import command, rows
 from atlantis_netcfg.operations.links._own import Own
-from atlantis_netcfg.site.model import LteDriver
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding

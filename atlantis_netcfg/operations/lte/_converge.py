@@ -13,13 +13,13 @@ from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import LteDriver
 from atlantis_netcfg.journal import ActionsConfirmed, LayerSent, Outcome, Planned, conclude, unrecorded
 from atlantis_netcfg.operations.lte._came import Came
 from atlantis_netcfg.operations.lte._result import FINE, LteResult, words
 from atlantis_netcfg.operations.lte._uci import LAYER, masked, planned_action, sections_of
 from atlantis_netcfg.operations.lte._unit import NotRehearsed
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.site.model import LteDriver
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console import Commands

@@ -6,15 +6,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.operations.request import Target
-from atlantis_netcfg.site.model import LteDriver, LteRouter
-from atlantis_netcfg.twin import modem, rutos
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.site import Host
+    from atlantis_netcfg.declaration import Host
 
 __all__ = ["EmulatedUnit", "emulated_units", "not_rehearsed"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site.model import LteDriver, LteRouter
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Host
+    from atlantis_netcfg.declaration import Host
 
 __all__ = ["is_unit"]
 

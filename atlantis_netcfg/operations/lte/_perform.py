@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode, worst
+from atlantis_netcfg.declaration.model import LteRouter
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
     Journal,
@@ -19,23 +20,22 @@ from atlantis_netcfg.journal import (
     conclude,
     unrecorded,
 )
-from atlantis_netcfg.operations.asking import asked_for, declaration_of
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.lte._came import Patience
 from atlantis_netcfg.operations.lte._kind import is_unit
 from atlantis_netcfg.operations.lte._result import FINE, LteResult
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.request_io import asked_for, declaration_of
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.site.model import LteRouter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Recorder
-    from atlantis_netcfg.operations.channel import Channel
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.operations.event_stream import Channel
 
 __all__ = ["perform"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte import Registration, at, manual, modemmanager, rutos
+from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos, unmanaged
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.console import open_commands
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.operations.simcard import TriedPin
-from atlantis_netcfg.site.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte.rutos import LteSettings, RutosEndpoint
     from atlantis_netcfg.console import Commands
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.declaration.model import LteAccess
     from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.operations.request import Target
-    from atlantis_netcfg.site import Host
-    from atlantis_netcfg.site.model import LteAccess
 
 __all__ = ["Look", "NotRehearsed", "Unit"]
 
@@ -178,4 +178,4 @@ class Unit:
         return Look(found.reading, (*judge(found.reading, self.wanted), *found.findings), found.calls)
 
     def _manual(self) -> Look:
-        return Look(manual.read(), (manual.finding(str(self.device.address)),))
+        return Look(unmanaged.read(), (unmanaged.finding(str(self.device.address)),))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, complete
+from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -30,7 +31,6 @@ from atlantis_netcfg.operations.upgrade._device import Upgrading, Waiting
 from atlantis_netcfg.packages import read_npk
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.estimate import beforehand
-from atlantis_netcfg.site.model import Router
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers.cost import Link, Preview
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.upgrade._look import Seen
     from atlantis_netcfg.packages import Upgrade
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["Prepared", "Upgraded"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.operations.vpn._check import shown
-from atlantis_netcfg.site.model import Gateway, Router
 from atlantis_netcfg.vpn import names
 from atlantis_netcfg.vpn.authority import CLIENT_DAYS, Wish
 from atlantis_netcfg.vpn.client import site_link
@@ -15,8 +15,8 @@ from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.vpn._check import Check
-    from atlantis_netcfg.site import Declaration, Host
 
 __all__ = ["computers", "wish_of_host"]
 

@@ -12,8 +12,8 @@ from atlantis_netcfg.vpn.authority import CLIENT_DAYS, Wish
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.vpn._check import Check
-    from atlantis_netcfg.site import Declaration
 
 __all__ = ["wish_of_device"]
 

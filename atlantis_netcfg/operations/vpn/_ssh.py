@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.operations.computers._access import key_trouble
-from atlantis_netcfg.operations.vpn._trouble import HostKeyChanged, ServerAway
+from atlantis_netcfg.operations.vpn.errors import HostKeyChanged, ServerAway
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.operations.vpn._trouble import AnswerLost
+from atlantis_netcfg.operations.vpn.errors import AnswerLost
 from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
 

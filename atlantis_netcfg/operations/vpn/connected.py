@@ -15,17 +15,17 @@ from atlantis_netcfg.core.errors import NetcfgError, OutcomeUnknown, UsageError,
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn._trouble import ServerAway, ServerRefused
 from atlantis_netcfg.operations.vpn.deploying import Deployed
+from atlantis_netcfg.operations.vpn.errors import ServerAway, ServerRefused
 from atlantis_netcfg.operations.vpn.link import SshLink
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.operations.vpn.live import Evidence
-    from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Authority, Revoked
 
 __all__ = ["Connected", "Opener", "Outstanding", "over_ssh"]

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from atlantis_netcfg.core.remote_bundle import INSTALL, Tool, build_live
 from atlantis_netcfg.operations.vpn._ssh import in_words, ssh_words
-from atlantis_netcfg.operations.vpn._trouble import AnswerLost, ServerAway, ServerRefused
+from atlantis_netcfg.operations.vpn.errors import AnswerLost, ServerAway, ServerRefused
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.operations.vpn._drift import drift
 from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, Session, observe, sessions_of, understood
-from atlantis_netcfg.operations.vpn._trouble import RecordOlder, ServerRefused
+from atlantis_netcfg.operations.vpn.errors import RecordOlder, ServerRefused
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.gateway.parts import File
     from atlantis_netcfg.operations.vpn.link import ServerLink
-    from atlantis_netcfg.site import Declaration
     from atlantis_netcfg.vpn.authority import Authority, Sighting
     from atlantis_netcfg.vpn.identity import Roll
 

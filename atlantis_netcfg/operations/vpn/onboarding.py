@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn._computers import computers
-from atlantis_netcfg.vpn import handout as handouts
+from atlantis_netcfg.vpn import enrolment_package as handouts
 from atlantis_netcfg.vpn.authority import Delivered, Issued
 from atlantis_netcfg.vpn.names import check_free
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.operations.vpn.desk import Desk
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.operations.vpn.operator import Desk
     from atlantis_netcfg.vpn.authority import Change, Wish
     from atlantis_netcfg.vpn.identity import Identity, Member
 

@@ -6,11 +6,11 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.site.model import Gateway, Router
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.handout import identity_file
+from atlantis_netcfg.vpn.enrolment_package import identity_file
 from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Member, Standing, Wrap
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["NOT_REHEARSED", "identities", "rehearsed_identity"]
 

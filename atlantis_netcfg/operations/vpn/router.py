@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -40,16 +41,15 @@ from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.vpn._import import Importing
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
-from atlantis_netcfg.site.model import Router
 from atlantis_netcfg.vpn import routeros
-from atlantis_netcfg.vpn.handout import read_identity
+from atlantis_netcfg.vpn.enrolment_package import read_identity
 from atlantis_netcfg.vpn.identity import KeyType
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob
-    from atlantis_netcfg.site import Declaration, Host
     from atlantis_netcfg.vpn.identity import Identity
 
 __all__ = ["Installed", "identity_for", "install"]

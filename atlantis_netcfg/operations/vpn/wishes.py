@@ -20,7 +20,7 @@ from atlantis_netcfg.vpn.identity import KeyType, Link, Wrap
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.authority import Wish
 
 __all__ = ["KEYS", "Asked", "Refused", "change_of", "wish_of", "wishes_of"]

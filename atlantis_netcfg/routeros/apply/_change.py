@@ -27,7 +27,7 @@ from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, P
 from atlantis_netcfg.routeros.apply._shield import Held, Hold
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
-from atlantis_netcfg.routeros.counting import closing, read_counts
+from atlantis_netcfg.routeros.counters import closing, read_counts
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
     LEAVES,

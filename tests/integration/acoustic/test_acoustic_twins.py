@@ -13,18 +13,18 @@ import pytest
 from second_client import AtClient, BeaconClient, Wire
 
 from atlantis_netcfg.checklist import Scope, plan
-from atlantis_netcfg.operations.checking import ask_here, examine
-from atlantis_netcfg.probes import Cell, Listen, Place, Probe, acoustic, usbl
-from atlantis_netcfg.site.loading import load
-from atlantis_netcfg.twin.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
+from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Probe, acoustic, usbl
+from atlantis_netcfg.checklist.runner import ask_here, examine
+from atlantis_netcfg.declaration.loading import load
+from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.operations.checking import Heard
-    from atlantis_netcfg.operations.checking._ears import Asked
-    from atlantis_netcfg.probes import Answer, Judged
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Answer, Judged
+    from atlantis_netcfg.checklist.runner import Heard
+    from atlantis_netcfg.checklist.runner._ears import Asked
+    from atlantis_netcfg.declaration import Declaration
 
 Twin = RunningEvologics | RunningSeatrac
 ROOT = Path(__file__).parents[3]

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.twin import Device, RouterSpec, RunningSite, SiteSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from carton import QUICK, declaration
 
+from atlantis_netcfg.bootstrap import PreflightRefused
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.firstcontact import PreflightRefused
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-from atlantis_netcfg.twin import Device, RouterSpec, RunningSite, SiteSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -18,14 +18,14 @@ from atlantis_netcfg.bundle import (
     make,
     read_target,
 )
-from atlantis_netcfg.machine.standins import StandIn, publish
+from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from atlantis_netcfg.bundle import Library
-    from atlantis_netcfg.machine.standins import Archive
+    from atlantis_netcfg.emulator.lab.stubs import Archive
 
 HOST = "coastal-gateway"
 KEYRING = "/usr/share/keyrings/stand-ins.gpg"

@@ -24,12 +24,12 @@ from bundle_stand import HOST, arm64, status
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.machine.standins import publish
-from atlantis_netcfg.operations.bundling import wish_of
-from atlantis_netcfg.operations.bundling._target import from_image
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Gateway, ImageLayout
+from atlantis_netcfg.emulator.lab.stubs import publish
+from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.operations.bundle._target import from_image
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Gateway, ImageLayout
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

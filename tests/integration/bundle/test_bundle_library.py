@@ -11,8 +11,8 @@ from bundle_stand import HOST, Laptop
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.bundle import BundleRefused, Library, open_bundle
-from atlantis_netcfg.machine.standins.git_server import GitServer, serve_git
-from atlantis_netcfg.machine.standins.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
+from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
+from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.operations.checking import ask_here
-from atlantis_netcfg.probes import Offered, Place, Probing
+from atlantis_netcfg.checklist.probes import Offered, Place, Probing
+from atlantis_netcfg.checklist.runner import ask_here
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

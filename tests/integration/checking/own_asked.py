@@ -9,15 +9,15 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.operations.checking import ask_here
-from atlantis_netcfg.probes import Cell, Discover, Run
-from atlantis_netcfg.probes.own import steps
+from atlantis_netcfg.checklist.probes import Cell, Discover, Run
+from atlantis_netcfg.checklist.probes.site_checks import steps
+from atlantis_netcfg.checklist.runner import ask_here
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.probes import Answer, Judged, Probe
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Answer, Judged, Probe
+    from atlantis_netcfg.declaration import Declaration
 
 SITE, GATEWAY = "coastal", "coastal-gateway"
 

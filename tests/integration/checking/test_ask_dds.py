@@ -16,7 +16,7 @@ import pytest
 from own_asked import GATEWAY, check, findings, inside
 
 from atlantis_netcfg.dds import profile_views, profiles
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

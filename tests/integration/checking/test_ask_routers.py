@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.operations.checking import RealEars
+from atlantis_netcfg.checklist.probes import Ask, Place, Rows, Trouble
+from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import Link, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.probes import Ask, Place, Rows, Trouble
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Link, RunningSite
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.probes import Answer
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, CPE = "coastal-router", "coastal-cpe"

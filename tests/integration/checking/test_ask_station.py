@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from atlantis_netcfg.operations.checking import RealEars
+from atlantis_netcfg.checklist.probes import Ask, Cell, Place, Ran
+from atlantis_netcfg.checklist.probes.wifi import steps
+from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
+from atlantis_netcfg.emulator.routeros import Link, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.probes import Ask, Cell, Place, Ran
-from atlantis_netcfg.probes.wifi import steps
 from atlantis_netcfg.render import cpe
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
-from atlantis_netcfg.twin import Link, RunningSite
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.probes import Judged
-    from atlantis_netcfg.site import Declaration
-    from atlantis_netcfg.twin import TwinSpec
+    from atlantis_netcfg.checklist.probes import Judged
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.routeros import TwinSpec
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 POINT, STATION, VEHICLE = "scc-cpe", "coastal-cpe", "zarco"

@@ -11,13 +11,13 @@ from matrix_papers import host
 from matrix_stand import SERVER, Vpn, vpn
 from own_asked import GATEWAY, check, findings, inside
 
-from atlantis_netcfg.probes import Looked, Rows
-from atlantis_netcfg.site import load
+from atlantis_netcfg.checklist.probes import Looked, Rows
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.probes import Answer, Judged
+    from atlantis_netcfg.checklist.probes import Answer, Judged
 
 pytestmark = pytest.mark.namespace
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from dhcp_stand import CABLE, Segment, segment  # noqa: F401 - a fixture
 
-from atlantis_netcfg.probes import Trouble
+from atlantis_netcfg.checklist.probes import Trouble
 
 pytestmark = pytest.mark.namespace
 WITHIN_S = 1.0

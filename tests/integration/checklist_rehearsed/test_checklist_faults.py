@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.runner import examine
+from atlantis_netcfg.checklist.runner.simulated import FAULTS, rehearsed_ears
+from atlantis_netcfg.checklist.runner.simulated.faults_routers import FAULTS as OF_ROUTERS
 from atlantis_netcfg.cli import check
 from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations import Mode
-from atlantis_netcfg.operations.checking import examine
-from atlantis_netcfg.operations.checking.rehearsed import FAULTS, rehearsed_ears
-from atlantis_netcfg.operations.checking.rehearsed._of_routers import FAULTS as OF_ROUTERS
 from atlantis_netcfg.operations.computers import is_computer
-from atlantis_netcfg.report.checklist import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.report.checklist import Item
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.probes import Ran
-from atlantis_netcfg.probes.own._reading import addresses, neighbours
-from atlantis_netcfg.twin.certificates import issue
-from atlantis_netcfg.twin.computer import (
+from atlantis_netcfg.checklist.probes import Ran
+from atlantis_netcfg.checklist.probes.site_checks.parse import addresses, neighbours
+from atlantis_netcfg.emulator.linux import (
     AddressSpec,
     CertificateSpec,
     Computer,
@@ -28,6 +27,7 @@ from atlantis_netcfg.twin.computer import (
     RouteSpec,
     UdpSpec,
 )
+from atlantis_netcfg.emulator.routeros.certificates import issue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

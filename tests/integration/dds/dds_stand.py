@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 GATEWAY, ROUTER, CENTRE = "gateway", "router", "centre"
 DEFAULT_DOMAIN = 12

@@ -9,21 +9,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.emulator.routeros import Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.wire.faults import Faults
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, converge, desired
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.twin import Router, RouterSpec, User
-from atlantis_netcfg.twin.wire.faults import Faults
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.core.events import Event
+    from atlantis_netcfg.emulator.routeros import Knobs, Link
     from atlantis_netcfg.routeros.api import Command, Reply
     from atlantis_netcfg.routeros.apply import Channel
-    from atlantis_netcfg.twin import Knobs, Link
 
 T = TypeVar("T")
 PASSWORD = "open sesame"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, leases, on, without_header
 
+from atlantis_netcfg.emulator.routeros import Execute, Knobs, Link
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     DeviceObserved,
@@ -20,7 +21,6 @@ from atlantis_netcfg.journal import (
     StateSaved,
 )
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
-from atlantis_netcfg.twin import Execute, Knobs, Link
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
+from atlantis_netcfg.emulator.routeros import Deviation, Execute, Fault, FaultKind
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
-from atlantis_netcfg.twin import Deviation, Execute, Fault, FaultKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

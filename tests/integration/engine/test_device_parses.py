@@ -9,10 +9,10 @@ import pytest
 from engine_bench import PASSWORD, TEXT, Bench, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
 from atlantis_netcfg.routeros.menus import MENUS, Field
 from atlantis_netcfg.routeros.parsing import Examination
-from atlantis_netcfg.twin import User
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -193,7 +193,7 @@ def test_a_user_who_may_only_read_is_inconclusive(tmp_path: Path) -> None:
 
 def test_a_parser_that_takes_everything_is_inconclusive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whose parser does not look at names says nothing by its silence."""
-    monkeypatch.setattr("atlantis_netcfg.twin.console.run._code", lambda *_: "(evl /ip/pool/add)")
+    monkeypatch.setattr("atlantis_netcfg.emulator.routeros.console.run._code", lambda *_: "(evl /ip/pool/add)")
     result = on(Bench(tmp_path), lambda bench: bench.converge())
     assert result.status is Status.CHANGED
     assert any("INCONCLUSIVE" in note and "words that are not known here" in note for note in result.notes)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NoReturn
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge
 from atlantis_netcfg.routeros.drift import DriftKind, Since
-from atlantis_netcfg.twin import Fault, FaultKind
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,15 +11,15 @@ from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.emulator.routeros import Execute, Fault, FaultKind, Knobs
 from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
-from atlantis_netcfg.twin import Execute, Fault, FaultKind, Knobs
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.twin.answers import Answer
+    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
 LIST = "/ip firewall address-list\n" + "".join(

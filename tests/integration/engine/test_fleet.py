@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, run
 
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link
 from atlantis_netcfg.operations.bearers import LAN, PATIENCE_S, patient
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, Mode, Patience, Status, fleet
 from atlantis_netcfg.routeros.api import Session
-from atlantis_netcfg.twin import Fault, FaultKind, Link
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,8 +14,8 @@ from engine_bench import run
 from test_fleet import jobs, ships
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, Status, fleet
-from atlantis_netcfg.twin import Fault, FaultKind, Link
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import PASSWORD, TEXT, leases, without_header
 
+from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 from atlantis_netcfg.journal import Run, Store
-from atlantis_netcfg.twin import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

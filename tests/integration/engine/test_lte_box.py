@@ -10,11 +10,11 @@ from engine_bench import Bench, on
 
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
+from atlantis_netcfg.emulator.routeros.control import obey
 from atlantis_netcfg.render import lte
 from atlantis_netcfg.routeros import Mode, desired
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
-from atlantis_netcfg.twin.control import obey
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding

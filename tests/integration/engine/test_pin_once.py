@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import Bench, on
 
+from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
+from atlantis_netcfg.emulator.routeros.lte import SimState
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
 from atlantis_netcfg.routeros import DeviceResult, Mode, converge
 from atlantis_netcfg.routeros.apply import Patience
-from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec
-from atlantis_netcfg.twin.lte import SimState
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,9 +9,9 @@ import pytest
 from engine_bench import TEXT, Bench, on
 from test_cut_points import GAP_S, clean, cut, faults
 
+from atlantis_netcfg.emulator.routeros import Execute, Fault, FaultKind
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.drift import DriftKind
-from atlantis_netcfg.twin import Execute, Fault, FaultKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,11 +10,11 @@ import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.emulator.routeros import DeviceMode, Fault, FaultKind, Knobs
+from atlantis_netcfg.emulator.routeros import Mode as TwinMode
 from atlantis_netcfg.journal import Protected
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status
 from atlantis_netcfg.routeros.apply import _executor
-from atlantis_netcfg.twin import DeviceMode, Fault, FaultKind, Knobs
-from atlantis_netcfg.twin import Mode as TwinMode
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,9 +10,9 @@ from engine_bench import PASSWORD, TEXT, Bench, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.emulator.routeros import DeviceMode, User
+from atlantis_netcfg.emulator.routeros import Mode as TwinMode
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge, desired
-from atlantis_netcfg.twin import DeviceMode, User
-from atlantis_netcfg.twin import Mode as TwinMode
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import PASSWORD, Bench, leases, on
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link, User
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Fault, FaultKind, Link, User
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 RTT_S = 0.7
 ROUTERS = ("coastal-router", "scc-router", "te4sea-router")

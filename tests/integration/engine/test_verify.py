@@ -10,10 +10,10 @@ from engine_bench import Bench, on
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.emulator.routeros import Deviation, Execute, Knobs, ModemSpec
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS
 from atlantis_netcfg.routeros.verify import CHECKS, MARK, TRIES, Finding, Seen, fall_silent, read, try_out
-from atlantis_netcfg.twin import Deviation, Execute, Knobs, ModemSpec
 
 if TYPE_CHECKING:
     from pathlib import Path

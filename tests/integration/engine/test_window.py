@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from engine_bench import Bench, on
 
+from atlantis_netcfg.emulator.routeros import Knobs
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.api import WINDOW
-from atlantis_netcfg.twin import Knobs
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,13 +13,13 @@ import pytest
 from engine_bench import PASSWORD, Bench, on, run
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind
 from atlantis_netcfg.operations.links._door import Door
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros.api import LoginRefused
 from atlantis_netcfg.routeros.apply._change import change as changing
 from atlantis_netcfg.routeros.apply._scripts import scripts as written
 from atlantis_netcfg.routeros.parsing import Examination
-from atlantis_netcfg.twin import Fault, FaultKind
 from bench import wire
 from bench.job import Scenario
 from bench.proxy import Count, Proxy, Shape

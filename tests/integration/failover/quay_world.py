@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import Way, active_bearer
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin.device import Device
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.site import Declaration
-    from atlantis_netcfg.twin.answers import Caller
-    from atlantis_netcfg.twin.spec import DeviceMode
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.routeros.answers import Caller
+    from atlantis_netcfg.emulator.routeros.spec import DeviceMode
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 STEP_S = 1.0

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 from quay_world import World, shipped
 
-from atlantis_netcfg.twin.spec import DeviceMode, Mode
+from atlantis_netcfg.emulator.routeros.spec import DeviceMode, Mode
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site.model import Failover
+    from atlantis_netcfg.declaration.model import Failover
 
 VERSIONS = ("7.16", "7.18.2", "7.21.5")
 HOLD_DOWN_S, FAIL_BACK_S, PROBE_S = 20, 120, 30

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key
 
-    from atlantis_netcfg.machine import Machine
+    from atlantis_netcfg.emulator.lab import Machine
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"

@@ -17,14 +17,14 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.machine import tree, why_not, yard
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.lab import tree, why_not, yard
 from atlantis_netcfg.operations.computers import tree_spec
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.machine import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Machine, Yard
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 SPEC = tree_spec(SHIPPED)

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from gateway_stand import ROUTER, Key
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Gateway, GatewayNetwork, NetworkTool
+from atlantis_netcfg.emulator.lab import TreeSpec, tree, why_not, yard
 from atlantis_netcfg.gateway.network import gateway_network
-from atlantis_netcfg.machine import TreeSpec, tree, why_not, yard
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Gateway, GatewayNetwork, NetworkTool
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.machine import Machine
+    from atlantis_netcfg.emulator.lab import Machine
 
 SPEC = TreeSpec(packages=("ifupdown", "netplan.io"))
 ROOT = Path(__file__).resolve().parents[3]

@@ -18,13 +18,13 @@ from gateway_stand import ROUTER, Key, gateway_tree
 
 from atlantis_netcfg.bundle import HostWish, Keys, Manifest, Order, Purpose, Source, Wished, make, read_target
 from atlantis_netcfg.bundle import Key as ArchiveKey
-from atlantis_netcfg.machine.standins import StandIn, publish
+from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from atlantis_netcfg.bundle import Library
-    from atlantis_netcfg.machine import Machine
+    from atlantis_netcfg.emulator.lab import Machine
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"

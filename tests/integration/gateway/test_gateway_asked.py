@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 import pytest
 from gateway_stand import NETWORK, ROUTER, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.operations.checking import RealEars
+from atlantis_netcfg.checklist.probes import Listen, Offered, Place, Probing, Ran, Run, Say, Transcript, Trouble
+from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.probes import Listen, Offered, Place, Probing, Ran, Run, Say, Transcript, Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.machine import Yard
-    from atlantis_netcfg.probes import Answer
+    from atlantis_netcfg.checklist.probes import Answer
+    from atlantis_netcfg.emulator.lab import Yard
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 

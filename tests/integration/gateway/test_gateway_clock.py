@@ -17,7 +17,7 @@ import pytest
 from gateway_role import NAME, Stand
 from gateway_stand import technician  # noqa: F401 - a fixture
 
-from atlantis_netcfg.machine import Machine, TreeSpec, tree, why_not
+from atlantis_netcfg.emulator.lab import Machine, TreeSpec, tree, why_not
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -22,15 +22,15 @@ from cryptography.x509.oid import NameOID
 from gateway_role import ROOT, Stand
 from gateway_stand import ROUTER, ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.machine.standins.git_server import GitServer, serve_git
-from atlantis_netcfg.machine.standins.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
+from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
+from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.machine import Yard
+    from atlantis_netcfg.emulator.lab import Yard
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.machine import NOT_REHEARSED, standins, why_not
+from atlantis_netcfg.emulator.lab import NOT_REHEARSED, stubs, why_not
 
 CHECKOUT = Path(__file__).parents[3]
 HOST = "coastal-gateway"
@@ -44,7 +44,7 @@ def test_it_converges_and_over_every_bearer_nothing_is_left(tmp_path: Path) -> N
     for part in ("chrony.conf", "ros-foxy-ros-base", "build ", "/etc/atlantis/ros.env"):
         assert part in changes
     assert any("heard the talker" in note for note in told["notes"])
-    assert set(standins.NOT_REHEARSED) | set(NOT_REHEARSED[1:]) <= set(told["not_rehearsed"])
+    assert set(stubs.NOT_REHEARSED) | set(NOT_REHEARSED[1:]) <= set(told["not_rehearsed"])
     assert "EXAMPLE-interop-token" not in done.stdout + done.stderr + "".join(
         path.read_text(errors="replace") for path in tmp_path.rglob("*") if path.is_file()
     )

@@ -9,7 +9,7 @@ import pytest
 from gateway_role import Stand
 from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.machine.standins import Archive, StandIn, publish, ros_packages
+from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish, ros_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.machine import Yard
+    from atlantis_netcfg.emulator.lab import Yard
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 

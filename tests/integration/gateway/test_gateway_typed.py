@@ -14,8 +14,8 @@ from gateway_role import NAME, ROOT
 from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
 from test_gateway_voyage import Voyage, served
 
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.site import load
 from bench.declared import Declared
 
 if TYPE_CHECKING:
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.machine import Yard
-    from atlantis_netcfg.machine.standins import Archive
-    from atlantis_netcfg.machine.standins.git_server import GitServer
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab.stubs import Archive
+    from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 TOKEN = "a-real-interop-token"

@@ -17,13 +17,13 @@ from gateway_stand import FREE_CLOCK, SHIPPED, gateway_tree, ground, machine, te
 from gateway_suite import checked
 
 from atlantis_netcfg.bundle import Keys, Order, Purpose, make, open_bundle, read_target
-from atlantis_netcfg.machine.standins import Archive, StandIn, publish, ros_packages
-from atlantis_netcfg.machine.standins.git_server import GitServer, serve_git
-from atlantis_netcfg.machine.standins.interop import EXAMPLES, LIBRARY, make_interop
-from atlantis_netcfg.operations.bundling import wish_of
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish, ros_packages
+from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
+from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, make_interop
+from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gateway_stand import Key, Start
 
     from atlantis_netcfg.bundle import Manifest
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 ROLES = ["gateway_base/offline", "gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds"]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.machine import Yard
+    from atlantis_netcfg.emulator.lab import Yard
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 

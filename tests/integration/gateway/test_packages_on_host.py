@@ -15,7 +15,7 @@ import pytest
 from gateway_role import NAME, PLAYBOOK, ROOT
 from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.machine.standins import Archive, StandIn, publish
+from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.machine import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Machine, Yard
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 

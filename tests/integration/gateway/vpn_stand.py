@@ -9,14 +9,14 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.handout import identity_file
+from atlantis_netcfg.vpn.enrolment_package import identity_file
 from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.machine import Yard
+    from atlantis_netcfg.emulator.lab import Yard
 
 ENDPOINT = "203.0.113.2"
 SERVER = "scc-vpn"

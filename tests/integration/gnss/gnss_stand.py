@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.operations.checking import ask_here
-from atlantis_netcfg.probes import Listen, Place
-from atlantis_netcfg.probes.gps import StreamGps, Wanted
-from atlantis_netcfg.site.model import Geofence, GpsDriver
+from atlantis_netcfg.checklist.probes import Listen, Place
+from atlantis_netcfg.checklist.probes.gps import StreamGps, Wanted
+from atlantis_netcfg.checklist.runner import ask_here
+from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.probes import Answer, Judged
+    from atlantis_netcfg.checklist.probes import Answer, Judged
 
 _DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
 """`make test` has unpacked the packages there."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from gnss_stand import Asked, codes, environment, free_port, gpsd, judged, program, started, until_it_listens
 
-from atlantis_netcfg.site.model import GpsDriver
-from atlantis_netcfg.twin.gnss import GnssSpec, RunningGpsd, RunningNmea
+from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 
 from gnss_stand import Asked, codes, judged
 
-from atlantis_netcfg.site.model import GpsDriver
-from atlantis_netcfg.twin.gnss import Access, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
+from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.emulator.gnss import Access, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.declaration import Declaration, choose, load
+from atlantis_netcfg.emulator.routeros import Link, RunningSite
 from atlantis_netcfg.operations import lte
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.links import Looked, look
@@ -18,15 +20,13 @@ from atlantis_netcfg.operations.pairs import with_other_ends
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.site import perform
-from atlantis_netcfg.site import Declaration, choose, load
-from atlantis_netcfg.twin import Link, RunningSite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.emulator.routeros import SiteSpec, TwinSpec
     from atlantis_netcfg.report.links import LinksReport
-    from atlantis_netcfg.site import Host
-    from atlantis_netcfg.twin import SiteSpec, TwinSpec
 
 ROOT = Path(__file__).resolve().parents[3]
 INVENTORY = ROOT / "inventory"

@@ -18,8 +18,8 @@ from atlantis_netcfg.core.errors import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.emulator.routeros import TwinSpec
     from atlantis_netcfg.report.links import LinksReport
-    from atlantis_netcfg.twin import TwinSpec
 
 pytestmark = pytest.mark.slow
 

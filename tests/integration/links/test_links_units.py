@@ -12,12 +12,13 @@ import pytest
 from links_bench import Bench, bench, block, inventory, masked
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator import modem, rutos
+from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec, TwinSpec
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import lte
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.simcard import TriedPin
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import CellSpec, ModemSpec, SimSpec, TwinSpec, modem, rutos
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

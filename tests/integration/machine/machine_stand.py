@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import paramiko
 import pytest
 
-from atlantis_netcfg.machine import TreeSpec, tree, why_not, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, tree, why_not, yard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.machine import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Machine, Yard
 
 ADDRESS, ROUTER = "10.64.1.10/24", "10.64.1.1"
 _PATIENCE_S = 30.0

@@ -9,12 +9,12 @@ import paramiko
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, client, gateway, ground, key, ssh
 
-from atlantis_netcfg.machine import MachineFailed
+from atlantis_netcfg.emulator.lab import MachineFailed
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.machine import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Machine, Yard
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

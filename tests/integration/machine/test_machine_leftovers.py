@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
 
-from atlantis_netcfg.machine import TreeSpec, tree, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, tree, yard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.machine import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Machine, Yard
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
@@ -27,7 +27,7 @@ _PATIENCE_S = 60.0
 OWNER = """\
 import os, sys, time
 from pathlib import Path
-from atlantis_netcfg.machine import yard
+from atlantis_netcfg.emulator.lab import yard
 with yard(Path(sys.argv[1])) as ground:
     ground.start("robot", Path(sys.argv[2]), address=sys.argv[3], gateway=sys.argv[4])
     worker = os.fork() if sys.argv[5:] else None

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 from machine_stand import bare, gateway, ground, key, ssh
 
-from atlantis_netcfg.machine import MachineFailed
+from atlantis_netcfg.emulator.lab import MachineFailed
 
 if TYPE_CHECKING:
     import paramiko
 
-    from atlantis_netcfg.machine import Machine
+    from atlantis_netcfg.emulator.lab import Machine
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

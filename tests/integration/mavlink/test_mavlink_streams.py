@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from pymavlink import mavutil
 
-from atlantis_netcfg.operations.checking import ask_here
-from atlantis_netcfg.probes import Listen, Place
-from atlantis_netcfg.probes.rc_rf import RcHeard, SticksMoved, Wanted
-from atlantis_netcfg.twin.mavlink import AutopilotSpec, RunningAutopilot
+from atlantis_netcfg.checklist.probes import Listen, Place
+from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved, Wanted
+from atlantis_netcfg.checklist.runner import ask_here
+from atlantis_netcfg.emulator.mavlink import AutopilotSpec, RunningAutopilot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.probes import Judged
+    from atlantis_netcfg.checklist.probes import Judged
 
 Probe = RcHeard | SticksMoved
 WANTED = Wanted("Stork", "this computer", 0, address="127.0.0.1")

@@ -13,11 +13,7 @@ from engine_bench import PASSWORD as ENGINE_PASSWORD
 from engine_bench import run, without_header
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import Journal, RunStarted, Store
-from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, desired
-from atlantis_netcfg.routeros.pair import Pair, converge_pair
-from atlantis_netcfg.rsc import quote
-from atlantis_netcfg.twin import (
+from atlantis_netcfg.emulator.routeros import (
     Air,
     Management,
     Radio,
@@ -30,6 +26,10 @@ from atlantis_netcfg.twin import (
     TwinSpec,
     User,
 )
+from atlantis_netcfg.journal import Journal, RunStarted, Store
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, desired
+from atlantis_netcfg.routeros.pair import Pair, converge_pair
+from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
-from atlantis_netcfg.twin import Fault, FaultKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
+from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.pair import Signal
-from atlantis_netcfg.twin import Air
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,7 +57,8 @@ def test_what_the_devices_parser_does_not_take_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str, mode: Mode
 ) -> None:
     monkeypatch.setattr(
-        "atlantis_netcfg.twin.console.run._code", lambda *_: "(evl bad parameter ssid (line 1 column 9) /interface/set)"
+        "atlantis_netcfg.emulator.routeros.console.run._code",
+        lambda *_: "(evl bad parameter ssid (line 1 column 9) /interface/set)",
     )
 
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], list[str]]:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from pair_bench import PASSWORD, PairBench, Words, text, without_job
 
+from atlantis_netcfg.emulator.routeros import Air, RunningSite
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.twin import Air, RunningSite
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

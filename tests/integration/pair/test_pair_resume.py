@@ -9,8 +9,8 @@ import pytest
 from hints_said import advised, said
 from pair_bench import PairBench, Words, on, without_job
 
+from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
-from atlantis_netcfg.twin import Air
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from pair_bench import PairBench, Words, on
 
+from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros.api import Command, Session, Unreachable
-from atlantis_netcfg.twin import Air
 
 if TYPE_CHECKING:
     from pathlib import Path

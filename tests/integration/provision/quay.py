@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ansible.parsing.vault import VaultLib, VaultSecret
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, User, spawn
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.site import perform
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import SiteSpec, SpawnedSite, User, spawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from quay import _VAULT, PROVISION, _inventory, _namespace, _pump
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, spawn
 from atlantis_netcfg.operations.rehearsal import factory_spec
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import SiteSpec, SpawnedSite, spawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,10 +9,10 @@ import pytest
 from quay import CHECKOUT
 from test_rehearsal import provision
 
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
 from atlantis_netcfg.operations.site import perform
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from pathlib import Path

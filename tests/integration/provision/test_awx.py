@@ -14,8 +14,8 @@ import pytest
 import yaml
 from quay import CHECKOUT
 
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
-from atlantis_netcfg.site import load
 
 RUNNER = str(Path(sys.executable).with_name("ansible-runner"))
 DEFINITION = yaml.safe_load((CHECKOUT / "execution-environment.yml").read_text(encoding="utf-8"))

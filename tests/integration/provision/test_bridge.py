@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import SpawnedSite, spawn
 from atlantis_netcfg.journal import RunResumed, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.site import perform
 from atlantis_netcfg.rsc import parse
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import SpawnedSite, spawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

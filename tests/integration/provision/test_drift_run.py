@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import pytest
 from quay import CHECKOUT, ROUTER, Quay, quay
 
+from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.twin import User
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,10 +15,10 @@ from vpn_desk import PASSPHRASE
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.emulator.routeros import DeviceMode, Mode
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import upgrade
 from atlantis_netcfg.operations.upgrade import Waiting
-from atlantis_netcfg.twin import DeviceMode, Mode
 from atlantis_netcfg.vpn.authority import Authority
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ import pytest
 from quay import CHECKOUT, PROVISION, _inventory, _namespace
 from test_adopt_run import led
 
+from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSim, RutosSpec
 from atlantis_netcfg.journal import RunStarted, Store
-from atlantis_netcfg.twin.rutos import RunningRutos, RutosSim, RutosSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

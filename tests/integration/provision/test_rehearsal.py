@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from quay import PROVISION
 
+from atlantis_netcfg.emulator.routeros import NOT_REHEARSED
 from atlantis_netcfg.routeros.assumptions import unconfirmed
-from atlantis_netcfg.twin import NOT_REHEARSED
 
 if TYPE_CHECKING:
     from pathlib import Path

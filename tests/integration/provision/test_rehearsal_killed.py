@@ -29,7 +29,7 @@ def descendants(pid: int) -> Iterator[int]:
 
 
 def is_twins(pid: int) -> bool:
-    return "atlantis_netcfg.twin" in Path("/proc", str(pid), "cmdline").read_text(encoding="utf-8")
+    return "atlantis_netcfg.emulator.routeros" in Path("/proc", str(pid), "cmdline").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record, kill_workers
 
-from atlantis_netcfg.twin import Management
+from atlantis_netcfg.emulator.routeros import Management
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -39,14 +39,14 @@ UNUSED = {
     "atlantis_netcfg.checklist",
     "atlantis_netcfg.console",
     "atlantis_netcfg.dds",
-    "atlantis_netcfg.firstcontact",
+    "atlantis_netcfg.bootstrap",
     "atlantis_netcfg.gateway",
     "atlantis_netcfg.image",
-    "atlantis_netcfg.machine",
+    "atlantis_netcfg.emulator.lab",
     "atlantis_netcfg.operations.rehearsal",
     "atlantis_netcfg.packages",
-    "atlantis_netcfg.probes",
-    "atlantis_netcfg.twin.router",
+    "atlantis_netcfg.checklist.probes",
+    "atlantis_netcfg.emulator.routeros.router",
     "atlantis_netcfg.vpn",
 }
 

@@ -11,13 +11,13 @@ from hypothesis import HealthCheck, given, settings
 from impostor import HOSTILE, control_characters
 from pages_example import SHORT, documents, hostile, made
 
-from atlantis_netcfg.report.checklist._pdf import pdf
-from atlantis_netcfg.report.checklist._pdf._sheet import printable
+from atlantis_netcfg.checklist.report._pdf import pdf
+from atlantis_netcfg.checklist.report._pdf._sheet import printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.report.checklist import Document
+    from atlantis_netcfg.checklist.report import Document
 
 
 def read(document: Document, files: Mapping[str, bytes]) -> list[str]:

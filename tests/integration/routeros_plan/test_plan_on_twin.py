@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.emulator.routeros import Device, Management, RouterSpec
 from atlantis_netcfg.routeros import guard
 from atlantis_netcfg.routeros._types import Facts, Observed
 from atlantis_netcfg.routeros.commands import console, sentence
@@ -19,11 +20,10 @@ from atlantis_netcfg.routeros.guard import ManagementPath
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan
-from atlantis_netcfg.twin import Device, Management, RouterSpec
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
     from atlantis_netcfg.routeros._types import Action, Plan, Row
-    from atlantis_netcfg.twin.answers import Answer, Caller
 
 UNIT = Path(__file__).parents[2] / "unit"
 SITES = sorted((UNIT / "render" / "golden").glob("*-router.rsc"))

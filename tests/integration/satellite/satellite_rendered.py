@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import rsc
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.render import router, router_view
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from atlantis_netcfg.render import RouterView

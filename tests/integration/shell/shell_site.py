@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import paramiko
 
-from atlantis_netcfg.twin import Knobs, Link, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros import Knobs, Link, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,7 +9,7 @@ import pytest
 from netmiko import ConnectHandler, NetmikoAuthenticationException, file_transfer
 from shell_site import PASSWORD, Twin, paramiko_on, twin
 
-from atlantis_netcfg.twin import Link
+from atlantis_netcfg.emulator.routeros import Link
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

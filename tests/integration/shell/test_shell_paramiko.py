@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives.asymmetric import ed25519
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from shell_site import PASSWORD, paramiko_on, run, twin
 
-from atlantis_netcfg.twin import Link
+from atlantis_netcfg.emulator.routeros import Link
 
 SEED = """/ip firewall filter add chain=input action=accept comment="a remark that is long enough to be wrapped" \\
     connection-state=established,related

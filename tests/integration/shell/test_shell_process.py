@@ -8,7 +8,7 @@ import paramiko
 import serial
 from shell_site import PASSWORD
 
-from atlantis_netcfg.twin import RouterSpec, SiteSpec, TwinSpec, User, spawn
+from atlantis_netcfg.emulator.routeros import RouterSpec, SiteSpec, TwinSpec, User, spawn
 
 if TYPE_CHECKING:
     from pathlib import Path

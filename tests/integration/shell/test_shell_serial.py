@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import serial
 from shell_site import PASSWORD, Twin, twin
 
-from atlantis_netcfg.twin import Knobs
+from atlantis_netcfg.emulator.routeros import Knobs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

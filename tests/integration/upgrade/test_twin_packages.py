@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import pytest
 from npk_files import contents
 
-from atlantis_netcfg.twin import Device, RouterSpec
-from atlantis_netcfg.twin.core import File
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec
+from atlantis_netcfg.emulator.routeros.core import File
 
 
 def router(version: str = "7.18.2", packages: tuple[str, ...] = ("routeros",)) -> Device:

@@ -14,12 +14,12 @@ from npk_files import write
 from atlantis_netcfg.console import HostKeyChanged, UnknownHostKey
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.emulator.routeros import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
 from atlantis_netcfg.operations.upgrade import Upgrading, Waiting
 from atlantis_netcfg.packages import UpgradeRefused, read_npk
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.twin import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

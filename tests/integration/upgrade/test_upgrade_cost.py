@@ -12,16 +12,16 @@ from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.upgrade import Prepared
 from atlantis_netcfg.operations.upgrade._prepared import _cost
 from atlantis_netcfg.packages import Upgrade, read_npk
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"

@@ -6,17 +6,17 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.site.model import Gateway, VpnServer
+from atlantis_netcfg.declaration.model import Gateway, VpnServer
 from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
-from atlantis_netcfg.vpn.handout import identity_file, profile
+from atlantis_netcfg.vpn.enrolment_package import identity_file, profile
 from atlantis_netcfg.vpn.identity import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.identity import Identity
 
 _PASSPHRASE = Secret("a long passphrase of this test alone")

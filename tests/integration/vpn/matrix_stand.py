@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.authority import Authority, Wish
     from atlantis_netcfg.vpn.identity import Roll
 

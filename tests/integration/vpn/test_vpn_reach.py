@@ -18,7 +18,7 @@ from matrix_papers import guest, host
 from matrix_probe import Probes
 from matrix_stand import CENTRE, ROUTER, SERVER, vpn
 
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.firewall import TABLE
 from atlantis_netcfg.vpn.identity import Kind, Standing

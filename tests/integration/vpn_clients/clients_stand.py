@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.site import Declaration, load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn import pki, server
-from atlantis_netcfg.vpn.handout import server_name
+from atlantis_netcfg.vpn.enrolment_package import server_name
 from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Roll, Standing, Wrap
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ import pytest
 from clients_stand import CLOSED_PORT, SILENT_PORT, Office, Stand, Wanted, await_words, declared, made_stand
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.handout import contents
+from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.identity import Identity
 
 pytestmark = pytest.mark.namespace

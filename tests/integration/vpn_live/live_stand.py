@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Self
 from live_computer import LOG, PATIENCE_S, Computer, until
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.authority import Signer
 
 __all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of", "until"]

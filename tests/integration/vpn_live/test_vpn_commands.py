@@ -15,7 +15,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority import Authority
-from atlantis_netcfg.vpn.handout import open_handout, read_identity
+from atlantis_netcfg.vpn.enrolment_package import open_handout, read_identity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

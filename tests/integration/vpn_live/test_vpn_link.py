@@ -15,7 +15,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils im
 from atlantis_netcfg.core.remote_bundle import build_live
 from atlantis_netcfg.operations.vpn import link as link_module
 from atlantis_netcfg.operations.vpn._state import PLACE
-from atlantis_netcfg.operations.vpn._trouble import AnswerLost, HostKeyChanged, ServerAway, ServerRefused
+from atlantis_netcfg.operations.vpn.errors import AnswerLost, HostKeyChanged, ServerAway, ServerRefused
 from atlantis_netcfg.operations.vpn.link import FOLDER, LocalLink, SshLink
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from vpn_desk import NOBODY, PASSPHRASE, Desk, seated
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import connected, live
-from atlantis_netcfg.operations.vpn._trouble import ServerRefused
+from atlantis_netcfg.operations.vpn.errors import ServerRefused
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.machine import why_not
+from atlantis_netcfg.emulator.lab import why_not
 
 CHECKOUT = Path(__file__).parents[3]
 HOST = "scc-vpn"

@@ -19,22 +19,22 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.lab import tree, why_not, yard
+from atlantis_netcfg.emulator.lab._namespaces import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.machine import tree, why_not, yard
-from atlantis_netcfg.machine._namespaces import add_namespace, delete_namespace, join
 from atlantis_netcfg.operations.computers import tree_spec
-from atlantis_netcfg.operations.vpn.founding import server_names
-from atlantis_netcfg.site import load
+from atlantis_netcfg.operations.vpn.init_authority import server_names
 from atlantis_netcfg.vpn.authority import Authority, Delivered, Wish
 from atlantis_netcfg.vpn.authority import _sealed as sealed
-from atlantis_netcfg.vpn.handout import profile
+from atlantis_netcfg.vpn.enrolment_package import profile
 from atlantis_netcfg.vpn.identity import Identity, Kind, Link
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.machine import Machine, Yard
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.lab import Machine, Yard
     from atlantis_netcfg.vpn import pki
 
 ROOT = Path(__file__).resolve().parents[3]

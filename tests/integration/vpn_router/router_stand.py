@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import Link, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import Installed, install
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin import Link, RunningSite
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

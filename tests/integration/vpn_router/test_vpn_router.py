@@ -11,6 +11,7 @@ from router_stand import HOST, SHIPPED, router
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.emulator.routeros import FaultKind
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Request
@@ -18,7 +19,6 @@ from atlantis_netcfg.operations.vpn._import import PEM, PROFILE, Importing
 from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import identity_for, install
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
-from atlantis_netcfg.twin import FaultKind
 from atlantis_netcfg.vpn import routeros
 
 if TYPE_CHECKING:

@@ -10,16 +10,16 @@ import pytest
 
 from atlantis_netcfg.bundle import Key, Library, Source, Wished
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.operations.bundling import gateways_of, has_tokens, wish_of
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.operations.bundle import gateways_of, has_tokens, wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.computers.parts import Part
-    from atlantis_netcfg.site import Declaration
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -16,8 +16,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ap
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.bundle import Keys
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.operations import bundling
-from atlantis_netcfg.operations.bundling import _make
+from atlantis_netcfg.operations import bundle as bundling
+from atlantis_netcfg.operations.bundle import _make
 from atlantis_netcfg.operations.computers._result import ComputerResult
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status

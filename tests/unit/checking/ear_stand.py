@@ -14,14 +14,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.probes import Listen, Place, Transcript
-from atlantis_netcfg.probes.ear import BOOT, batch, heard, program
-from atlantis_netcfg.probes.ear._ear import answer_all
+from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
+from atlantis_netcfg.checklist.probes.agent import BOOT, batch, heard, program
+from atlantis_netcfg.checklist.probes.agent.main import answer_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from atlantis_netcfg.probes import Answer, Question
+    from atlantis_netcfg.checklist.probes import Answer, Question
 
 LOOPBACK = "127.0.0.1"
 ENOUGH_S = 30.0

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked_apart, heard_by, listen
 
-from atlantis_netcfg.probes import Listen, Place, Say, Transcript, Trouble
-from atlantis_netcfg.probes.ear import _serial
+from atlantis_netcfg.checklist.probes import Listen, Place, Say, Transcript, Trouble
+from atlantis_netcfg.checklist.probes.agent import _serial
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
 
-from atlantis_netcfg.probes import Ask, Look, Place, Probing, Ran, Run, Say, Transcript, Trouble
-from atlantis_netcfg.probes.ear import BOOT, _ear, batch, heard, program
-from atlantis_netcfg.probes.ear._program import MODULES, _sources
-from atlantis_netcfg.probes.ear._shared import NoAnswer
+from atlantis_netcfg.checklist.probes import Ask, Look, Place, Probing, Ran, Run, Say, Transcript, Trouble
+from atlantis_netcfg.checklist.probes.agent import BOOT, batch, heard, main, program
+from atlantis_netcfg.checklist.probes.agent._shared import NoAnswer
+from atlantis_netcfg.checklist.probes.agent.bundle import MODULES, _sources
 
 if TYPE_CHECKING:
     import socket
 
-    from atlantis_netcfg.probes import Question
+    from atlantis_netcfg.checklist.probes import Question
 
 MOST = 8_500
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
@@ -48,7 +48,7 @@ def test_it_is_python_3_8_and_the_standard_library(name: str, text: str) -> None
 
 @pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)
 def test_what_travels_does_the_same_as_the_source(name: str, text: str) -> None:
-    path = Path(_ear.__file__).with_name(f"{name.rpartition('.')[2]}.py")
+    path = Path(main.__file__).with_name(f"{name.rpartition('.')[2]}.py")
     ours, theirs = (ast.parse(source) for source in (path.read_text(), text))
     for tree in (ours, theirs):
         for node in ast.walk(tree):
@@ -133,7 +133,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
     def crash(_asked: dict[str, Any]) -> dict[str, Any]:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setitem(_ear._OTHERS, "dhcp", crash)
+    monkeypatch.setitem(main._OTHERS, "dhcp", crash)
 
     def serve(client: socket.socket) -> None:
         client.sendall(b"something")
@@ -145,7 +145,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
         hangs, waits = (listen(port, name=name, listen_s=ENOUGH_S) for name in ("hangs", "waits"))
         made = batch([("hangs", hangs), ("waits", waits), ("runs", run("true", name="runs")), ("crashes", crashes)])
         told: dict[str, Any] = {}
-        _ear.answer_all({**made.asked, "deadline_s": 1.0}, lambda key, said: told.update({key: said}))
+        main.answer_all({**made.asked, "deadline_s": 1.0}, lambda key, said: told.update({key: said}))
         over.set()
     assert told.keys() == {"hangs", "waits", "runs", "crashes"}
     with pytest.raises(
@@ -199,7 +199,7 @@ def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.Mo
         trouble = "unreachable" if row["port"] == 1 else "refused"
         raise NoAnswer(trouble, f"port {row['port']}")
 
-    monkeypatch.setitem(_ear._STREAMS, "tcp", knock)
+    monkeypatch.setitem(main._STREAMS, "tcp", knock)
     told = asked(*(listen(port, name=f"{port}{name}") for port in (1, 2) for name in "abc"))
     assert sorted(knocks) == ["1a", "2a", "2b", "2c"]
     assert {name: (one.trouble, one.words) for name, one in told.items()} == {

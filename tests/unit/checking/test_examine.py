@@ -13,10 +13,7 @@ import pytest
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
 from atlantis_netcfg.checklist import Entry
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.operations.checking import _run, examine, telling
-from atlantis_netcfg.probes import (
+from atlantis_netcfg.checklist.probes import (
     SITE,
     Answer,
     Ask,
@@ -34,14 +31,17 @@ from atlantis_netcfg.probes import (
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Item, Kind, Phase
-from atlantis_netcfg.site import load
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, Kind, Phase
+from atlantis_netcfg.checklist.runner import _run, examine, telling
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.operations.checking import Asked, Heard
-    from atlantis_netcfg.probes import Probe, Question
+    from atlantis_netcfg.checklist.probes import Probe, Question
+    from atlantis_netcfg.checklist.runner import Asked, Heard
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)

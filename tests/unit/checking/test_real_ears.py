@@ -14,30 +14,22 @@ import pytest
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.checklist.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
+from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway, _router, _way_in, ask_here, way_in
+from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.operations.allow_list_test import Proof
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.checking import (
-    NotReached,
-    RealEars,
-    _bill,
-    _gateway,
-    _router,
-    _way_in,
-    ask_here,
-    way_in,
-)
-from atlantis_netcfg.operations.proving import Proof
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.checklist.probes import Answer, Question
     from atlantis_netcfg.core.events import Event
     from atlantis_netcfg.operations.links import Looked as LooksBack
-    from atlantis_netcfg.probes import Answer, Question
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SHIPPED = load(INVENTORY)
@@ -340,7 +332,7 @@ def proof() -> Proof:
 @pytest.mark.parametrize("accepted", [False, True])
 def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool) -> None:
     monkeypatch.setattr(_router, "try_out", lambda *_: proof())
-    monkeypatch.setattr("atlantis_netcfg.operations.checking._real.refuse_examples", lambda *_, **__: None)
+    monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
     found = asyncio.run(ears.ask(Place.ROUTER, None, [("it", Prove("it", "satellite"))], lambda *_: None))["it"]
     assert isinstance(found, Proved)

@@ -7,16 +7,16 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import Book, Checklist, Confirmation, Entry, Head, Scope
+from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Step
+from atlantis_netcfg.checklist.report import Document, Drawing, Item, Kind, Phase, Row
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Cell, Consent, Judged, Step
-from atlantis_netcfg.report.checklist import Document, Drawing, Item, Kind, Phase, Row
-from atlantis_netcfg.site import Declaration
+from atlantis_netcfg.declaration import Declaration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.probes import Answer, Question
+    from atlantis_netcfg.checklist.probes import Answer, Question
 
 NAME = "A. Technician"
 WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (

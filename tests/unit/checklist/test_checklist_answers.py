@@ -15,7 +15,7 @@ from atlantis_netcfg.core.verdicts import Verdict
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.report.checklist import Item
+    from atlantis_netcfg.checklist.report import Item
 
 WHOLE = """
 name: A. Technician

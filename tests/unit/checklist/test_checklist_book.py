@@ -31,10 +31,10 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from atlantis_netcfg.checklist import Confirmation, NotSigned, Refused, Scope, State, books, verify
+from atlantis_netcfg.checklist.report import EvidenceType, Phase
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import JournalFailed, SiteBusy
-from atlantis_netcfg.report.checklist import EvidenceType, Phase
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,13 +8,13 @@ import pytest
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
 from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
+from atlantis_netcfg.checklist.report import Finding
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Finding
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.report.checklist import Change, Item
+    from atlantis_netcfg.checklist.report import Change, Item
 
 SPARUS = Scope(vehicles=("sparus",))
 

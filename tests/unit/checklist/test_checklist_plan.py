@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
+from atlantis_netcfg.checklist.probes import registry
+from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
-from atlantis_netcfg.probes import columns
-from atlantis_netcfg.report.checklist import Kind, Phase
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.site.model import Column, Endpoints
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import Column, Endpoints
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -169,16 +169,16 @@ VEHICLES = ("girona500", "sparus", "zarco", "stork", "mares", "eca-rov")
 @settings(max_examples=40, deadline=None)
 @given(
     gone=st.dictionaries(st.sampled_from(VEHICLES), st.sets(st.sampled_from(sorted(Endpoints.model_fields)))),
-    mute=st.sets(st.sampled_from(list(columns.TITLES))),
+    mute=st.sets(st.sampled_from(list(registry.TITLES))),
     silent_site=st.booleans(),
 )
 def test_no_x_drops_out_whatever_is_declared(
     declaration: Declaration, gone: dict[str, set[str]], mute: set[str], *, silent_site: bool
 ) -> None:
     """Endpoints that are not declared, columns that have nothing to say: a person is left."""
-    said = columns._STEPS
+    said = registry._STEPS
     quiet = {name: (lambda _: ()) if name in mute else steps for name, steps in said.items()}
-    with patch.object(columns, "_STEPS", quiet):
+    with patch.object(registry, "_STEPS", quiet):
         listed = plan(_thinned(declaration, gone), "te4sea" if silent_site else "coastal")
     assert _planned(listed) == _written(COPY)
     for row in listed.rows:

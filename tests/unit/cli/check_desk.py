@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import Book, Checklist, Entry, Head, Scope
+from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
+from atlantis_netcfg.checklist.report import Drawing, Item, Kind, Phase, Row
 from atlantis_netcfg.cli._checking.desk import Desk
 from atlantis_netcfg.cli._checking.flow import Round
 from atlantis_netcfg.cli._checking.listening import Listening
 from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
-from atlantis_netcfg.report.checklist import Drawing, Item, Kind, Phase, Row
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.checklist.probes import Answer, Question
+    from atlantis_netcfg.checklist.runner import Heard
     from atlantis_netcfg.cli._checking.price import Price
-    from atlantis_netcfg.operations.checking import Heard
-    from atlantis_netcfg.probes import Answer, Question
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 

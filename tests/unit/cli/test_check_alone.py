@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import Entry
-    from atlantis_netcfg.report.checklist import Item
+    from atlantis_netcfg.checklist.report import Item
 
 WELL = "PASS hears the boat"
 ANSWERS = """\

@@ -8,10 +8,10 @@ import pytest
 from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.cli._checking.desk import Desk, Later
 from atlantis_netcfg.cli._checking.price import Price
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Kind, Phase
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from atlantis_netcfg.checklist.probes.registry import TITLES
+from atlantis_netcfg.checklist.report import Phase
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.check import COMMAND
-from atlantis_netcfg.probes.columns import TITLES
-from atlantis_netcfg.report.checklist import Phase
 
 GOLDEN = Path(__file__).with_name("golden") / "check.txt"
 CASES = [block.partition("\n")[::2] for block in GOLDEN.read_text(encoding="utf-8").strip().split("\n\n")]

@@ -14,7 +14,7 @@ from atlantis_netcfg.cli import main
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.report.checklist import Document
+    from atlantis_netcfg.checklist.report import Document
 
 WELL = "PASS hears the boat"
 

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, cast
 import pytest
 from check_desk import pilot
 
-from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.checklist import plan, report
+from atlantis_netcfg.checklist.report import Document
+from atlantis_netcfg.checklist.runner.no_result import unanswered
 from atlantis_netcfg.cli import _session, main
 from atlantis_netcfg.cli._checking import sitting
 from atlantis_netcfg.cli._checking.desk import Desk
@@ -20,17 +22,14 @@ from atlantis_netcfg.cli._checking.price import price_of
 from atlantis_netcfg.cli._checking.sitting import Stopped, sit
 from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli.check import COMMAND
-from atlantis_netcfg.operations.checking._unanswered import unanswered
-from atlantis_netcfg.report import checklist as report
-from atlantis_netcfg.report.checklist import Document
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.checklist.probes import Answer, Place, Question
+    from atlantis_netcfg.checklist.runner import Heard
     from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.operations.checking import Heard
-    from atlantis_netcfg.probes import Answer, Place, Question
 
 ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")
 """One thing that a program looks at, and one that a person does."""

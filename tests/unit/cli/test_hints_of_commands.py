@@ -18,9 +18,9 @@ from atlantis_netcfg.cli._checking import sitting
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.report.run import RunReport
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

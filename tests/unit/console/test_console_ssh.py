@@ -19,7 +19,7 @@ from atlantis_netcfg.console import (
     upload,
 )
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.twin import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

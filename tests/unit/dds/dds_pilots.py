@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from atlantis_netcfg.dds import profile_views, profiles
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from atlantis_netcfg.dds import ProfileView
-    from atlantis_netcfg.site import Declaration
-    from atlantis_netcfg.site.model import Dds
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Dds
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bootstrap import Facts, Wish
+from atlantis_netcfg.bootstrap._menus import CLEARED
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.firstcontact import Facts, Wish
-from atlantis_netcfg.firstcontact._menus import CLEARED
 from atlantis_netcfg.rsc import parse
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from found import WISH, facts
 
+from atlantis_netcfg.bootstrap import Objection, features_of, objections
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.firstcontact import Objection, features_of, objections
 from atlantis_netcfg.rsc import parse
 
 GOLDEN = Path(__file__).with_name("golden")

@@ -7,11 +7,11 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import AddressBy, Gateway, GatewayNetwork, NetworkTool
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration, Host
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 HOST = "coastal-gateway"

@@ -14,8 +14,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bu
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_token import keep
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
-from atlantis_netcfg.machine.standins.git_server import GitServer, serve_git
-from atlantis_netcfg.machine.standins.interop import LIBRARY, MESSAGES, InteropProjects, make_interop
+from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
+from atlantis_netcfg.emulator.lab.stubs.interop import LIBRARY, MESSAGES, InteropProjects, make_interop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Dds, RosDistribution
 from atlantis_netcfg.operations.computers.dds import ENVIRONMENT, LOGIN, GatewayDds, gateway_dds
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Dds, RosDistribution
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import InteropService
 from atlantis_netcfg.gateway.interop import SERVICE, gateway_interop
 from atlantis_netcfg.operations.computers.dds import gateway_dds
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import InteropService
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

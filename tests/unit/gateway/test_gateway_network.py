@@ -14,7 +14,7 @@ from atlantis_netcfg.gateway.network import gateway_network
 from atlantis_netcfg.image.edits import File
 from atlantis_netcfg.image.plan import plan
 from atlantis_netcfg.image.wish import Seen
-from atlantis_netcfg.operations.imaging import wish_of
+from atlantis_netcfg.operations.image import wish_of
 
 GOLDEN = Path(__file__).parent / "golden"
 PLACES = {

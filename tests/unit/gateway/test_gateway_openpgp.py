@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.emulator.lab.stubs import publish
 from atlantis_netcfg.gateway.openpgp import NotAKey, PublicKey, binary, public_keys
-from atlantis_netcfg.machine.standins import publish
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway import GatewayBase, gateway_base
-from atlantis_netcfg.site import load
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 GATEWAY = "coastal-gateway"

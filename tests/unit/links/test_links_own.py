@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.wifi import Family, read
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.links import _look as looking
 from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge
 from atlantis_netcfg.operations.links._radio import RadioLook
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -31,7 +31,7 @@ from atlantis_netcfg.bearers.lte.at import (
     read,
     require_free,
 )
-from atlantis_netcfg.twin.modem import ModemSpec, RunningModem
+from atlantis_netcfg.emulator.modem import ModemSpec, RunningModem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -23,7 +23,7 @@ from atlantis_netcfg.bearers.lte.rutos import (
     reading_of,
 )
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.twin.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
+from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -21,7 +21,7 @@ from atlantis_netcfg.bearers.lte.rutos import (
 )
 from atlantis_netcfg.console import HostKeyChanged, LoginFailed, UnknownHostKey, open_commands
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.twin.rutos import RunningRutos, RutosSpec
+from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSpec
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,7 +12,7 @@ import pytest
 
 from atlantis_netcfg.bundle import Keys
 from atlantis_netcfg.bundle.signing import signed_by
-from atlantis_netcfg.machine.standins.archive import publish
+from atlantis_netcfg.emulator.lab.stubs.archive import publish
 
 GPG = """\
 #!/bin/sh

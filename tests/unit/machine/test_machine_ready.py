@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.machine import MachineFailed, provide, ready, why_not, yard
+from atlantis_netcfg.emulator.lab import MachineFailed, provide, ready, why_not, yard
 
 
 @pytest.fixture(autouse=True)

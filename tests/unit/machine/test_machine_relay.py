@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.machine.relay import Relay, Traffic, Way
+from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.machine import MachineFailed, TreeSpec, tree, trees
-from atlantis_netcfg.machine.trees import KEPT_DAYS, in_use
+from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, rootfs, tree
+from atlantis_netcfg.emulator.lab.rootfs import KEPT_DAYS, in_use
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -178,7 +178,7 @@ def test_an_old_tree_is_kept_while_a_mount_of_a_killed_process_is_left(
     (tmp_path / "mounts").write_text(
         f"1 2 0:3 / /run/x rw - overlay atlantis rw,lowerdir={made},upperdir=/u,workdir=/w\n"
     )
-    monkeypatch.setattr(trees, "_MOUNTS", tmp_path / "mounts")
+    monkeypatch.setattr(rootfs, "_MOUNTS", tmp_path / "mounts")
     tree(TreeSpec(), tmp_path / "cache")
     assert made.is_dir()
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.pairs import bridges
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 BOTH = ["coastal-cpe", "scc-cpe"]

@@ -15,6 +15,8 @@ from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration import load as load_inventory
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import CostCounted, NoJournal, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
@@ -25,12 +27,10 @@ from atlantis_netcfg.operations.request import REMOVE_FOREIGN, consent
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
-from atlantis_netcfg.site import load as load_inventory
-from atlantis_netcfg.site.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.journal import Record
-    from atlantis_netcfg.site import Declaration
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import SiteBusy, Store
 from atlantis_netcfg.operations.computers import Watch, _watch, perform
 from atlantis_netcfg.operations.computers._fetching import fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
-from atlantis_netcfg.operations.turns import RunName, Turn
+from atlantis_netcfg.operations.site_run import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import yaml
 
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.site import load
 
 ROOT = Path(__file__).parents[3]
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.bearers.lte import rutos
+from atlantis_netcfg.emulator.modem import ModemSpec, RunningModem
+from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 from atlantis_netcfg.journal import Journal, JournalFailed, Store
 from atlantis_netcfg.operations.lte import perform
-from atlantis_netcfg.twin.modem import ModemSpec, RunningModem
-from atlantis_netcfg.twin.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

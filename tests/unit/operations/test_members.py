@@ -11,19 +11,19 @@ import pytest
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.members import members_of
 from atlantis_netcfg.operations.pairs import far_bearer, pair_of, with_other_ends
 from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.schedule import members_of
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Cpe, SignalBounds
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 BOTH = ("coastal-cpe", "scc-cpe")

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import StateDamaged, Store
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.terminals import is_terminal, look, perform
-from atlantis_netcfg.site import load
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 BACKUP = b"settings of a terminal"

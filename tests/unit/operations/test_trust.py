@@ -11,17 +11,17 @@ import pytest
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.trust import Computer, KeyState, has_identity
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Gateway
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 GATEWAY = "coastal-gateway"
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIP8Drwn6vGvGUsdb7vuANhLXoEo1vLPfZKpFqfBMlfd8"

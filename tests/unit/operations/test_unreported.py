@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     DeviceObserved,
@@ -19,11 +20,10 @@ from atlantis_netcfg.journal import (
 )
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.unreported import other_ends, without_result
-from atlantis_netcfg.site import load
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.journal.records import Record
-    from atlantis_netcfg.site import Declaration
 
 KILLED = "the process that worked on it was killed"
 NAME = "coastal-router"

@@ -15,17 +15,17 @@ from test_proving import ADDED, SATELLITE, prove, proving
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
+from atlantis_netcfg.checklist.probes.results import Proved
+from atlantis_netcfg.checklist.probes.satellite._allowed import AllowListProbe
 from atlantis_netcfg.cli import _outcome
 from atlantis_netcfg.console._keys import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.proving._reading import read
+from atlantis_netcfg.operations.allow_list_test._reading import read
 from atlantis_netcfg.operations.terminals import look
 from atlantis_netcfg.operations.upgrade._prepared import _configuration
-from atlantis_netcfg.probes.answers import Proved
-from atlantis_netcfg.probes.satellite._allowed import AllowListProbe
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin
 

@@ -14,7 +14,9 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Expected, Outcome, Probe
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.operations.proving import (
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
+from atlantis_netcfg.operations.allow_list_test import (
     BUDGET_BYTES,
     NothingToProve,
     Pace,
@@ -27,8 +29,6 @@ from atlantis_netcfg.operations.proving import (
     tasks,
 )
 from atlantis_netcfg.routeros.estimate import on_the_wire
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import AllowedTarget, Bearer
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Session

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from pydantic import TypeAdapter
 
-from atlantis_netcfg.site.model import Device, Pilot, Router, Site
+from atlantis_netcfg.declaration.model import Device, Pilot, Router, Site
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -13,9 +13,9 @@ from render_walk import Packet, Walk
 
 from atlantis_netcfg import rsc
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Sim
+from atlantis_netcfg.emulator.routeros import Device, Management, ModemSpec, RouterSpec
 from atlantis_netcfg.render import RenderError, environment, lte, lte_prerequisites, lte_view
-from atlantis_netcfg.site.model import LteDriver, LteRouter, Sim
-from atlantis_netcfg.twin import Device, Management, ModemSpec, RouterSpec
 
 if TYPE_CHECKING:
     from render_declared import Host

@@ -13,8 +13,8 @@ from render_declared import SITES, declaration, with_site
 from render_walk import Packet, Walk
 from test_render_text import parsed
 
-from atlantis_netcfg.site.allowed import allowed as admitted
-from atlantis_netcfg.site.model import AllowedTarget, BearerKind, Router
+from atlantis_netcfg.declaration.model import AllowedTarget, BearerKind, Router
+from atlantis_netcfg.declaration.satellite_allow_list import allowed as admitted
 
 STATES = ("new", "established", "related", "invalid", "untracked")
 WITH_SATELLITE = ("coastal", "te4sea")

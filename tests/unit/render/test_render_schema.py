@@ -51,7 +51,7 @@ ENUMERATED = {
 
 @cache
 def loaded(name: str) -> dict[str, Any]:
-    packed = resources.files("atlantis_netcfg.twin").joinpath("data", f"{name}.json.gz").read_bytes()
+    packed = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data", f"{name}.json.gz").read_bytes()
     tree: dict[str, Any] = json.loads(gzip.decompress(packed))
     return tree
 

@@ -10,6 +10,8 @@ from render_declared import GOLDEN, SITES, Declaration, declaration, with_router
 
 import atlantis_netcfg
 from atlantis_netcfg import render, rsc
+from atlantis_netcfg.declaration.model import Forward, Router, Transport
+from atlantis_netcfg.declaration.satellite_allow_list import derived
 from atlantis_netcfg.render import (
     Prerequisite,
     RenderError,
@@ -20,8 +22,6 @@ from atlantis_netcfg.render import (
     template_folder,
 )
 from atlantis_netcfg.render._environment import MARK, duration
-from atlantis_netcfg.site.allowed import derived
-from atlantis_netcfg.site.model import Forward, Router, Transport
 
 WITHOUT_COMMENT = {"/system/logging", "/system/logging/action"}
 ENTIRE = (

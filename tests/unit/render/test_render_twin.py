@@ -10,15 +10,15 @@ from render_declared import SITES, declaration
 from test_render_text import parsed
 
 from atlantis_netcfg import rsc
+from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.emulator.routeros import Device, Management, RouterSpec
 from atlantis_netcfg.render import prerequisites
-from atlantis_netcfg.site.model import Router
-from atlantis_netcfg.twin import Device, Management, RouterSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.rsc import Statement
-    from atlantis_netcfg.twin.answers import Caller
 
 VERSIONS = ("7.18.2", "7.21.5")
 DECLARED = declaration()

@@ -10,8 +10,7 @@ from typing import Any
 
 from PIL import Image
 
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import (
+from atlantis_netcfg.checklist.report import (
     Change,
     Document,
     Drawing,
@@ -29,6 +28,7 @@ from atlantis_netcfg.report.checklist import (
     Signature,
     SinceGreen,
 )
+from atlantis_netcfg.core.verdicts import Verdict
 
 AT = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
 COLUMNS = ("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps")

@@ -10,7 +10,7 @@ from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report._xml import clean
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.report.checklist import Document
+    from atlantis_netcfg.checklist.report import Document
 
 VOID = frozenset({"meta", "img", "br"})
 SVG_EMPTY = frozenset({"rect", "polyline"})

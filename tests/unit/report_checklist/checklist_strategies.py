@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import checklist_example as made
 from hypothesis import strategies as st
 
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import (
+from atlantis_netcfg.checklist.report import (
     Change,
     Document,
     Drawing,
@@ -26,6 +25,7 @@ from atlantis_netcfg.report.checklist import (
     Row,
     SinceGreen,
 )
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,12 +13,12 @@ from checklist_html import holds, parsed, safe, shown
 from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
+from atlantis_netcfg.checklist.report import Document, lines
+from atlantis_netcfg.checklist.report._grid import grid
+from atlantis_netcfg.checklist.report._html import html
+from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.report.checklist import Document, lines
-from atlantis_netcfg.report.checklist._grid import grid
-from atlantis_netcfg.report.checklist._html import html
-from atlantis_netcfg.report.checklist._junit import junit
 
 CONTROLS = frozenset({"Cc", "Cf", "Zl", "Zp"})
 

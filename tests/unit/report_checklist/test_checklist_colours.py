@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.report.checklist._colours import DARK, TINTS, Tint
-from atlantis_netcfg.report.checklist._states import ASCII, SYMBOLS, State
+from atlantis_netcfg.checklist.report._colours import DARK, TINTS, Tint
+from atlantis_netcfg.checklist.report._states import ASCII, SYMBOLS, State
 
 PAGES = {"light": (TINTS, "#ffffff"), "dark": (DARK, "#12181f")}
 CASES = [

@@ -15,16 +15,16 @@ from checklist_strategies import DRAWINGS, hostile
 from hypothesis import given, settings
 
 from atlantis_netcfg.checklist import plan
-from atlantis_netcfg.checklist.drawing import drawing
-from atlantis_netcfg.report.checklist import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
-from atlantis_netcfg.report.checklist._layout import layout
-from atlantis_netcfg.report.checklist._svg import described
-from atlantis_netcfg.site import load
+from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
+from atlantis_netcfg.checklist.report._layout import layout
+from atlantis_netcfg.checklist.report._svg import described
+from atlantis_netcfg.checklist.topology import drawing
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Checklist
-    from atlantis_netcfg.report.checklist._shapes import Badge, Box
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.report._shapes import Badge, Box
+    from atlantis_netcfg.declaration import Declaration
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 TAGS = {"svg", "title", "desc", "g", "rect", "polyline", "text"}

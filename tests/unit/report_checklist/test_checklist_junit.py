@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import checklist_example as made
 
-from atlantis_netcfg.report.checklist._junit import junit
+from atlantis_netcfg.checklist.report._junit import junit
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.report.checklist import Document
+    from atlantis_netcfg.checklist.report import Document
 
 
 def read(document: Document) -> ET.Element:

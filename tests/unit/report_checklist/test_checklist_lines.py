@@ -8,8 +8,8 @@ from pathlib import Path
 import checklist_example as made
 import pytest
 
+from atlantis_netcfg.checklist.report import Document, LeftOut, Row, lines
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Document, LeftOut, Row, lines
 
 GOLDEN = Path(__file__).with_name("golden")
 

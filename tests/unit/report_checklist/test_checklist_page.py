@@ -10,10 +10,10 @@ import checklist_example as made
 import pytest
 from checklist_html import Page, holds, parsed, safe
 
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Row, lines
+from atlantis_netcfg.checklist.report._html import html
+from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.report.checklist import Evidence, EvidenceType, Row, lines
-from atlantis_netcfg.report.checklist._html import html
-from atlantis_netcfg.report.checklist._junit import junit
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import checklist_example as made
 import pytest
 from checklist_strategies import SHORT, hostile
 
-from atlantis_netcfg.report.checklist import Document, _pdf, pages
-from atlantis_netcfg.report.checklist._pdf import pdf
-from atlantis_netcfg.report.checklist._pdf._sheet import printable
-from atlantis_netcfg.report.checklist._states import SYMBOLS
+from atlantis_netcfg.checklist.report import Document, _pdf, pages
+from atlantis_netcfg.checklist.report._pdf import pdf
+from atlantis_netcfg.checklist.report._pdf._sheet import printable
+from atlantis_netcfg.checklist.report._states import SYMBOLS
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import checklist_example as made
 import pytest
 from PIL import Image
 
-from atlantis_netcfg.report.checklist import Evidence, EvidenceType, _photos
-from atlantis_netcfg.report.checklist._photos import attached
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, _photos
+from atlantis_netcfg.checklist.report._photos import attached
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.report.checklist._photos import Attached
+    from atlantis_netcfg.checklist.report._photos import Attached
 
 
 def picture(kind: str, width: int = 40, height: int = 30, **more: object) -> bytes:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from atlantis_netcfg.emulator.routeros import Deviation
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, unconfirmed
 from atlantis_netcfg.routeros.verify import CHECKS, TRIES
-from atlantis_netcfg.twin import Deviation
 
 CHECKOUT = Path(__file__).parents[3]
 PACKAGE = CHECKOUT / "atlantis_netcfg"

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.emulator.routeros.menus import MODELLED
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
 from atlantis_netcfg.routeros.observe import printing
-from atlantis_netcfg.twin.menus import MODELLED
 
-TREES = Path(__file__).parents[3] / "atlantis_netcfg/twin/data"
+TREES = Path(__file__).parents[3] / "atlantis_netcfg/emulator/routeros/data"
 
 IN_USE = """
 /interface/bridge /interface/bridge/port /interface/ethernet /interface/list /interface/list/member

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from plan_world import facts, lines, observed, rows
 
+from atlantis_netcfg.bootstrap import _preflight
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
-from atlantis_netcfg.firstcontact import _preflight
 from atlantis_netcfg.routeros._items import Desired, Item
 from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.desired import read

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rsc_strategies import exports
 
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec
 from atlantis_netcfg.rsc import Export, RscError, drop_volatile, is_volatile, parse, print_export
-from atlantis_netcfg.twin import Device, RouterSpec
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from ansible.module_utils.common.arg_spec import ArgumentSpecValidator
 
-from atlantis_netcfg.site.argument_specs import ROLES, text, write
+from atlantis_netcfg.declaration.argument_specs import ROLES, text, write
 
 CHECKOUT = Path(__file__).parents[3]
 ROUTERS = sorted((CHECKOUT / "inventory" / "host_vars").glob("*-router.yml"))
@@ -33,7 +33,7 @@ def errors(given: dict[str, Any]) -> list[str]:
 @pytest.mark.parametrize("role", ROLES)
 def test_file_and_model_are_equal(role: str) -> None:
     path = CHECKOUT / "roles" / role / "meta" / "argument_specs.yml"
-    assert path.read_text(encoding="utf-8") == text(role), "run: python -m atlantis_netcfg.site.argument_specs"
+    assert path.read_text(encoding="utf-8") == text(role), "run: python -m atlantis_netcfg.declaration.argument_specs"
 
 
 def test_write(tmp_path: Path) -> None:

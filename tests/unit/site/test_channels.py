@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.site.channels import BANDS, RANGES, WIDTHS, is_channel, legal, why_illegal
+from atlantis_netcfg.declaration.channels import BANDS, RANGES, WIDTHS, is_channel, legal, why_illegal
 
 
 @pytest.mark.parametrize("country", ["portugal", "belgium"])

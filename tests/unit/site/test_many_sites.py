@@ -6,8 +6,8 @@ import cProfile
 import pstats
 from pathlib import Path
 
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.render import router
-from atlantis_netcfg.site import load
 from bench.many import many, name
 
 INVENTORY = Path(__file__).parents[3] / "inventory"

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
-from atlantis_netcfg.site import Declaration, InventoryInvalid, choose, load, report, validate
-from atlantis_netcfg.site.model import Cpe, Router
-from atlantis_netcfg.site.rules import clock
+from atlantis_netcfg.declaration import Declaration, InventoryInvalid, choose, load, report, validate
+from atlantis_netcfg.declaration.model import Cpe, Router
+from atlantis_netcfg.declaration.rules import clock
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret

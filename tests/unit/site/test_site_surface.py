@@ -8,12 +8,12 @@ from importlib import import_module
 
 import pytest
 
-import atlantis_netcfg.site
-from atlantis_netcfg.site import rules
+import atlantis_netcfg.declaration
+from atlantis_netcfg.declaration import rules
 
 
 def test_public_surface() -> None:
-    assert sorted(atlantis_netcfg.site.__all__) == [
+    assert sorted(atlantis_netcfg.declaration.__all__) == [
         "ALL",
         "Declaration",
         "Finding",
@@ -25,16 +25,17 @@ def test_public_surface() -> None:
         "report",
         "validate",
     ]
-    assert all(hasattr(atlantis_netcfg.site, name) for name in atlantis_netcfg.site.__all__)
+    assert all(hasattr(atlantis_netcfg.declaration, name) for name in atlantis_netcfg.declaration.__all__)
 
 
 def test_unknown_name() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'lode'"):
-        getattr(atlantis_netcfg.site, "lode")  # noqa: B009 - mypy knows that it is not there
+        getattr(atlantis_netcfg.declaration, "lode")  # noqa: B009 - mypy knows that it is not there
 
 
 def test_importing_it_imports_nothing_heavy() -> None:
-    program = "import sys, atlantis_netcfg.site; print([m for m in ('pydantic', 'yaml', 'jinja2') if m in sys.modules])"
+    heavy = "('pydantic', 'yaml', 'jinja2')"
+    program = f"import sys, atlantis_netcfg.declaration; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

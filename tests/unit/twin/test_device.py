@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 import pytest
 from twin_bench import make
 
-from atlantis_netcfg.twin.answers import Trap
-from atlantis_netcfg.twin.device import NOT_REHEARSED, Device
-from atlantis_netcfg.twin.spec import RouterSpec
+from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.device import NOT_REHEARSED, Device
+from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 REFUSED = r"invalid user name or password \(6\)"
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import pytest
 from cryptography import x509
 
+from atlantis_netcfg.emulator.routeros import Device, Management, Router, RouterSpec, User
 from atlantis_netcfg.rsc import parse
-from atlantis_netcfg.twin import Device, Management, Router, RouterSpec, User
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.twin.answers import Caller
+    from atlantis_netcfg.emulator.routeros.answers import Caller
 
 LAPTOP = Management(address="192.168.88.1/24", port="ether2", technician="192.168.88.10")
 FACTORY = RouterSpec(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from twin_bench import make
 
-from atlantis_netcfg.twin.answers import Trap
+from atlantis_netcfg.emulator.routeros.answers import Trap
 
 
 def test_what_runs_is_said_before_anybody_looked_for_updates() -> None:

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from twin_bench import Bench, make, row
 
+from atlantis_netcfg.emulator.routeros.spec import Management, User
+from atlantis_netcfg.emulator.routeros.values import Address, Time, interval, seconds
 from atlantis_netcfg.routeros.menus._values import Kind, canonical
-from atlantis_netcfg.twin.spec import Management, User
-from atlantis_netcfg.twin.values import Address, Time, interval, seconds
 
 FILE = Path(__file__).parents[2] / "data" / "recorded" / "cases.jsonl"
 DOORS = frozenset({"address", "api", "execute", "fields", "inspect", "listen", "parse", "time"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from twin_bench import Bench, make
 
-from atlantis_netcfg.twin.values import spell
+from atlantis_netcfg.emulator.routeros.values import spell
 
 LINKS = """\
 /ip address add address=10.10.0.2/30 interface=ether1

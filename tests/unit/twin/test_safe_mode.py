@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from twin_bench import Bench, make
 
-from atlantis_netcfg.twin import Deviation
+from atlantis_netcfg.emulator.routeros import Deviation
 
 
 def pool(bench: Bench, number: int) -> list[str]:

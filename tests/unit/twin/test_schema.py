@@ -8,11 +8,11 @@ from importlib import resources
 
 import pytest
 
-from atlantis_netcfg.twin.menus import EXPORT_ORDER, MODELLED, Shape
-from atlantis_netcfg.twin.schema import TREES, Schema, features_of, offered, version_key
+from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, MODELLED, Shape
+from atlantis_netcfg.emulator.routeros.schema import TREES, Schema, features_of, offered, version_key
 
 EVERYTHING = frozenset({"poe", "routerboard"})
-DATA = resources.files("atlantis_netcfg.twin").joinpath("data")
+DATA = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data")
 
 
 def test_the_data_is_what_the_readme_says() -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.twin.device import Device
-from atlantis_netcfg.twin.spec import RouterSpec
+from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.twin.answers import Caller
+    from atlantis_netcfg.emulator.routeros.answers import Caller
 
 NUMBERS = st.integers(0, 5)
 RULES = "/ip/firewall/filter"

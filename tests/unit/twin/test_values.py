@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.twin.values import (
+from atlantis_netcfg.emulator.routeros.values import (
     Address,
     Addresses,
     BadValue,

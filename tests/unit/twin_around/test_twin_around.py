@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.twin import RunningSite, TwinRefused
-from atlantis_netcfg.twin.around import Around, Called, Load, Validity
-from atlantis_netcfg.twin.around._shown import move
-from atlantis_netcfg.twin.certificates import issue
-from atlantis_netcfg.twin.device import Device
-from atlantis_netcfg.twin.spec import RouterSpec, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
+from atlantis_netcfg.emulator.routeros.certificates import issue
+from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.environment import Around, Called, Load, Validity
+from atlantis_netcfg.emulator.routeros.environment._shown import move
+from atlantis_netcfg.emulator.routeros.spec import RouterSpec, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.twin.answers import Answer
+    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 CLOCK = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 SEED = """

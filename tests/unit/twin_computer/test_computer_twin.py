@@ -6,9 +6,17 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.probes.programs import PROGRAMS, allowed
-from atlantis_netcfg.probes.wifi._iw import Link, Station, read_link, read_rules, read_station, read_type, read_width
-from atlantis_netcfg.twin.computer import (
+from atlantis_netcfg.checklist.probes.allowed_commands import PROGRAMS, allowed
+from atlantis_netcfg.checklist.probes.wifi._iw import (
+    Link,
+    Station,
+    read_link,
+    read_rules,
+    read_station,
+    read_type,
+    read_width,
+)
+from atlantis_netcfg.emulator.linux import (
     AssociationSpec,
     Computer,
     ComputerSpec,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
-from atlantis_netcfg.twin.device import Device
-from atlantis_netcfg.twin.lte import CellSpec, ModemSpec, SimSpec
-from atlantis_netcfg.twin.spec import RouterSpec, User
+from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.lte import CellSpec, ModemSpec, SimSpec
+from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.twin.answers import Answer
+    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 
 class Box:

@@ -5,9 +5,9 @@ import trees
 from lte_bench import Box
 
 from atlantis_netcfg.bearers.lte import Registration
-from atlantis_netcfg.twin.device import Device
-from atlantis_netcfg.twin.lte._modem import refit
-from atlantis_netcfg.twin.spec import RouterSpec
+from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.lte._modem import refit
+from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 
 def test_at_home_and_connected() -> None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.twin import Air
-from atlantis_netcfg.twin.radio import Driver, Settings, why_not
-from atlantis_netcfg.twin.radio._budget import free_space_loss_db, signal_dbm
-from atlantis_netcfg.twin.radio._law import span, within
+from atlantis_netcfg.emulator.routeros import Air
+from atlantis_netcfg.emulator.routeros.radio import Driver, Settings, why_not
+from atlantis_netcfg.emulator.routeros.radio._budget import free_space_loss_db, signal_dbm
+from atlantis_netcfg.emulator.routeros.radio._law import span, within
 
 AP = Settings(
     driver=Driver.WIRELESS,

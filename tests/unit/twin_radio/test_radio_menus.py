@@ -11,8 +11,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "twin"))
 
 from twin_bench import Bench, make
 
-from atlantis_netcfg.twin import RadioPair, RouterSpec, SiteSpec, TwinSpec
-from atlantis_netcfg.twin.radio import Settings, settings_of
+from atlantis_netcfg.emulator.routeros import RadioPair, RouterSpec, SiteSpec, TwinSpec
+from atlantis_netcfg.emulator.routeros.radio import Settings, settings_of
 
 WIRELESS = {"packages": ("routeros", "wireless"), "radios": ({"name": "wlan1"},)}
 WIFI = {"packages": ("routeros", "wifi-qcom"), "radios": ({"name": "wifi1"},)}

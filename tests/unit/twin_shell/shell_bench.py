@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.twin import Device, RouterSpec, User
-from atlantis_netcfg.twin.shell.flags import split_login
-from atlantis_netcfg.twin.shell.session import Session
-from atlantis_netcfg.twin.shell.talk import DirectTalk
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.shell.flags import split_login
+from atlantis_netcfg.emulator.routeros.shell.session import Session
+from atlantis_netcfg.emulator.routeros.shell.talk import DirectTalk
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

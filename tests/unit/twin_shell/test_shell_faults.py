@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import asyncssh
 import pytest
 
-from atlantis_netcfg.twin import Fault, FaultKind, Knobs, Link, Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Knobs, Link, Router, RouterSpec, User
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Coroutine

@@ -10,7 +10,7 @@ from shell_bench import PASSWORD, TECHNICIAN, Bench
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.twin.schema import Schema
+    from atlantis_netcfg.emulator.routeros.schema import Schema
 
 FORMS = ("print", "print detail", "print terse", "print count-only", "print where comment=x", ":put [print as-value]")
 

@@ -6,7 +6,13 @@ from hypothesis import strategies as st
 from librouteros.protocol import encode_length as peer_length
 from librouteros.protocol import encode_sentence as peer_sentence
 
-from atlantis_netcfg.twin.wire.codec import Decoder, ReservedLength, WordTooLong, encode_length, encode_sentence
+from atlantis_netcfg.emulator.routeros.wire.codec import (
+    Decoder,
+    ReservedLength,
+    WordTooLong,
+    encode_length,
+    encode_sentence,
+)
 
 LIMIT = 1 << 33
 WORDS = st.lists(st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=300), min_size=1, max_size=6)

@@ -7,7 +7,7 @@ import pytest
 from librouteros.exceptions import ConnectionClosed
 from wire_helpers import Client, now, router, run
 
-from atlantis_netcfg.twin import Fault, FaultKind, Knobs, Router
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Knobs, Router
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -3,10 +3,10 @@ from __future__ import annotations
 import pytest
 
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.twin import Counters, Fault, FaultKind, Knobs
-from atlantis_netcfg.twin.wire.faults import Faults
-from atlantis_netcfg.twin.wire.knobs import Pace
-from atlantis_netcfg.twin.wire.tally import masked
+from atlantis_netcfg.emulator.routeros import Counters, Fault, FaultKind, Knobs
+from atlantis_netcfg.emulator.routeros.wire.faults import Faults
+from atlantis_netcfg.emulator.routeros.wire.knobs import Pace
+from atlantis_netcfg.emulator.routeros.wire.tally import masked
 
 
 def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:

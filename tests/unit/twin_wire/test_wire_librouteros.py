@@ -9,7 +9,7 @@ import pytest
 from librouteros.exceptions import FatalError, TrapError
 from wire_helpers import PASSWORD, router_spec, trusting
 
-from atlantis_netcfg.twin import RunningSite, SiteSpec, TwinRefused, TwinSpec
+from atlantis_netcfg.emulator.routeros import RunningSite, SiteSpec, TwinRefused, TwinSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 from wire_helpers import run
 
-from atlantis_netcfg.twin.wire.link import SEGMENT, Bearer, Chunk, Direction, Line, Link
+from atlantis_netcfg.emulator.routeros.wire.link import SEGMENT, Bearer, Chunk, Direction, Line, Link
 
 
 def test_delay_is_one_way_and_does_not_add_up() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from wire_helpers import Client, now, router, router_spec, run
 
-from atlantis_netcfg.twin import Router
+from atlantis_netcfg.emulator.routeros import Router
 
 if TYPE_CHECKING:
     from pathlib import Path

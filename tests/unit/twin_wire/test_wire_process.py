@@ -13,7 +13,7 @@ import pytest
 from pydantic import ValidationError
 from wire_helpers import PASSWORD, router_spec
 
-from atlantis_netcfg.twin import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
+from atlantis_netcfg.emulator.routeros import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,7 +26,7 @@ def process(tmp_path: Path, spec: SiteSpec = SITE) -> subprocess.Popen[str]:
     file = tmp_path / "site.json"
     file.write_text(spec.model_dump_json())
     return subprocess.Popen(
-        [sys.executable, "-m", "atlantis_netcfg.twin", str(file), "--state", str(tmp_path / "state")],
+        [sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file), "--state", str(tmp_path / "state")],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -72,7 +72,7 @@ def test_a_killed_process_has_saved_what_it_confirmed(tmp_path: Path) -> None:
 def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
     (tmp_path / "site.json").write_text('{"name": "x", "twins": [{"rooter": {}}]}')
     ended = subprocess.run(
-        [sys.executable, "-m", "atlantis_netcfg.twin", "site.json", "--state", "state"],
+        [sys.executable, "-m", "atlantis_netcfg.emulator.routeros", "site.json", "--state", "state"],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -117,7 +117,7 @@ def test_twins_that_died_are_reported(tmp_path: Path) -> None:
 OWNER = """\
 import json, os, signal, sys
 from pathlib import Path
-from atlantis_netcfg.twin import SiteSpec, spawn
+from atlantis_netcfg.emulator.routeros import SiteSpec, spawn
 with spawn(SiteSpec.model_validate_json(sys.argv[1]), Path(sys.argv[2])) as site:
     worker = os.fork()
     if worker:

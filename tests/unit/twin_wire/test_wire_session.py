@@ -8,7 +8,7 @@ import pytest
 from librouteros.protocol import encode_word
 from wire_helpers import PASSWORD, Client, router, row, run
 
-from atlantis_netcfg.twin import Knobs
+from atlantis_netcfg.emulator.routeros import Knobs
 
 if TYPE_CHECKING:
     from pathlib import Path

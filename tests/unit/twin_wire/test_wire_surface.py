@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-import atlantis_netcfg.twin as package
-from atlantis_netcfg.twin import Link, RouterSpec, SiteSpec, TwinSpec
+import atlantis_netcfg.emulator.routeros as package
+from atlantis_netcfg.emulator.routeros import Link, RouterSpec, SiteSpec, TwinSpec
 
 
 def test_the_public_surface_is_what_it_says() -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 from wire_helpers import Client, now, router, run
 
-from atlantis_netcfg.twin import Knobs, Link
+from atlantis_netcfg.emulator.routeros import Knobs, Link
 
 if TYPE_CHECKING:
     from pathlib import Path

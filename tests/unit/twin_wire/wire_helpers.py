@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from librouteros import async_create_transport
 from librouteros.protocol import AsyncApiProtocol, encode_sentence
 
-from atlantis_netcfg.twin import Knobs, Link, Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import Knobs, Link, Router, RouterSpec, User
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine, Mapping

@@ -12,9 +12,9 @@ from trees import ROOT, TREES
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol
 from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Cpe, LteDriver, LteRouter, PtpProtocol
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,11 +9,11 @@ from holes import SINCE_ABSENT, known
 from trees import EVERY_TREE, TREES, VERSIONS, Tree, offered
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
+from atlantis_netcfg.emulator.routeros import values
+from atlantis_netcfg.emulator.routeros.menus import MODELLED
+from atlantis_netcfg.emulator.routeros.schema import Schema
+from atlantis_netcfg.emulator.routeros.supplement import BOARD_FEATURES
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape
-from atlantis_netcfg.twin import values
-from atlantis_netcfg.twin.menus import MODELLED
-from atlantis_netcfg.twin.schema import Schema
-from atlantis_netcfg.twin.supplement import BOARD_FEATURES
 
 _SHAPES = {Shape.LIST: "list", Shape.FIXED: "fixed", Shape.SINGLETON: "settings"}
 FIRST_VERSIONS = tuple((Version.parse(tree.version), tree) for tree in EVERY_TREE)

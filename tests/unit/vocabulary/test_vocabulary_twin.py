@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from trees import TREES, VERSIONS, Tree
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.twin import Device, RouterSpec
-from atlantis_netcfg.twin.supplement import PACKAGE_MENUS
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec
+from atlantis_netcfg.emulator.routeros.supplement import PACKAGE_MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.twin.answers import Caller
+    from atlantis_netcfg.emulator.routeros.answers import Caller
 
 PACKAGES = ("routeros", *dict.fromkeys(package for package, _ in PACKAGE_MENUS))
 STRANGE = "zz-nonsense"

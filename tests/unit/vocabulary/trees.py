@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 ROOT = Path(__file__).parents[3]
-SHIPPED = ROOT / "atlantis_netcfg" / "twin" / "data"
+SHIPPED = ROOT / "atlantis_netcfg" / "emulator" / "routeros" / "data"
 VERSIONS = ("7.16", "7.18.2", "7.21.5", "7.24")
 """Those that the twin is compared with word by word."""
 WHOLE = ("7.16", "7.18.2", "7.21.5")

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 SEALED = f"recipient={NOBODY}"
 LAPTOP = ("vpn", "onboard", "partner=iqua", "device=laptop", "kind=laptop", SEALED)

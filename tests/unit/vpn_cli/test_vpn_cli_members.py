@@ -15,9 +15,9 @@ from vpn_desk import NOBODY, PASSPHRASE, Desk, onboarding, over_a_pipe, seated
 from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
-from atlantis_netcfg.site import load
-from atlantis_netcfg.vpn.handout import open_handout, read_identity
+from atlantis_netcfg.vpn.enrolment_package import open_handout, read_identity
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     import pytest
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 PASSPHRASE = "mackerel-lantern-orbit-velvet"
 NOBODY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"

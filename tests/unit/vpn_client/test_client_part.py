@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import BearerKind, Transport
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import BearerKind, Transport
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, SERVICE, openvpn_client, site_link
 from atlantis_netcfg.vpn.identity import Link
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 HOST = "coastal-gateway"

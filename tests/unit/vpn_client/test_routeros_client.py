@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Transport
+from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.ovpn import OvpnRefused, read_ovpn
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Transport
-from atlantis_netcfg.twin import Device, RouterSpec, User
-from atlantis_netcfg.twin.ovpn import OvpnRefused, read_ovpn
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.routeros import RouterTooOld, check_version
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER = SHIPPED.hosts["coastal-router"]

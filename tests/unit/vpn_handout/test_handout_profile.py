@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from handout_mint import Wanted, identity
 
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.vpn.handout import NotAnIdentity, identity_file, profile, read_identity
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.vpn.enrolment_package import NotAnIdentity, identity_file, profile, read_identity
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 
 if TYPE_CHECKING:

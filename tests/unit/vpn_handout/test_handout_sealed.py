@@ -19,10 +19,10 @@ from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.vpn import handout as handouts
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.vpn import enrolment_package as handouts
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.handout import (
+from atlantis_netcfg.vpn.enrolment_package import (
     NotAHandOut,
     NotAnIdentity,
     OneTimePassphrase,
@@ -33,8 +33,8 @@ from atlantis_netcfg.vpn.handout import (
     open_handout,
     read_identity,
 )
-from atlantis_netcfg.vpn.handout._archive import pack, unpack
-from atlantis_netcfg.vpn.handout._sealed import _as_made
+from atlantis_netcfg.vpn.enrolment_package._archive import pack, unpack
+from atlantis_netcfg.vpn.enrolment_package._sealed import _as_made
 from atlantis_netcfg.vpn.identity import Kind, Link, Wrap
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from atlantis_netcfg.gateway.parts import File
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn._drift import drift
 from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, observe
-from atlantis_netcfg.operations.vpn._trouble import AnswerLost
+from atlantis_netcfg.operations.vpn.errors import AnswerLost
 from atlantis_netcfg.vpn import _server_system
 from atlantis_netcfg.vpn.identity import Roll
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER

@@ -10,7 +10,7 @@ from ansible.plugins.connection.ssh import Connection
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations.vpn._ssh import _KEPT, control_path, in_words, ssh_words
-from atlantis_netcfg.operations.vpn._trouble import HostKeyChanged, ServerAway
+from atlantis_netcfg.operations.vpn.errors import HostKeyChanged, ServerAway
 
 ACCESS = {
     "host": "192.0.2.10",

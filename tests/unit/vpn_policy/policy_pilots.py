@@ -9,14 +9,14 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.site import load
-from atlantis_netcfg.site.model import Transport, VpnService
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Transport, VpnService
 from atlantis_netcfg.vpn.identity import Certificate, KeyType, Kind, Link, Member, Roll, Standing, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 _NOW = datetime(2026, 6, 1, tzinfo=UTC)

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from policy_pilots import SHIPPED
 
-from atlantis_netcfg.site import validate
+from atlantis_netcfg.declaration import validate
 from atlantis_netcfg.vpn.names import NAME
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from nft_walk import Packet, parse
 from policy_pilots import MEMBERS, MINE, TIME, member, pilot, roll
 
-from atlantis_netcfg.site.model import VpnService
+from atlantis_netcfg.declaration.model import VpnService
 from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE, firewall
 from atlantis_netcfg.vpn.identity import Kind
 from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy

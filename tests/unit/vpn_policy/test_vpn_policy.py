@@ -6,7 +6,7 @@ from ipaddress import IPv4Address, IPv4Network
 import pytest
 from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, pilot, roll
 
-from atlantis_netcfg.site.model import Dds, DdsPath, RosDistribution
+from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
 from atlantis_netcfg.vpn.identity import Kind
 from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import Roll
 from atlantis_netcfg.vpn.server import FOLDER, live_files
@@ -16,7 +16,7 @@ from atlantis_netcfg.vpn.server import FOLDER, live_files
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 NOW = datetime.now(UTC)
 OURS, OTHERS = (pki.new_ca("ATLANTIS VPN", NOW) for _ in range(2))

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.site import load
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn.identity import TIMERS, Certificate, KeyType, Kind, Link, Member, Roll, Standing, Wrap
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, ccd, live_files, openvpn_server, server_conf
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 SERVER = SHIPPED.hosts["scc-vpn"]

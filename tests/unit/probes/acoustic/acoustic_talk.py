@@ -10,15 +10,15 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import Listen, Transcript, Trouble
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Listen, Transcript, Trouble
-from atlantis_netcfg.twin.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
+from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.probes import Answer, Judged, Probe
-    from atlantis_netcfg.twin.acoustic._line import LineSpec
+    from atlantis_netcfg.checklist.probes import Answer, Judged, Probe
+    from atlantis_netcfg.emulator.acoustic._line import LineSpec
 
 Twin = RunningEvologics | RunningSeatrac
 STEP_S = 0.01

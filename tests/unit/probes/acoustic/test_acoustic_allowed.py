@@ -6,9 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.probes import Consent, Listen, Place, Say, sayings
-from atlantis_netcfg.probes.acoustic import allowed, seatrac
-from atlantis_netcfg.probes.acoustic.allowed import NeverSaid, Use, ask_at, ask_seatrac, message, ping, refused
+from atlantis_netcfg.checklist.probes import Consent, Listen, Place, Say, allowed_messages
+from atlantis_netcfg.checklist.probes.acoustic import allowed, seatrac
+from atlantis_netcfg.checklist.probes.acoustic.allowed import (
+    NeverSaid,
+    Use,
+    ask_at,
+    ask_seatrac,
+    message,
+    ping,
+    refused,
+)
 
 CONSENT = Consent("Sparus is in the water, and its modem may transmit")
 QUERIES = ["S", "E", "I", "T", "V", "P", "BL", "BR", "BV", "CLOCK", "CA", "AL", "AR", "L", "ZU"]
@@ -30,7 +38,7 @@ def said(data: bytes, *, transport: str = "tcp") -> Listen:
 @pytest.mark.parametrize("query", READS)
 def test_a_query_passes(query: str) -> None:
     assert ask_at(query, b"").data == f"+++{query}\n".encode()
-    assert sayings.refused(said(f"+++{query}\n".encode()), active=False) is None
+    assert allowed_messages.refused(said(f"+++{query}\n".encode()), active=False) is None
 
 
 @pytest.mark.parametrize("command", DENIED)
@@ -127,14 +135,14 @@ def test_a_ping_goes_to_one_beacon(beacon: int) -> None:
 
 
 def test_nothing_is_sent_to_a_stream_that_only_arrives() -> None:
-    assert sayings.refused(said(b"+++AT?S\n", transport="udp"), active=True)
+    assert allowed_messages.refused(said(b"+++AT?S\n", transport="udp"), active=True)
 
 
 @pytest.mark.parametrize("data", [b'?WATCH={"enable":true,"json":true}\n', b"?VERSION;\n"])
 def test_gpsd_is_asked_in_its_own_words(data: bytes) -> None:
-    assert sayings.refused(said(data), active=False) is None
-    assert sayings.refused(said(data + data), active=False)
-    assert sayings.refused(said(b'?DEVICE={"path":"/dev/ttyUSB0","bps":4800}\n'), active=False)
+    assert allowed_messages.refused(said(data), active=False) is None
+    assert allowed_messages.refused(said(data + data), active=False)
+    assert allowed_messages.refused(said(b'?DEVICE={"path":"/dev/ttyUSB0","bps":4800}\n'), active=False)
 
 
 ANYTHING = st.one_of(

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from acoustic_talk import hear, talk, told, twin_of
 
-from atlantis_netcfg.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
-from atlantis_netcfg.probes.acoustic import seatrac
-from atlantis_netcfg.probes.acoustic.modem import WATER
-from atlantis_netcfg.report.checklist import Kind
-from atlantis_netcfg.site.loading import load
-from atlantis_netcfg.site.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
-from atlantis_netcfg.twin.acoustic import EvologicsSpec, SeatracSpec
+from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
+from atlantis_netcfg.checklist.probes.acoustic import seatrac
+from atlantis_netcfg.checklist.probes.acoustic.modem import WATER
+from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.declaration.loading import load
+from atlantis_netcfg.declaration.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
+from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Probe, Step
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Probe, Step
+    from atlantis_netcfg.declaration import Declaration
 
 SITE = "coastal"
 SEATRAC_PORT = {"driver": "seatrac", "device": "/dev/ttyUSB0", "seen_from": "laptop"}

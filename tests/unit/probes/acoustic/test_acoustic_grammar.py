@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.twin.acoustic import EvologicsSpec, SeatracSpec
+from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
+from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 
 BARE_FIX = (
     b"USBLLONG,1464207778.381274,1464207778.075953,2,13.6015,3.1369,1.7311,13.6015,3.1369,1.7311,"

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import gps_said as say
 from gps_said import NO_FIX, SKY, epoch, fixes, gga, gll, gns, gpsd, gsa, heard, nmea, no_fix, rmc, tagged, tpv
 
-from atlantis_netcfg.probes import Trouble
-from atlantis_netcfg.site.model import GpsDriver
+from atlantis_netcfg.checklist.probes import Trouble
+from atlantis_netcfg.declaration.model import GpsDriver
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Transcript
+    from atlantis_netcfg.checklist.probes import Transcript
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 

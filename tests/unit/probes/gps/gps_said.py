@@ -6,10 +6,10 @@ import json
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.probes import Transcript
-from atlantis_netcfg.probes.gps import Wanted
-from atlantis_netcfg.probes.gps.nmea import checksum
-from atlantis_netcfg.site.model import Geofence, GpsDriver
+from atlantis_netcfg.checklist.probes import Transcript
+from atlantis_netcfg.checklist.probes.gps import Wanted
+from atlantis_netcfg.checklist.probes.gps.nmea import checksum
+from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,15 +10,15 @@ import pytest
 from gps_cases import CASES, Case
 from gps_said import WANTED, bytewise, epoch, fixes, gpsd, heard, nmea, tpv
 
+from atlantis_netcfg.checklist.probes import Listen, Place
+from atlantis_netcfg.checklist.probes.gps import StreamGps
+from atlantis_netcfg.checklist.probes.gps import gpsd as gpsd_reader
+from atlantis_netcfg.checklist.probes.gps import nmea as nmea_reader
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Listen, Place
-from atlantis_netcfg.probes.gps import StreamGps
-from atlantis_netcfg.probes.gps import gpsd as gpsd_reader
-from atlantis_netcfg.probes.gps import nmea as nmea_reader
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding
-    from atlantis_netcfg.probes import Judged, Transcript
+    from atlantis_netcfg.checklist.probes import Judged, Transcript
 
 NAMES = [case.name for case in CASES]
 

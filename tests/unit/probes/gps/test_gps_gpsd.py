@@ -10,14 +10,14 @@ from gps_said import DEVICE, NO_FIX, PATH, SKY, VERSION, WANTED, fixes, gpsd, gr
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from atlantis_netcfg.probes import Place
-from atlantis_netcfg.probes.gps import StreamGps
-from atlantis_netcfg.probes.gps.gpsd import read
-from atlantis_netcfg.probes.gps.record import Nature
-from atlantis_netcfg.site.model import GpsDriver
+from atlantis_netcfg.checklist.probes import Place
+from atlantis_netcfg.checklist.probes.gps import StreamGps
+from atlantis_netcfg.checklist.probes.gps.gpsd import read
+from atlantis_netcfg.checklist.probes.gps.record import Nature
+from atlantis_netcfg.declaration.model import GpsDriver
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Judged, Transcript
+    from atlantis_netcfg.checklist.probes import Judged, Transcript
 
 
 def judged(transcript: Transcript) -> Judged:

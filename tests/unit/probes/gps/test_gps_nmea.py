@@ -9,8 +9,8 @@ from gps_said import epoch, framed, gga, gsa, heard, nmea, rmc
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from atlantis_netcfg.probes.gps.nmea import checksum, read, sentence
-from atlantis_netcfg.probes.gps.record import Nature, Report
+from atlantis_netcfg.checklist.probes.gps.nmea import checksum, read, sentence
+from atlantis_netcfg.checklist.probes.gps.record import Nature, Report
 
 VIANA = (
     "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63",

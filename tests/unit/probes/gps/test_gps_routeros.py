@@ -10,16 +10,16 @@ import pytest
 import trees
 from gps_said import FENCE
 
+from atlantis_netcfg.checklist.probes import Ask, Rows, Trouble
+from atlantis_netcfg.checklist.probes.gps import RouterosGps, Wanted
+from atlantis_netcfg.checklist.probes.gps.routeros import CLOCK as CLOCK_QUERY
+from atlantis_netcfg.checklist.probes.gps.routeros import MONITOR, SETTINGS, read
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Ask, Rows, Trouble
-from atlantis_netcfg.probes.gps import RouterosGps, Wanted
-from atlantis_netcfg.probes.gps.routeros import CLOCK as CLOCK_QUERY
-from atlantis_netcfg.probes.gps.routeros import MONITOR, SETTINGS, read
-from atlantis_netcfg.site.model import Geofence, GpsDriver
+from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.query import Query
-    from atlantis_netcfg.probes import Judged
+    from atlantis_netcfg.checklist.probes import Judged
 
 WANTED = Wanted("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
 PROBE = RouterosGps(WANTED, "off-router")

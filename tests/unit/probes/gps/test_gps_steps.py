@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
+from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Step
+from atlantis_netcfg.checklist.probes.allowed_messages import refused
+from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
+from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Cell, Listen, Place, Step
-from atlantis_netcfg.probes.gps import RouterosGps, StreamGps, steps
-from atlantis_netcfg.probes.sayings import refused
-from atlantis_netcfg.report.checklist import Kind, Phase
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.site.model import Endpoints
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import Endpoints
 
 ROOT = Path(__file__).parents[4]
 

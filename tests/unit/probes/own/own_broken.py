@@ -8,9 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 from own_world import AROUND, CARDS, IDENTITY, LOOKS, NETPLAN, NOW, World, computer, timed
 
-from atlantis_netcfg.probes import Ask, Discover, Discovered, Looked, Offered, Place, Probing, Ran, Rows, Run, Trouble
-from atlantis_netcfg.twin.around import Called, Load, Validity
-from atlantis_netcfg.twin.computer import (
+from atlantis_netcfg.checklist.probes import (
+    Ask,
+    Discover,
+    Discovered,
+    Looked,
+    Offered,
+    Place,
+    Probing,
+    Ran,
+    Rows,
+    Run,
+    Trouble,
+)
+from atlantis_netcfg.emulator.linux import (
     AddressSpec,
     CertificateSpec,
     DdsSpec,
@@ -21,12 +32,13 @@ from atlantis_netcfg.twin.computer import (
     RouteSpec,
     UdpSpec,
 )
+from atlantis_netcfg.emulator.routeros.environment import Called, Load, Validity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.probes import Answer, Question
-    from atlantis_netcfg.twin.computer import ComputerSpec
+    from atlantis_netcfg.checklist.probes import Answer, Question
+    from atlantis_netcfg.emulator.linux import ComputerSpec
 
 ROGUE = OfferSpec(server="192.168.8.1", mac="02:00:5E:00:01:24", address="192.168.8.100", router="192.168.8.1")
 OWN = computer().dhcp["eth0"][0]

@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import (
+from atlantis_netcfg.checklist.probes import (
     Ask,
     Cell,
     Discover,
@@ -24,13 +23,10 @@ from atlantis_netcfg.probes import (
     Run,
     Trouble,
 )
-from atlantis_netcfg.probes.own import steps
-from atlantis_netcfg.render import router
-from atlantis_netcfg.site import load
-from atlantis_netcfg.twin.around import Around, Load, Validity
-from atlantis_netcfg.twin.around._shown import move
-from atlantis_netcfg.twin.certificates import issue
-from atlantis_netcfg.twin.computer import (
+from atlantis_netcfg.checklist.probes.site_checks import steps
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.linux import (
     CertificateSpec,
     Computer,
     ComputerSpec,
@@ -39,14 +35,18 @@ from atlantis_netcfg.twin.computer import (
     UdpSpec,
     lan_computer,
 )
-from atlantis_netcfg.twin.device import Device
-from atlantis_netcfg.twin.spec import Management, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.certificates import issue
+from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.environment import Around, Load, Validity
+from atlantis_netcfg.emulator.routeros.environment._shown import move
+from atlantis_netcfg.emulator.routeros.spec import Management, RouterSpec, User
+from atlantis_netcfg.render import router
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.probes import Answer, Judged, Question, Step
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Answer, Judged, Question, Step
+    from atlantis_netcfg.declaration import Declaration
 
 SITE = "coastal"
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)

@@ -12,14 +12,14 @@ from own_world import NOW, World, own_steps
 from test_hints_of_vpn import GATEWAY, ROUTER, Laptop, laptop
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.emulator.routeros.environment import Validity
 from atlantis_netcfg.operations.vpn.router import Installed
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.twin.around import Validity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.site import Host
+    from atlantis_netcfg.declaration import Host
 
 __all__ = ["laptop"]
 RENEWED = (

@@ -10,11 +10,11 @@ import trees
 from own_world import declaration, own_steps
 
 from atlantis_netcfg import cli
+from atlantis_netcfg.checklist.probes import Ask, Discover, Look, Probing, Run, site_checks
+from atlantis_netcfg.checklist.probes.allowed_commands import allowed
+from atlantis_netcfg.checklist.probes.site_checks import _certificates, _static
+from atlantis_netcfg.emulator.routeros import supplement
 from atlantis_netcfg.gateway import network
-from atlantis_netcfg.probes import Ask, Discover, Look, Probing, Run, own
-from atlantis_netcfg.probes.own import _certificates, _static
-from atlantis_netcfg.probes.programs import allowed
-from atlantis_netcfg.twin import supplement
 from atlantis_netcfg.vpn import client
 
 EVERY = [question for step in own_steps() if step.probe is not None for question in step.probe.asks()]
@@ -94,7 +94,7 @@ def test_pings_go_to_nobody_outside_the_site() -> None:
 
 
 def test_hints_name_commands_that_there_are() -> None:
-    text = "".join(path.read_text(encoding="utf-8") for path in Path(own.__path__[0]).glob("*.py"))
+    text = "".join(path.read_text(encoding="utf-8") for path in Path(site_checks.__path__[0]).glob("*.py"))
     named = set(re.findall(r"`provision ((?:vpn )?[a-z]+)[` ]", text))
     assert "vpn renew" in named
     commands = Path(cli.__path__[0])

@@ -10,14 +10,14 @@ import yaml
 from own_broken import BROKEN
 from own_world import SITE, World, declaration, own_steps
 
-from atlantis_netcfg.probes import Cell, own
-from atlantis_netcfg.probes.own import NAMES, steps
-from atlantis_netcfg.report.checklist import Kind, Phase
+from atlantis_netcfg.checklist.probes import Cell, site_checks
+from atlantis_netcfg.checklist.probes.site_checks import NAMES, steps
+from atlantis_netcfg.checklist.report import Kind, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.probes import Step
+    from atlantis_netcfg.checklist.probes import Step
 
 LISTED: dict[str, dict[str, list[str]]] = yaml.safe_load(
     (Path(__file__).parent / "own_cases.yml").read_text(encoding="utf-8")
@@ -39,7 +39,7 @@ def test_every_case_and_every_code_is_listed() -> None:
 
 def codes() -> Iterator[str]:
     """The first argument of every call that makes a finding; those for a trouble stand in a table."""
-    for path in sorted(Path(own.__path__[0]).glob("*.py")):
+    for path in sorted(Path(site_checks.__path__[0]).glob("*.py")):
         calls = (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call))
         for call in calls:
             name = call.func.id if isinstance(call.func, ast.Name) else ""

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from own_broken import LEAVE, lines_of, with_address
 from own_world import NETPLAN, SITE, World, computer, declaration
 
+from atlantis_netcfg.checklist.probes import Cell, Probing
+from atlantis_netcfg.checklist.probes.site_checks import steps
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
 from atlantis_netcfg.gateway.network import gateway_network
-from atlantis_netcfg.probes import Cell, Probing
-from atlantis_netcfg.probes.own import steps
-from atlantis_netcfg.site.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Step
-    from atlantis_netcfg.site import Declaration
+    from atlantis_netcfg.checklist.probes import Step
+    from atlantis_netcfg.declaration import Declaration
 
 NETWORK = GatewayNetwork(by=NetworkTool.NETPLAN, interface="eth7")
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.checklist.probes import Ran, Trouble
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Ran, Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.probes import Answer, Judged, Probe
+    from atlantis_netcfg.checklist.probes import Answer, Judged, Probe
 
 BSSID = "04:f0:21:45:12:9a"
 

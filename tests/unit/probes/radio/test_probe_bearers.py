@@ -6,11 +6,11 @@ import pytest
 from radio_cases import Case, check, codes
 
 from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes import Look, Looked, Prove, Proved, Trouble
+from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe
+from atlantis_netcfg.checklist.probes.lte import _registered
+from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Look, Looked, Prove, Proved, Trouble
-from atlantis_netcfg.probes._looked import BearerProbe
-from atlantis_netcfg.probes.lte import _registered
-from atlantis_netcfg.probes.satellite import AllowListProbe, _there
 
 REACHED = Finding(
     Verdict.PASS, "reached", "VPN server (203.0.113.2 udp 1194) was reached after 35 s over the satellite"

@@ -17,11 +17,11 @@ from radio_cases import (
     way,
 )
 
-from atlantis_netcfg.probes import Answer, Place, Ran, Run, Trouble
-from atlantis_netcfg.probes.programs import allowed
-from atlantis_netcfg.probes.wifi import AssociatedProbe
-from atlantis_netcfg.probes.wifi._iw import read_link, read_station
-from atlantis_netcfg.site.model import WifiEndpoint
+from atlantis_netcfg.checklist.probes import Answer, Place, Ran, Run, Trouble
+from atlantis_netcfg.checklist.probes.allowed_commands import allowed
+from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe
+from atlantis_netcfg.checklist.probes.wifi._iw import read_link, read_station
+from atlantis_netcfg.declaration.model import WifiEndpoint
 
 HEALTHY: dict[str, Answer] = {
     "link": linked(),

@@ -4,10 +4,10 @@ import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, pings, way
 
-from atlantis_netcfg.probes import Answer, Ask, Place, Ran, Rows, Run, Trouble
-from atlantis_netcfg.probes.programs import allowed
-from atlantis_netcfg.probes.wifi import RegisteredProbe
-from atlantis_netcfg.site.model import WifiEndpoint
+from atlantis_netcfg.checklist.probes import Answer, Ask, Place, Ran, Rows, Run, Trouble
+from atlantis_netcfg.checklist.probes.allowed_commands import allowed
+from atlantis_netcfg.checklist.probes.wifi import RegisteredProbe
+from atlantis_netcfg.declaration.model import WifiEndpoint
 
 MAC = "02:00:5E:00:01:23"
 

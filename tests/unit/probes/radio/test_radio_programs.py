@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.probes import Place, Ran, _path, _ping
+from atlantis_netcfg.checklist.probes import Place, Ran, _path, _ping
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Run
+    from atlantis_netcfg.checklist.probes import Run
 
 
 def run(question: Run) -> Ran:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.probes import Cell, Step
-from atlantis_netcfg.probes.columns import steps_of
-from atlantis_netcfg.report.checklist import Kind
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.site.model import Bearer, Endpoints
+from atlantis_netcfg.checklist.probes import Cell, Step
+from atlantis_netcfg.checklist.probes.registry import steps_of
+from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import Bearer, Endpoints
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from rc_said import ARMED, BEGAN, RC, STRANGER, UNUSED, Says, heard, moving, together
 
-from atlantis_netcfg.probes import Trouble
+from atlantis_netcfg.checklist.probes import Trouble
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Transcript
+    from atlantis_netcfg.checklist.probes import Transcript
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import common
 
-from atlantis_netcfg.probes import Transcript
-from atlantis_netcfg.probes.rc_rf import Wanted
+from atlantis_netcfg.checklist.probes import Transcript
+from atlantis_netcfg.checklist.probes.rc_rf import Wanted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

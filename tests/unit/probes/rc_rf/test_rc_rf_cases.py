@@ -12,12 +12,12 @@ from hypothesis import strategies as some
 from rc_cases import CASES, Case
 from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
 
+from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
+from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.probes import Listen, Place, Transcript
-from atlantis_netcfg.probes.rc_rf import RcHeard, SticksMoved
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.probes import Judged
+    from atlantis_netcfg.checklist.probes import Judged
 
 NAMES = [case.name for case in CASES]
 

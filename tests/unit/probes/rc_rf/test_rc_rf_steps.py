@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.probes import Cell, Place, Step
-from atlantis_netcfg.probes.rc_rf import RcHeard, SticksMoved, Wanted, steps
-from atlantis_netcfg.report.checklist import Kind, Phase
-from atlantis_netcfg.site import Declaration, load
-from atlantis_netcfg.site.model import Endpoints
+from atlantis_netcfg.checklist.probes import Cell, Place, Step
+from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved, Wanted, steps
+from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import Endpoints
 
 ROOT = Path(__file__).parents[4]
 

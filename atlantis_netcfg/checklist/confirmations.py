@@ -1,0 +1,130 @@
+"""What people say about an item, and what becomes of the item."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist._errors import Refused
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Finding, Kind, Override
+from atlantis_netcfg.core.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist._evidence import Copied
+    from atlantis_netcfg.checklist.report import Item
+
+__all__ = ["OVERRIDABLE", "SAYABLE", "Confirmation", "confirmed", "named", "overridden", "spoken", "unskippable"]
+
+OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
+"""For these a person may take the responsibility; nothing else needs it."""
+SAYABLE: Mapping[Verdict, str] = {
+    Verdict.PASS: "confirmed",
+    Verdict.WARN: "confirmed-with-reservation",
+    Verdict.FAIL: "seen-to-fail",
+    Verdict.INCONCLUSIVE: "could-not-tell",
+    Verdict.SKIP: "does-not-apply",
+}
+"""What a person can say, and the code of the finding; ERROR is for programs."""
+_SAID = {
+    Verdict.PASS: "{by} has seen that it is well",
+    Verdict.WARN: "{by} has seen that it works, but",
+    Verdict.FAIL: "{by} has seen that it is not well",
+    Verdict.INCONCLUSIVE: "{by} could not tell",
+    Verdict.SKIP: "{by} says that it does not apply",
+}
+_HINTS = {
+    Verdict.WARN: "decide whether the test can live with it",
+    Verdict.FAIL: "mend it and answer again, or override it with a reason",
+    Verdict.INCONCLUSIVE: "look again when it can be seen, or override it with a reason",
+}
+_ALWAYS = frozenset({"vpn", "dds"})
+"""Checks of the site that apply everywhere: who may look and does not is not green."""
+_NAME_LENGTH = 100
+_TEXT_LENGTH = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """A person's answer to a step."""
+
+    verdict: Verdict
+    by: str
+    """Who has looked."""
+    note: str = ""
+    """What was seen; needed for everything but PASS."""
+    files: tuple[Path, ...] = ()
+    """Photos, screenshots, exported backups."""
+
+
+def spoken(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
+    """A person's words in one line. Raises Refused where there are none."""
+    line = " ".join(text.split())
+    if not line:
+        raise Refused(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
+    if len(line) > most or not line.isprintable():
+        raise Refused(f"{what} is too long, or holds control characters", hint=f"write at most {most} plain characters")
+    return line
+
+
+def unskippable(item: Item) -> tuple[str, str] | None:
+    """Why nobody can say that an item does not apply, and what to do instead; None: that can be said."""
+    if item.endpoint != "site" or item.id.rpartition("/")[2] not in _ALWAYS:
+        return None
+    hint = "answer what was seen, or INCONCLUSIVE (`unclear`) and override it with a reason"
+    return f"`{item.id}` applies at every site: it cannot be skipped", hint
+
+
+def named(name: str) -> str:
+    """A person's name as it stands in the report. Raises Refused."""
+    return spoken(name, "a name", most=_NAME_LENGTH)
+
+
+def confirmed(item: Item, said: Confirmation, files: Sequence[Copied], at: datetime) -> Item:
+    """The item as a person has answered it. Raises Refused for what a person cannot say of it."""
+    by = named(said.by)
+    if item.kind is Kind.AUTOMATIC:
+        hint = "let it be looked at again, or override it with a reason"
+        raise Refused(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
+    if said.verdict not in SAYABLE:
+        words = ", ".join(SAYABLE)
+        raise Refused(f"{said.verdict} is nothing that a person can say", hint=f"there are: {words}")
+    if said.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
+        raise Refused(wrong[0], hint=wrong[1])
+    note = spoken(said.note, f"the reason for {said.verdict}") if said.note or said.verdict is not Verdict.PASS else ""
+    message = _SAID[said.verdict].format(by=by) + (f": {note}" if note else "")
+    mend = _HINTS.get(said.verdict)
+    return item.model_copy(
+        update={
+            "open": False,
+            "verdict": said.verdict,
+            "message": message,
+            "hint": mend,
+            "findings": (Finding(verdict=said.verdict, code=SAYABLE[said.verdict], message=message, hint=mend),),
+            "evidence": (
+                Evidence(type=EvidenceType.CONFIRMED, what=item.title, value=note or said.verdict, at=at, by=by),
+                *(_filed(one, by, at) for one in files),
+            ),
+            "at": at,
+            "seconds": None,
+            "override": None,
+        }
+    )
+
+
+def _filed(one: Copied, by: str, at: datetime) -> Evidence:
+    name = one.file.rpartition("/")[2].partition("-")[2]
+    size = f"{one.size} bytes"
+    return Evidence(type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=one.file, sha256=one.sha256)
+
+
+def overridden(item: Item, reason: str, by: str, at: datetime) -> Item:
+    """The item with a person's responsibility taken. Raises Refused where there is nothing to take."""
+    if item.verdict not in OVERRIDABLE:
+        hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
+        raise Refused(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
+    taken = Override(reason=spoken(reason, "the reason of an override"), by=named(by), at=at)
+    return item.model_copy(update={"override": taken})

@@ -1,0 +1,66 @@
+"""What each column of Table 3 means on the wire: which questions tell, and how their answers are judged.
+
+A column (and each of the site's own checks) gives steps for a cell of the table: a probe, or something for a person
+to look at. A probe is two pure functions, the questions that it asks and the judgement of whatever came back; it opens
+no connection, so the same judgement serves the real site, the rehearsal and the data cases of the tests. Questions are
+data from closed lists of commands that only read; whoever carries them out (`operations/checking`) stands where the
+thing is.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.checklist.probes.cell import SITE, Cell
+from atlantis_netcfg.checklist.probes.requests import (
+    Ask,
+    Discover,
+    Listen,
+    Look,
+    Place,
+    Probing,
+    Prove,
+    Question,
+    Run,
+    Say,
+)
+from atlantis_netcfg.checklist.probes.results import (
+    Answer,
+    Discovered,
+    Looked,
+    Offer,
+    Offered,
+    Proved,
+    Ran,
+    Rows,
+    Transcript,
+    Trouble,
+)
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Probe, Step
+
+__all__ = [
+    "SITE",
+    "Answer",
+    "Ask",
+    "Cell",
+    "Consent",
+    "Discover",
+    "Discovered",
+    "Judged",
+    "Listen",
+    "Look",
+    "Looked",
+    "Offer",
+    "Offered",
+    "Place",
+    "Probe",
+    "Probing",
+    "Prove",
+    "Proved",
+    "Question",
+    "Ran",
+    "Rows",
+    "Run",
+    "Say",
+    "Step",
+    "Transcript",
+    "Trouble",
+]

@@ -1,0 +1,173 @@
+"""Echo requests to a neighbour: what `ping` printed, and what follows for the hop that they went over.
+
+`ping` is iputils' (Debian, Ubuntu). Asked as `ping -n -c 20 -i 0.2 -W 2 ADDRESS`: 20 packets in 4 s, so that one lost
+packet is 5 %. Shorter intervals than 0.2 s are for root only (ping(8)).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.evidence import measured
+from atlantis_netcfg.checklist.probes.not_run import PLACES, not_run
+from atlantis_netcfg.checklist.probes.requests import Run
+from atlantis_netcfg.checklist.probes.results import Ran
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.core.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.checklist.probes.requests import Place
+    from atlantis_netcfg.checklist.probes.results import Answer
+
+__all__ = ["COUNT", "MANY_TWICE", "SLOW_MS", "Echoes", "Pinged", "ask", "judge", "odd", "read"]
+
+COUNT = 20
+SLOW_MS = 100.0
+"""One hop in a local network takes some milliseconds; from here on something holds packets back. Our own judgement."""
+_SUMS = re.compile(
+    r"(\d+) packets transmitted, (\d+) (?:packets )?received(?:, \+?(\d+) duplicates)?.*?([\d.]+)% packet loss"
+)
+_TIMES = re.compile(r"(?:rtt|round-trip) min/avg/max(?:/mdev)? = ([\d.]+)/([\d.]+)/([\d.]+)")
+_REFUSAL = re.compile(r"^From (\S+) icmp_seq=\d+ (.+)$", re.MULTILINE)
+_HEAD = re.compile(r"^PING (\S+) ")
+_ANSWER = re.compile(r"^\d+ bytes from ([\d.]+).*?\b(?:icmp_)?seq=(\d+)", re.MULTILINE)
+_DAMAGED = ("wrong data byte", "BAD CHECKSUM", "(truncated)")
+MANY_TWICE = 0.1
+"""Share of answers that come twice: a radio repeats one now and then, two devices or a loop most. Our judgement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Echoes:
+    """How an address answered."""
+
+    sent: int
+    received: int
+    """By the address itself, each question once."""
+    twice: int = 0
+    """Answers to a question that had its answer."""
+    others: tuple[str, ...] = ()
+    """Addresses that answered in place of the one that was asked."""
+    damaged: bool = False
+    mean_ms: float | None = None
+    worst_ms: float | None = None
+    refusal: str | None = None
+    """Who turned the packets away on the way, and with which words."""
+
+    @property
+    def loss_percent(self) -> float:
+        """Of what was sent."""
+        return 100 * (self.sent - self.received) / self.sent
+
+
+@dataclass(frozen=True, slots=True)
+class Pinged:
+    """The neighbour, and what it is held to."""
+
+    name: str
+    address: str
+    place: Place
+    loss_percent: float
+    """Up to here it is well."""
+    fail_percent: float
+    """From here it does not serve."""
+
+
+def ask(place: Place, address: str) -> Run:
+    """Give the question; its answer's name is `ping`."""
+    return Run("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address)
+
+
+def read(out: str, address: str) -> Echoes | None:
+    """Read what `ping` printed; None: it has sent nothing, was asked of another address, or speaks otherwise."""
+    sums, times, refusal = _SUMS.search(out), _TIMES.search(out), _REFUSAL.search(out)
+    head = _HEAD.match(out)
+    if sums is None or not int(sums[1]) or head is None or head[1] != address:
+        return None
+    answers = _ANSWER.findall(out)
+    own = {number for who, number in answers if who == address}
+    repeated = sum(who == address for who, _ in answers) - len(own)
+    return Echoes(
+        sent=int(sums[1]),
+        received=min(int(sums[2]), int(sums[1]), len(own)),
+        twice=max(int(sums[3] or 0), repeated),
+        others=tuple(dict.fromkeys(who for who, _ in answers if who != address)),
+        damaged=any(word in out for word in _DAMAGED),
+        mean_ms=float(times[2]) if times else None,
+        worst_ms=float(times[3]) if times else None,
+        refusal=f"{refusal[1]} says: {refusal[2]}" if refusal else None,
+    )
+
+
+def judge(wanted: Pinged, answer: Answer | None) -> Judged:
+    """Judge loss and time; what was not carried out proves nothing."""
+    if troubles := tuple(not_run(wanted.place, "ping", answer)):
+        return Judged(troubles)
+    assert isinstance(answer, Ran)  # noqa: S101 - `not_run` speaks of anything else
+    echoes = read(answer.out, wanted.address)
+    if echoes is None:
+        said = (answer.err or answer.out).strip().splitlines()
+        why = f": {said[0][:120]}" if said else ""
+        message = f"no ping was sent to {wanted.name} ({wanted.address}) from {PLACES[wanted.place]}{why}"
+        hint = f"type it by hand there: ping {wanted.address}"
+        return Judged((Finding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+    where = f"{wanted.name} from {PLACES[wanted.place]}"
+    evidence = [measured(f"pings answered by {where}", f"{echoes.received} of {echoes.sent}")]
+    if echoes.mean_ms is not None and echoes.worst_ms is not None:
+        evidence.append(measured(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
+        evidence.append(measured(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
+    who = f"{wanted.name} ({wanted.address})"
+    strange = tuple(odd(who, echoes))
+    if echoes.sent < COUNT:
+        message = f"only {echoes.sent} of {COUNT} pings were sent to {who}, and {echoes.received} were answered"
+        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[wanted.place]}"
+        cut = Finding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
+        return Judged((cut, *strange), tuple(evidence))
+    found = (_loss(wanted, echoes), *_times(wanted, echoes))
+    kept = tuple(one for one in found if not strange or one.verdict is not Verdict.PASS)
+    return Judged((*strange, *kept), tuple(evidence))
+
+
+def odd(who: str, echoes: Echoes) -> Iterator[Finding]:
+    """Say what is strange about answers, however many they are."""
+    if echoes.others:
+        message = f"{echoes.others[0]} answers in place of {who}"
+        hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
+        yield Finding(Verdict.FAIL, "another-answers", message, hint)
+    if echoes.damaged:
+        message = f"answers of {who} came back damaged"
+        hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
+        yield Finding(Verdict.FAIL, "answers-damaged", message, hint)
+    if echoes.twice:
+        many = echoes.twice > MANY_TWICE * max(echoes.received, 1)
+        message = f"{who} answers {echoes.received} of {echoes.sent} pings, and {echoes.twice} answers came twice"
+        hint = "two devices have this address, or the network has a loop: unplug it and ping again"
+        yield Finding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
+
+
+def _loss(wanted: Pinged, echoes: Echoes) -> Finding:
+    who = f"{wanted.name} ({wanted.address})"
+    if not echoes.received:
+        refused = f"; {echoes.refusal}" if echoes.refusal else ""
+        hint = "is it switched on, with this address, and does it answer pings at all?"
+        return Finding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
+    message = f"{who} answers {echoes.received} of {echoes.sent} pings"
+    loss = echoes.loss_percent
+    if loss <= wanted.loss_percent:
+        after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
+        return Finding(Verdict.PASS, "answers", message + after)
+    verdict = Verdict.FAIL if loss >= wanted.fail_percent else Verdict.WARN
+    hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
+    return Finding(verdict, "loss", f"{message}: {loss:g} % are lost, above {wanted.loss_percent:g} %", hint)
+
+
+def _times(wanted: Pinged, echoes: Echoes) -> tuple[Finding, ...]:
+    if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
+        return ()
+    message = f"{wanted.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
+    hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
+    return (Finding(Verdict.WARN, "slow", message, hint),)

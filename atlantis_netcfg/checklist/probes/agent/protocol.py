@@ -1,0 +1,125 @@
+"""Questions as the program gets them, and its answers as the probes get them."""
+
+from __future__ import annotations
+
+from base64 import b64decode
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
+
+from atlantis_netcfg.checklist.probes.requests import Discover, Listen, Probing, Run
+from atlantis_netcfg.checklist.probes.results import Discovered, Offer, Offered, Ran, Transcript, Trouble
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+
+__all__ = ["Batch", "batch", "heard"]
+
+_BREATH_S = 1.0
+"""Between two questions to the same end, and at the end of all: to spare."""
+_DHCP_EXTRA_S = 10.0
+"""To find the interface that has an address."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What the program is asked, and how long that takes at most."""
+
+    asked: dict[str, Any] = field(repr=False)
+    keys: tuple[str, ...]
+    within_s: float
+
+
+def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
+    """Make the program's questions; those that want the same end or share a turn wait for each other, in this order.
+
+    ValueError for a question that is none of the program's.
+    """
+    last: dict[object, int] = {}
+    over_s: list[float] = []
+    rows = []
+    for number, (key, question) in enumerate(questions):
+        wants = _wants(question)
+        after = sorted({last[one] for one in wants if one in last})
+        waits_s = max((over_s[one] + _BREATH_S for one in after), default=0.0)
+        over_s.append(waits_s + _patience_s(question))
+        last.update(dict.fromkeys(wants, number))
+        rows.append({"key": key, "after": after, **_row(question)})
+    within_s = max(over_s, default=0.0) + _BREATH_S
+    return Batch({"questions": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
+
+
+def heard(told: Mapping[str, Any], question: Question, asked: float, now: float) -> Answer:
+    """Read one answer of the program. `asked`, `now`: when the questions left and this answer came, seconds since 1970.
+
+    Raises RuntimeError with the words of a fault of the program's own.
+    """
+    if "fault" in told:
+        raise RuntimeError(f"the program that listens failed: {told['fault']}")
+    trouble = Trouble(told["trouble"]) if told["trouble"] is not None else None
+    words = str(told["words"])
+    if isinstance(question, Listen):
+        chunks = tuple((at, _bytes(data)) for at, data in told.get("chunks", ()))
+        times = (told.get("began", 0.0), told.get("ended_s", 0.0))
+        return Transcript(trouble, words, chunks, *times, tuple(told.get("senders", ())))
+    if isinstance(question, Run):
+        said = {name: told[name] for name in ("rc", "out", "err", "began") if name in told}
+        return Ran(trouble, words, **said, asked=asked, heard=now)
+    if isinstance(question, Discover):
+        datagrams = tuple((source, _bytes(data)) for source, data in told.get("datagrams", ()))
+        return Discovered(trouble, words, bytes.fromhex(told.get("prefix", "")), datagrams)
+    return Offered(trouble, words, tuple(_offers(told.get("offers", ()))))
+
+
+def _offers(told: Iterable[Mapping[str, Any]]) -> Iterable[Offer]:
+    return (Offer(**{name: one[name] for name in ("server", "mac", "address", "router")}) for one in told)
+
+
+def _bytes(packed: str | list[str]) -> bytes:
+    return packed.encode("latin-1") if isinstance(packed, str) else b64decode(packed[0])
+
+
+def _wants(question: Question) -> set[object]:
+    """What only one question at a time can have; a port that serves one client would turn the second away."""
+    word = question.turn if isinstance(question, Listen | Run) else ""
+    turn: set[object] = {("turn", word)} if word else set()
+    if not isinstance(question, Listen):
+        return turn
+    if question.transport == "serial":
+        return {question.device, *turn}
+    return {(question.transport, question.address if question.transport == "tcp" else "", question.port), *turn}
+
+
+def _patience_s(question: Question) -> float:
+    """How long it takes at most."""
+    if isinstance(question, Listen):
+        return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
+    if isinstance(question, Run | Discover):
+        return question.within_s
+    if isinstance(question, Probing):
+        return question.within_s + _DHCP_EXTRA_S
+    raise ValueError(f"{type(question).__name__} is no question of the program that listens")
+
+
+def _row(question: Question) -> dict[str, Any]:
+    if isinstance(question, Listen):
+        return {
+            "kind": question.transport,
+            "address": question.address,
+            "port": question.port,
+            "device": question.device,
+            "baud": question.baud,
+            "say": [[one.data.decode("latin-1"), one.until.decode("latin-1"), one.within_s] for one in question.say],
+            "listen_s": question.listen_s,
+            "enough": question.enough.decode("latin-1"),
+            "connect_s": question.connect_s,
+            "max_bytes": question.max_bytes,
+        }
+    if isinstance(question, Run):
+        return {"kind": "run", "argv": list(question.argv), "within_s": question.within_s}
+    if isinstance(question, Discover):
+        there = {"address": question.address, "domain": question.domain, "ports": list(question.ports)}
+        return {"kind": "dds", **there, "within_s": question.within_s}
+    assert isinstance(question, Probing)  # noqa: S101 - `_patience_s` has refused all others
+    segment = {"interface": question.interface, "cards": list(question.cards)}
+    return {"kind": "dhcp", **segment, "within_s": question.within_s}

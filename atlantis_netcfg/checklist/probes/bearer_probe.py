@@ -1,0 +1,134 @@
+"""A link of the site in the checklist: what `provision links` found of it, as it is, and what it is good for.
+
+The same look serves the Wi-Fi bridge, the 4G unit, the satellite's port and a plain cable; each column says in its own
+words what a link without a complaint has been seen to do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import Finding, LinkState
+from atlantis_netcfg.checklist.probes.evidence import read
+from atlantis_netcfg.checklist.probes.not_run import unasked
+from atlantis_netcfg.checklist.probes.requests import Look
+from atlantis_netcfg.checklist.probes.results import Looked
+from atlantis_netcfg.checklist.probes.step import Judged, Step
+from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.cell import Cell
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration.model import Bearer, BearerKind
+
+__all__ = ["BearerProbe", "bearers", "boxes", "link_steps", "well"]
+
+_UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
+"""End of a reading's name to its unit; longest first where one ends like another."""
+_ALL = 100
+"""Percent."""
+_HINT = "look at the box of this link, then ask again"
+"""Where whoever found it gives none."""
+
+
+def bearers(cell: Cell, kind: BearerKind) -> tuple[Bearer, ...]:
+    """Give the links of a kind that the row has: a location has those of its site, a vehicle none."""
+    return () if cell.vehicle is not None else tuple(one for one in cell.declared.bearers if one.kind is kind)
+
+
+def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
+    """Give the hosts that a link's item speaks of: the box at this end and, of a bridge, the one at the other."""
+    box = cell.declaration.hosts.get(bearer.device or "")
+    peer = getattr(getattr(box.device, "ptp", None), "peer", None) if box is not None else None
+    return tuple(name for name in (bearer.device, peer) if name is not None)
+
+
+def well(told: Mapping[str, Any]) -> Finding | None:
+    """Say that a link carries traffic, if it was seen to: that its own box calls itself connected is not enough."""
+    if told.get("state") != LinkState.UP:
+        return None
+    quality = told.get("quality") or {}
+    loss = quality.get("loss_percent")
+    if not isinstance(loss, int | float) or loss >= _ALL:
+        hint = "declare `canaries` of the link, and look whether its router may send pings; then ask again"
+        return Finding(
+            Verdict.INCONCLUSIVE, "not-tried", "its box says that it is up, and nothing was seen to pass", hint
+        )
+    after = "" if quality.get("rtt_ms") is None else f", a round trip over it takes {quality['rtt_ms']:g} ms"
+    level = "" if quality.get("signal_dbm") is None else f", heard with {quality['signal_dbm']:g} dBm"
+    return Finding(Verdict.PASS, "up", f"the link is up{after}{level}")
+
+
+@dataclass(frozen=True, slots=True)
+class BearerProbe:
+    """The link carries traffic, and its own boxes have nothing to complain of."""
+
+    bearer: str
+    good: Callable[[Mapping[str, Any]], Finding | None] = well
+    """What is said of a link that nothing is wrong with; None: nothing has been seen of it."""
+
+    def asks(self) -> tuple[Look, ...]:
+        """One look at the site's links serves all who ask."""
+        return (Look("look", self.bearer),)
+
+    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+        """Take over what was found of the link."""
+        answer = heard.get("look")
+        if not isinstance(answer, Looked) or answer.trouble is not None or answer.bearer is None:
+            return Judged((unasked(f"the boxes of {self.bearer}", answer),))
+        told = answer.bearer
+        found = tuple(_findings(told))
+        said = self.good(told)
+        return Judged((*((said,) if said is not None else ()), *found) or (_unseen(self.bearer),), _evidence(told))
+
+
+def link_steps(
+    cell: Cell,
+    kind: BearerKind,
+    title: Callable[[Bearer], str],
+    good: Callable[[Mapping[str, Any]], Finding | None] = well,
+) -> tuple[Step, ...]:
+    """Give one item a link of a kind; the first is the column's own, the others bear the names of their links."""
+    return tuple(
+        Step(
+            name=bearer.name if number else "",
+            title=title(bearer),
+            kind=Kind.AUTOMATIC,
+            phase=Phase.BENCH,
+            probe=BearerProbe(bearer.name, good),
+            concerns=boxes(cell, bearer),
+        )
+        for number, bearer in enumerate(bearers(cell, kind))
+    )
+
+
+def _unseen(bearer: str) -> Finding:
+    hint = "look at its own box, then ask again"
+    return Finding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {bearer} works", hint)
+
+
+def _findings(told: Mapping[str, Any]) -> Iterator[Finding]:
+    for one in told.get("findings") or ():
+        verdict = Verdict(one["verdict"])
+        hint = one.get("hint") or (_HINT if verdict is not Verdict.PASS else None)
+        yield Finding(verdict, one["code"], one["message"], hint)
+
+
+def _evidence(told: Mapping[str, Any]) -> tuple[Evidence, ...]:
+    quality = (told.get("quality") or {}).items()
+    of = f"of {told['box']}" if told.get("box") else "of the link"
+    shown = [
+        read(f"{name} {of}", value, unit) for key, value in quality if value is not None for name, unit in [_named(key)]
+    ]
+    return (read(f"state {of}", told.get("state", "unknown")), *shown)
+
+
+def _named(key: str) -> tuple[str, str]:
+    """Take a reading's name apart: `tx_rate_mbps` is a `tx rate` in Mbit/s."""
+    end = next((end for end in _UNITS if key.endswith(end)), "")
+    return key.removesuffix(end).replace("_", " "), _UNITS.get(end, "")

@@ -1,0 +1,179 @@
+"""gpsd's JSON (protocol 3, gpsd_json(5)): one object a line, of which TPV, SKY, DEVICES, VERSION and ERROR are read.
+
+A TPV without a fix has neither time nor position; after a lone GGA it has a position and no time, and after a lone GSA,
+where the listening begins in the middle of an epoch, a mode and neither of them; `status` is left out for a plain fix,
+so its absence means nothing (all seen with gpsd 3.22).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Report, lines
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.results import Transcript
+
+__all__ = ["WATCH", "WATCHED", "enough", "read"]
+
+WATCH = b'?WATCH={"enable":true,"json":true};\n'
+WATCHED = rb'"class":"WATCH"'
+_STATUS = {5: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}
+_TPV = rb'\{"class":"TPV"'
+_OTHERS = rb'(?:(?!\{"class":"TPV")[^\n]*\n)*'
+
+
+def enough(reports: int) -> bytes:
+    """What ends the listening early: so many fixes in a row whose time goes on, or twice as many reports."""
+    fix = _TPV + rb'(?=[^\n]*"mode":[23])(?=[^\n]*"time":"%s")[^\n]*\n'
+    first, same, later = fix % rb'(?P<first>[^"\n]*)', fix % rb'[^"\n]*', fix % rb'(?!(?P=first)")[^"\n]*'
+    fixes = first + (_OTHERS + same) * (reports - 2) + _OTHERS + later
+    return rb"(?m)^(?:%s|(?:%s[^\n]*\n%s){%d})" % (fixes, _TPV, _OTHERS, 2 * reports)
+
+
+@dataclass
+class _Reading:
+    reports: dict[str, list[Report]] = field(default_factory=dict)
+    opened: dict[str, bool] | None = None
+    version: str = ""
+    satellites: dict[str, int] = field(default_factory=dict)
+    """Used at most, by receiver; only of those whose satellites gpsd sees at all."""
+    hdop: dict[str, float] = field(default_factory=dict)
+    complaints: list[str] = field(default_factory=list)
+    understood: bool = False
+    good: int = 0
+    bad: int = 0
+
+    def take(self, at_s: float, line: bytes) -> None:
+        said = _parsed(line)
+        if said is None:
+            self.bad += 1
+            return
+        self.good += 1
+        take = getattr(self, f"_{said['class'].lower()}", None) if said["class"] in _CLASSES else None
+        self.understood = self.understood or take is not None
+        if take is not None:
+            take(at_s, said)
+
+    def _version(self, _: float, said: Mapping[str, Any]) -> None:
+        self.version = _words(said, "release")
+
+    def _devices(self, at_s: float, said: Mapping[str, Any]) -> None:
+        listed = said.get("devices")
+        self.opened = {}
+        for one in listed if isinstance(listed, list) else ():
+            if isinstance(one, dict):
+                self._device(at_s, one)
+
+    def _device(self, _: float, said: Mapping[str, Any]) -> None:
+        self.opened = self.opened or {}
+        self.opened[_words(said, "path")] = said.get("activated") != 0
+
+    def _tpv(self, at_s: float, said: Mapping[str, Any]) -> None:
+        self.reports.setdefault(_words(said, "device"), []).append(_report(at_s, said))
+
+    def _sky(self, _: float, said: Mapping[str, Any]) -> None:
+        device = _words(said, "device")
+        used, hdop, in_view = _number(said.get("uSat")), _number(said.get("hdop")), _number(said.get("nSat"))
+        seen = said.get("satellites")
+        if used is None and isinstance(seen, list):
+            used = sum(isinstance(one, dict) and one.get("used") is True for one in seen)
+        # Of a receiver that tells no satellites gpsd says that 0 of 0 are used: nothing follows from that.
+        if used is not None and abs(used) < _MANY and (used or in_view or seen):
+            self.satellites[device] = max(int(used), self.satellites.get(device, 0))
+        if hdop is not None:
+            self.hdop[device] = hdop
+
+    def _error(self, _: float, said: Mapping[str, Any]) -> None:
+        self.complaints.append(_words(said, "message") or "an error without words")
+
+
+_MANY = 1000
+_LONGEST = 120
+_CLASSES = frozenset({"VERSION", "DEVICES", "DEVICE", "TPV", "SKY", "ERROR"})
+
+
+def read(heard: Transcript) -> Reception:
+    """Understand what gpsd said; of several receivers the one that has most fixes. Raises nothing."""
+    reading = _Reading()
+    for at_s, line in lines(heard):
+        if line.strip():
+            reading.take(at_s, line)
+    device, reports = max(reading.reports.items(), key=lambda one: sum(r.fixed for r in one[1]), default=("", []))
+    others = {path: its for path, its in reading.reports.items() if path != device}
+    opened = reading.opened
+    return Reception(
+        reports=_told(reports),
+        understood=reading.understood,
+        heard_bytes=len(heard.data),
+        good=reading.good,
+        bad=reading.bad,
+        devices=None if opened is None else tuple(path for path, is_open in opened.items() if is_open),
+        others=tuple(path or "one without a name" for path in others),
+        rivals=tuple(_told(its)[-1] for its in others.values() if _told(its)[-1].fixed),
+        device=device,
+        version=reading.version,
+        satellites=reading.satellites.get(device, reading.satellites.get("")),
+        hdop=reading.hdop.get(device, reading.hdop.get("")),
+        complaints=tuple(reading.complaints),
+        began=heard.began,
+        ended_s=heard.ended_s,
+    )
+
+
+def _told(reports: Sequence[Report]) -> tuple[Report, ...]:
+    """Leave out those that are not whole yet, unless there are no others."""
+    whole = tuple(one for one in reports if not one.fixed or one.latitude is not None or one.time is not None)
+    return whole if any(one.fixed for one in whole) else tuple(reports)
+
+
+def _parsed(line: bytes) -> dict[str, Any] | None:
+    try:
+        said = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return said if isinstance(said, dict) and isinstance(said.get("class"), str) else None
+
+
+def _report(at_s: float, said: Mapping[str, Any]) -> Report:
+    mode, status = said.get("mode"), said.get("status")
+    return Report(
+        at_s=at_s,
+        mode=mode if isinstance(mode, int) and not isinstance(mode, bool) else None,
+        latitude=_number(said.get("lat")),
+        longitude=_number(said.get("lon")),
+        time=_time(said.get("time")),
+        nature=_STATUS.get(status, Nature.MEASURED) if isinstance(status, int) else Nature.MEASURED,
+        eph_m=_number(said.get("eph")),
+        speed_m_s=_number(said.get("speed")),
+    )
+
+
+def _words(said: Mapping[str, Any], name: str) -> str:
+    """A text that is to be shown: of what a foreign program may send, so much and nothing that a terminal obeys."""
+    value = said.get(name)
+    return "".join(one if one.isprintable() else "?" for one in value[:_LONGEST]) if isinstance(value, str) else ""
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def _time(value: object) -> float | None:
+    if not isinstance(value, str) or not re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z", value):
+        return None
+    try:
+        return datetime.fromisoformat(value).timestamp()
+    except ValueError:
+        return None

@@ -1,0 +1,372 @@
+"""Whether positions are good enough to begin a test: there, of now, in the right place, and measured."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.gps.geodesy import distance_m, from_middle_m, meters, place
+from atlantis_netcfg.checklist.probes.gps.no_data import speechless
+from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import GpsDriver
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.checklist.probes.gps.record import Reception, Report, Wanted
+    from atlantis_netcfg.declaration.model import Geofence
+
+__all__ = ["clock_of", "clock_words", "judge"]
+
+POOR_EPH_M = 50.0
+"""gpsd makes it of the geometry, about 19 m for HDOP 1 without corrections: this is HDOP 3. Ours, not the report's."""
+POOR_HDOP, NO_HDOP = 4.0, 20.0
+"""From the second on the position says nothing; many receivers tell 99.99 where they have none."""
+LEAST_SATELLITES = 3
+"""Fewer give no position, not even in two dimensions."""
+FEWEST = 3
+"""Reports below which nobody can see whether they go on."""
+BAD_SHARE, WORST_SHARE = 0.05, 0.5
+"""More lines than this that are damaged: a bad cable, or two talkers on one line; from the half on nothing is sure."""
+CLOCK_S = 5.0
+"""A receiver's time may differ from the computer's by this much: serial lines and drivers take a second or two."""
+UNEVEN_S = 10.0
+"""So far may that difference change while we listen."""
+BACK_S = 0.5
+"""A time may go back by this much: sentences of one epoch round it otherwise."""
+ROLLOVER_S = 1024 * 7 * 86_400
+"""GPS counts weeks in ten bits: an old receiver is wrong by a multiple of this (IS-GPS-200)."""
+ZONE_S = 900
+"""Time zones differ by multiples of a quarter of an hour."""
+STANDS_S = 1.5
+"""gpsd and NMEA tell one position several times within a second; longer than this, its time stands still."""
+NULL_DEGREES = 1e-4
+"""Ten metres around 0, 0."""
+JUMP_M = 25.0
+SPEED_M_S = 15.0
+"""A position may move by this much more for each second: a vessel in tow, a UAV that is carried by car."""
+MOVES_M_S, MOVES_S = 1.0, 2.0
+"""Who moves at this speed for so long is somewhere else."""
+RIVAL_M = 100.0
+"""So far apart may two receivers of one vehicle be."""
+
+_Positions = list[tuple[float, float]]
+
+
+def judge(reception: Reception, wanted: Wanted) -> tuple[Finding, ...]:
+    """Give all findings; a source that is well in every respect has one, which passes."""
+    silent = speechless(reception, wanted)
+    if silent is not None:
+        return (silent,)
+    found = tuple(_found(reception, wanted))
+    return found or (_well(reception, wanted),)
+
+
+def _found(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    yield from _held(reception, wanted)
+    if reception.fixes:
+        yield from _dimensions(reception, wanted)
+        yield from _misplaced(reception, wanted)
+        yield from _mistimed(reception, wanted)
+        yield from _nature(reception, wanted)
+        yield from _quality(reception, wanted)
+    total = reception.good + reception.bad
+    if reception.bad > 1 and reception.bad > BAD_SHARE * total:
+        message = f"{reception.bad} of {total} lines from {wanted.end} are damaged"
+        verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
+        hint = "look at the cable, the baud rate, and for a second talker on the line"
+        yield Finding(verdict, "damaged", message, hint)
+
+
+def _held(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    """Whether there is a fix, and whether it stays."""
+    sky = Verdict.FAIL if wanted.clear_sky else Verdict.INCONCLUSIVE
+    roof = "" if wanted.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
+    count, needed = len(reception.fixes), wanted.reports
+    if not any(report.fixed for report in reception.reports):
+        message = f"{wanted.name}'s receiver works and has no fix{roof}"
+        yield Finding(
+            sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then look at its cable"
+        )
+    elif not count or (reception.losses and count < needed):
+        message = f"{wanted.name}'s receiver had a fix and lost it while we listened{roof}"
+        yield Finding(
+            sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
+        )
+    elif reception.losses:
+        message = f"{wanted.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
+        yield Finding(Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable")
+    elif count < needed and not reception.single and _stalled(reception, wanted) is None:
+        message = f"{count} of {needed} positions came in {reception.ended_s:.0f} s"
+        hint = "let the receiver report once a second, or repeat this item"
+        few = count < min(FEWEST, needed)
+        yield Finding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def _dimensions(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    if wanted.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
+        message = f"{wanted.name} has a 2D fix and flies: its height is not measured"
+        yield Finding(Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions")
+
+
+def _misplaced(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    """Judge where the fixes are; one that is impossible says so and nothing else."""
+    impossible = [one for one in reception.fixes if not one.possible]
+    if impossible:
+        where = place(impossible[0].latitude, impossible[0].longitude)
+        message = f"{wanted.name}'s receiver claims a fix at {where}, which is no position"
+        yield Finding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
+        return
+    positions = [_position(one) for one in reception.fixes]
+    if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
+        message = f"{wanted.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
+        yield Finding(
+            Verdict.FAIL, "position-null", message, "restart the driver; it must not claim a fix without a position"
+        )
+        return
+    yield from _jumps(reception.fixes, positions, wanted)
+    yield from _frozen(reception.fixes, positions, wanted)
+    yield from _rivals(reception, positions[-1], wanted)
+    if wanted.fence is not None:
+        yield from _outside(positions, wanted.fence, wanted)
+    else:
+        message = f"{wanted.name} is at {place(*positions[-1])}; nobody has declared where it should be"
+        yield Finding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
+
+
+def _position(report: Report) -> tuple[float, float]:
+    return report.latitude or 0.0, report.longitude or 0.0
+
+
+def _jumps(fixes: Sequence[Report], positions: _Positions, wanted: Wanted) -> Iterator[Finding]:
+    gaps = (then.at_s - one.at_s for one, then in pairwise(fixes))
+    steps = [(distance_m(*one, *then), gap) for (one, then), gap in zip(pairwise(positions), gaps, strict=True)]
+    wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
+    if wide:
+        message = f"{wanted.name}'s position jumps by {meters(max(wide))} from one report to the next"
+        yield Finding(
+            Verdict.FAIL,
+            "position-jumps",
+            message,
+            "move the antenna away from walls and water's edge, or wait for more satellites",
+        )
+
+
+def _frozen(fixes: Sequence[Report], positions: _Positions, wanted: Wanted) -> Iterator[Finding]:
+    """A driver that repeats a position while time and speed go on."""
+    speeds = [one.speed_m_s for one in fixes]
+    lasted_s = fixes[-1].at_s - fixes[0].at_s
+    if lasted_s < MOVES_S or len(set(positions)) > 1 or any(one is None or one < MOVES_M_S for one in speeds):
+        return
+    speed = min(one for one in speeds if one is not None)
+    message = f"{wanted.name}'s position stands still while its speed is {speed:.1f} m/s"
+    yield Finding(Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had")
+
+
+def _rivals(reception: Reception, position: tuple[float, float], wanted: Wanted) -> Iterator[Finding]:
+    """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
+    apart = [distance_m(*position, *_position(one)) for one in reception.rivals if one.possible]
+    if apart and max(apart) > RIVAL_M:
+        message = f"two positions come from {wanted.end}, {meters(max(apart))} apart: which is {wanted.name}'s?"
+        hint = "give each receiver a port of its own, and declare the one that the vehicle uses"
+        yield Finding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
+
+
+def _outside(positions: _Positions, fence: Geofence, wanted: Wanted) -> Iterator[Finding]:
+    outside = [one for one in positions if from_middle_m(fence, *one) > fence.radius_m]
+    if not outside:
+        return
+    far = max(outside, key=lambda one: from_middle_m(fence, *one))
+    if all(_inside(fence, longitude, latitude) for latitude, longitude in outside):
+        told = f"{place(*far)} lies in the geofence the other way round"
+        message = f"{wanted.name}'s latitude and longitude are swapped: {told}"
+        hint = (
+            "mend the driver or the converter that exchanges them: latitude comes first, longitudes west are negative"
+        )
+        yield Finding(Verdict.FAIL, "position-swapped", message, hint)
+        return
+    away = meters(from_middle_m(fence, *far))
+    message = f"{wanted.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
+    yield Finding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
+
+
+def _inside(fence: Geofence, latitude: float, longitude: float) -> bool:
+    return abs(latitude) <= 90 and from_middle_m(fence, latitude, longitude) <= fence.radius_m  # noqa: PLR2004 - the poles
+
+
+def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
+    if _inside(fence, latitude, -longitude):
+        return "the sign of the longitude is lost: west is negative; mend the driver or the converter"
+    if _inside(fence, -latitude, longitude):
+        return "the sign of the latitude is lost: south is negative; mend the driver or the converter"
+    return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
+
+
+def _mistimed(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
+    stale = _stalled(reception, wanted)
+    if stale is not None:
+        yield stale
+        return
+    if all(one.time is None for one in reception.fixes):
+        hint = "let the receiver send RMC or ZDA as well"
+        if all(one.of_day is None for one in reception.fixes):
+            message = f"{wanted.name}'s positions have no time: nobody can tell whether they are of now"
+            yield Finding(Verdict.INCONCLUSIVE, "no-time", message, hint)
+        else:
+            message = f"{wanted.name}'s positions have a time and no date: GGA and GLL have none"
+            yield Finding(Verdict.WARN, "no-date", message, hint)
+    back_s = max((_back_s(one, then) for one, then in pairwise(reception.fixes)), default=0.0)
+    if back_s > BACK_S:
+        message = f"{wanted.name}'s time goes back by {_span(back_s)} from one position to the next"
+        hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
+        yield Finding(Verdict.FAIL, "time-goes-back", message, hint)
+        return
+    yield from _clock(reception, wanted)
+
+
+def _back_s(one: Report, then: Report) -> float:
+    if one.time is not None and then.time is not None:
+        return one.time - then.time
+    if one.of_day is not None and then.of_day is not None:
+        return at_day(one.of_day - then.of_day)
+    return 0.0
+
+
+def _stalled(reception: Reception, wanted: Wanted) -> Finding | None:
+    """Say that the last fix is old, because no more came or the same is told again and again."""
+    fixes = reception.fixes
+    gaps = [then.at_s - one.at_s for one, then in pairwise(fixes)]
+    age_s = reception.ended_s - fixes[-1].at_s
+    # Whoever reports rarely is late between two reports, and is told that it is slow.
+    if age_s > wanted.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
+        message = f"{wanted.name}'s last position is {age_s:.0f} s old: no more came"
+        return Finding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
+    first = len(fixes) - 1
+    while first and fixes[first - 1].stamp == fixes[-1].stamp is not None:
+        first -= 1
+    repeats = len(fixes) - first
+    if repeats < min(3, wanted.reports):
+        return None
+    if repeats >= wanted.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
+        message = f"{wanted.name}'s receiver tells the same position again and again: its time stands still"
+        return Finding(Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last")
+    return None
+
+
+def _clock(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
+    ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
+    whose = clock_of(reception, wanted)
+    if ahead_s is None:
+        if any(one.stamp is not None for one in reception.fixes):
+            message = f"nobody has compared the time of {wanted.name}'s receiver with a clock"
+            yield Finding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
+        return
+    if uneven_s > UNEVEN_S:
+        message = f"{wanted.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
+        hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
+        yield Finding(Verdict.FAIL, "time-uneven", message, hint)
+        return
+    if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
+        return
+    message = f"{wanted.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
+    verdict = Verdict.FAIL if ahead_s < 0 else Verdict.INCONCLUSIVE
+    hint = f"see which of the two is wrong: compare both with a third clock, {whose} with its time server"
+    if _multiple(ahead_s, ROLLOVER_S):
+        verdict = Verdict.INCONCLUSIVE
+        hint = (
+            "if its week number has rolled over, its positions are right all the same, and it needs newer firmware: "
+            "compare one with the map, and override this with that reason"
+        )
+    elif _zone(ahead_s):
+        verdict = Verdict.INCONCLUSIVE
+        hint = "one of them runs in a time zone (receivers and computers keep UTC here), or an old log is replayed"
+    elif abs(ahead_s) > DAY_S:
+        hint = f"see whether a recorded log is replayed to its port; else compare {whose} with a third clock"
+    yield Finding(verdict, "clock-differs", message, hint)
+
+
+def clock_of(reception: Reception, wanted: Wanted) -> str:
+    """Whose clock the receiver's time was compared with: a router is asked, and the time of its answer is ours."""
+    return "this computer" if reception.single else wanted.place
+
+
+def _zone(ahead_s: float) -> bool:
+    return abs(ahead_s) <= 14 * 3600 + CLOCK_S and _multiple(ahead_s, ZONE_S)
+
+
+def _multiple(value: float, of: float) -> bool:
+    return round(value / of) != 0 and abs(value - of * round(value / of)) <= CLOCK_S
+
+
+def _span(seconds: float) -> str:
+    for unit_s, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * unit_s:
+            return f"{seconds / unit_s:.0f} {unit}"
+    return f"{seconds:.1f} s"
+
+
+def clock_words(ahead_s: float) -> str:
+    """`3.2 s behind`, `2 h ahead of`."""
+    return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
+
+
+def _nature(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    """How the positions came about: one that is not measured is enough to say so."""
+    natures = {one.nature for one in reception.fixes}
+    nature = next((one for one in _NATURES if one in natures), None)
+    if nature is not None:
+        verdict, hint = _NATURES[nature]
+        code = f"position-{nature.name.lower().replace('_', '-')}"
+        yield Finding(verdict, code, f"{wanted.name}'s position is {nature}, not measured", hint)
+        return
+    count = reception.satellites
+    if count is not None and count < LEAST_SATELLITES:
+        message = f"{wanted.name}'s receiver claims a fix of {count} satellites: {LEAST_SATELLITES} are the fewest"
+        hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
+        # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
+        verdict = Verdict.WARN if wanted.driver is GpsDriver.GPSD else Verdict.FAIL
+        yield Finding(verdict, "no-satellites", message, hint)
+
+
+_NATURES = {
+    Nature.SIMULATED: (Verdict.FAIL, "stop the simulator, or the replayed log, that feeds the receiver's port"),
+    Nature.MANUAL: (
+        Verdict.INCONCLUSIVE,
+        "take the receiver out of its fixed-position mode; of a mast that was surveyed, override this with that reason",
+    ),
+    Nature.DEAD_RECKONING: (Verdict.WARN, "bring the antenna under an open sky: satellites are not used now"),
+}
+"""Worst first."""
+
+
+def _quality(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+    eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
+    hint = "wait for more satellites, or clear the antenna's view"
+    # Written so that what is no number is poor, too.
+    if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
+        nothing = wanted.fence is not None and not 0 <= eph_m <= wanted.fence.radius_m
+        message = f"{wanted.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
+        yield Finding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
+    elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
+        message = f"{wanted.name}'s satellites stand badly: HDOP {hdop:.1f}"
+        verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
+        yield Finding(verdict, "position-uncertain", message, hint)
+
+
+def _well(reception: Reception, wanted: Wanted) -> Finding:
+    last = reception.fixes[-1]
+    count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
+    where = place(last.latitude, last.longitude)
+    if wanted.fence is not None and last.latitude is not None and last.longitude is not None:
+        where += (
+            f", {meters(from_middle_m(wanted.fence, last.latitude, last.longitude))} from the middle of the geofence"
+        )
+    return Finding(Verdict.PASS, "fix", f"{wanted.name} has a {last.mode}D fix{count} at {where}")

@@ -1,0 +1,256 @@
+"""NMEA 0183 sentences of any talker (GP, GN, GL …): GGA, GNS, RMC, GLL, GSA and ZDA, those of one epoch put together.
+
+GGA, GNS and GLL have a time of day and no date; RMC and GLL do not tell whether a fix has three dimensions, which GSA
+does, and so does an altitude in GGA. A receiver of several systems sends a GSA for each: the best of an epoch counts,
+as it does for gpsd. A sentence counts when its checksum is right and not otherwise. Ship multiplexers put a TAG block
+in front (NMEA 0183 4.00): its source tells receivers apart.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Report, lines
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.checklist.probes.results import Transcript
+
+__all__ = ["checksum", "enough", "read", "sentence"]
+
+_FRAME = re.compile(rb"[$!]([\x20-\x23\x25-\x29\x2b-\x7e]{1,200})\*([0-9A-Fa-f]{2})\s*")
+_TAG = re.compile(rb"\\([\x20-\x29\x2b-\x5b\x5d-\x7e]{0,200})\*([0-9A-Fa-f]{2})\\")
+_NUMBER = re.compile(r"-?\d{1,12}(?:\.\d{1,12})?|-?\.\d{1,12}")
+_QUALITY = {6: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}
+_INDICATOR = {"E": Nature.DEAD_RECKONING, "M": Nature.MANUAL, "S": Nature.SIMULATED}
+_CENTURY = 80
+"""Two digits below it are years after 2000."""
+_KNOT_M_S = 1852 / 3600
+
+
+def checksum(body: bytes) -> int:
+    """All bytes between `$` and `*`, exclusive or."""
+    found = 0
+    for byte in body:
+        found ^= byte
+    return found
+
+
+def sentence(line: bytes) -> list[str] | None:
+    """The fields of a sentence, its address field first; None: it is none, or its checksum is wrong."""
+    framed = _FRAME.fullmatch(line)
+    if framed is None or checksum(framed[1]) != int(framed[2], 16):
+        return None
+    return framed[1].decode("ascii").split(",")
+
+
+def _untagged(line: bytes, before: str) -> tuple[bytes, str] | None:
+    r"""Take `\s:source*hh\` off; `before`: the source before, for lines of a group. None: its checksum is wrong."""
+    if not line.startswith(b"\\"):
+        return line, ""
+    tag = _TAG.match(line)
+    if tag is None or checksum(tag[1]) != int(tag[2], 16):
+        return None
+    named = re.search(r"(?:^|,)s:([^,]{1,40})", tag[1].decode("ascii"))
+    return line[tag.end() :], named[1] if named else before
+
+
+def enough(reports: int) -> bytes:
+    """What ends the listening early: so many RMC with a fix in a row whose time goes on, or twice as many."""
+    tag = rb"(?:\\[^\\\n]*\\)?"
+    rmc, others = tag + rb"\$..RMC,%s[^\n]*\n", rb"(?:(?!" + tag + rb"\$..RMC,)[^\n]*\n)*"
+    first, same, later = rmc % rb"(?P<first>[^,\n]*),A", rmc % rb"[^,\n]*,A", rmc % rb"(?!(?P=first),)[^,\n]*,A"
+    fixes = first + (others + same) * (reports - 2) + others + later
+    many = rb"(?:" + tag + rb"\$..%s,[^\n]*\n(?:(?!" + tag + rb"\$..%s,)[^\n]*\n)*){%d}"
+    any_kind = rb"|".join(many % (kind, kind, 2 * reports) for kind in (rb"RMC", rb"GGA", rb"GLL"))
+    return rb"(?m)^(?:%s|%s)" % (fixes, any_kind)
+
+
+@dataclass
+class _Epochs:
+    """Sentences of one time go together until another time comes, or the same kind of sentence again."""
+
+    reports: list[Report] = field(default_factory=list)
+    open: Report | None = None
+    kinds: set[str] = field(default_factory=set)
+    void: bool = False
+    """A sentence of this epoch says that there is no fix."""
+    dimensions: int | None = None
+    """Of the best GSA since the last epoch was closed, else of the epochs before."""
+    fresh: bool = False
+    """Whether one has come since."""
+    satellites: int | None = None
+    hdop: float | None = None
+    date: str = ""
+    """Of the last ZDA, for sources without RMC."""
+    doubles: list[Report] = field(default_factory=list)
+    """Other positions that were told of an epoch: receivers round them differently, and no more."""
+
+    def take(self, at_s: float, fields: Sequence[str]) -> None:
+        kind = fields[0][2:] if len(fields[0]) == _ADDRESS else ""
+        padded = [*fields, *[""] * 20]
+        if kind in _POSITIONS:
+            time = padded[5] if kind == "GLL" else padded[1]
+            getattr(self, f"_{kind.lower()}")(self._epoch(at_s, kind, time), padded)
+        elif kind == "GSA":
+            self._gsa(int(padded[2]) if padded[2] in {"1", "2", "3"} else None)
+        elif kind == "ZDA" and all(part.isdecimal() for part in padded[2:5]):
+            self.date = f"{padded[2]:0>2}{padded[3]:0>2}{padded[4][-2:]}"
+
+    def _epoch(self, at_s: float, kind: str, time: str) -> Report:
+        of_day = _of_day(time)
+        if self.open is None or kind in self.kinds or of_day != self.open.of_day:
+            self.close()
+            self.open = Report(at_s, of_day=of_day)
+        self.kinds.add(kind)
+        return replace(self.open, at_s=at_s)
+
+    def _gsa(self, told: int | None) -> None:
+        best = max(told or 0, self.dimensions or 0) if self.fresh else told or 0
+        self.dimensions, self.fresh = best or None, True
+
+    def _gga(self, report: Report, fields: Sequence[str]) -> None:
+        quality = int(fields[6]) if re.fullmatch(r"\d", fields[6]) else None
+        if not quality:
+            self.void = self.void or quality == 0
+            self.open = report
+            return
+        self._used(fields[7:9])
+        three = 3 if _number(fields[9]) is not None else 2
+        self.open = replace(self._placed(report, fields[2:6]), mode=three, nature=_QUALITY.get(quality, report.nature))
+
+    def _gns(self, report: Report, fields: Sequence[str]) -> None:
+        """One mode indicator for each system; `N`: it is not used."""
+        used = fields[6].replace("N", "")
+        if not used:
+            self.void = self.void or bool(fields[6])
+            self.open = report
+            return
+        self._used(fields[7:9])
+        three = 3 if _number(fields[9]) is not None else 2
+        nature = next((_INDICATOR[one] for one in "SME" if one in used), report.nature)
+        self.open = replace(self._placed(report, fields[2:6]), mode=three, nature=nature)
+
+    def _used(self, fields: Sequence[str]) -> None:
+        """How many satellites, and how they stand."""
+        used = _number(fields[0])
+        self.satellites = int(used) if used is not None else self.satellites
+        self.hdop = _number(fields[1]) or self.hdop
+
+    def _rmc(self, report: Report, fields: Sequence[str]) -> None:
+        dated = replace(report, time=_dated(fields[9], report.of_day))
+        knots = _number(fields[7])
+        speed = None if knots is None else knots * _KNOT_M_S
+        self._flagged(replace(dated, speed_m_s=speed), fields[2], fields[12], fields[3:7])
+
+    def _gll(self, report: Report, fields: Sequence[str]) -> None:
+        self._flagged(report, fields[6], fields[7], fields[1:5])
+
+    def _flagged(self, report: Report, status: str, indicator: str, place: Sequence[str]) -> None:
+        """Take in a sentence that says `A` or `V`, and perhaps how the position came about."""
+        self.void = self.void or status == "V" or indicator == "N"
+        if status != "A":
+            self.open = report
+            return
+        nature = _INDICATOR.get(indicator, report.nature)
+        self.open = replace(self._placed(report, place), mode=max(report.mode or 2, 2), nature=nature)
+
+    def _placed(self, report: Report, fields: Sequence[str]) -> Report:
+        placed = _placed(report, fields)
+        if report.latitude is not None and placed != report:
+            self.doubles.append(report)
+        return placed
+
+    def close(self) -> None:
+        """Take the epoch that is open as whole."""
+        if self.open is not None:
+            self.reports.append(self._whole(self.open))
+        self.open, self.kinds, self.void, self.fresh = None, set(), False, False
+        # GSA may come more rarely than positions: that there was no fix is over with its epoch.
+        self.dimensions = None if self.dimensions == 1 else self.dimensions
+
+    def _whole(self, report: Report) -> Report:
+        if self.void or self.dimensions == 1:
+            return replace(report, mode=1)
+        mode = report.mode if report.mode is None or self.dimensions is None else self.dimensions
+        time = report.time if report.time is not None else _dated(self.date, report.of_day)
+        return replace(report, mode=mode, time=time)
+
+
+_ADDRESS = 5
+"""Two letters of the talker, three of the sentence."""
+_POSITIONS = frozenset({"GGA", "GNS", "RMC", "GLL"})
+
+
+def read(heard: Transcript) -> Reception:
+    """Understand a stream of sentences, from wherever in one it begins; of several sources the one with most fixes."""
+    sources: dict[str, _Epochs] = {}
+    good = bad = 0
+    source = ""
+    for number, (at_s, line) in enumerate(lines(heard)):
+        plain = _untagged(line, source)
+        fields = None if plain is None else sentence(plain[0])
+        if plain is not None and fields is not None:
+            good += 1
+            source = plain[1]
+            sources.setdefault(source, _Epochs()).take(at_s, fields)
+        elif number and line.strip():
+            # The first line is cut where the listening began.
+            bad += 1
+    for one in sources.values():
+        one.close()
+    device, epochs = max(sources.items(), key=lambda one: sum(r.fixed for r in one[1].reports), default=("", _Epochs()))
+    others = {name: one for name, one in sources.items() if name != device and one.reports}
+    return Reception(
+        reports=tuple(epochs.reports),
+        understood=good > 0,
+        heard_bytes=len(heard.data),
+        good=good,
+        bad=bad,
+        others=tuple(name or "one without a name" for name in others),
+        rivals=(*epochs.doubles, *(one.reports[-1] for one in others.values() if one.reports[-1].fixed)),
+        device=device,
+        satellites=epochs.satellites,
+        hdop=epochs.hdop,
+        began=heard.began,
+        ended_s=heard.ended_s,
+    )
+
+
+def _number(text: str) -> float | None:
+    return float(text) if _NUMBER.fullmatch(text) else None
+
+
+def _of_day(text: str) -> float | None:
+    found = re.fullmatch(r"(\d\d)(\d\d)(\d\d(?:\.\d{1,9})?)", text)
+    return int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3]) if found else None
+
+
+def _dated(text: str, of_day: float | None) -> float | None:
+    found = re.fullmatch(r"(\d\d)(\d\d)(\d\d)", text)
+    if found is None or of_day is None:
+        return None
+    day, month, year = (int(part) for part in found.groups())
+    try:
+        midnight = datetime(year + (2000 if year < _CENTURY else 1900), month, day, tzinfo=UTC)
+    except ValueError:
+        return None
+    return (midnight + timedelta(seconds=of_day)).timestamp()
+
+
+def _placed(report: Report, fields: Sequence[str]) -> Report:
+    latitude = _degrees(fields[0], fields[1], 2, "N", "S")
+    longitude = _degrees(fields[2], fields[3], 3, "E", "W")
+    return replace(report, latitude=latitude, longitude=longitude)
+
+
+def _degrees(text: str, hemisphere: str, digits: int, plus: str, minus: str) -> float | None:
+    found = re.fullmatch(rf"(\d{{{digits}}})(\d\d(?:\.\d{{1,12}})?)", text, re.ASCII)
+    if found is None or hemisphere not in {plus, minus}:
+        return None
+    value = int(found[1]) + float(found[2]) / 60
+    return value if hemisphere == plus else -value

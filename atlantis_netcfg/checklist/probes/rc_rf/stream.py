@@ -1,0 +1,242 @@
+"""A MAVLink stream (version 1 or 2) as it arrives by UDP: heartbeats, remote control channels, state of the receiver.
+
+Names of messages and fields: MAVLink common message set, as pymavlink has it. RADIO_STATUS is the telemetry radio and
+not the remote control: it is not read. Anybody may claim any system id, so that the sender's address and the component
+count as well. Frames are only received here, and nothing is ever made to be sent.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.checklist.probes.results import Transcript
+
+__all__ = ["RC_RECEIVER", "RSSI_UNKNOWN", "Beat", "Channels", "Heard", "Receiver", "System", "enough", "read"]
+
+RSSI_UNKNOWN = 255
+RC_RECEIVER = 0x10000
+"""MAV_SYS_STATUS_SENSOR_RC_RECEIVER."""
+_ARMED = 0x80
+"""MAV_MODE_FLAG_SAFETY_ARMED."""
+_GROUND_STATION = 6
+"""MAV_TYPE_GCS."""
+_NO_AUTOPILOT = 8
+"""MAV_AUTOPILOT_INVALID: a camera, a companion computer."""
+_UNUSED = 0xFFFF
+"""UINT16_MAX: the channel is not used."""
+_AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1; a camera, a gimbal or a companion computer has another one."""
+_OVERRIDES = frozenset({"RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL"})
+"""With these a ground station takes the place of the remote control."""
+_SET_S = 1_577_836_800
+"""2020: an autopilot whose clock nobody has set is before."""
+_CHANNELS = 18
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """A HEARTBEAT of an autopilot."""
+
+    at_s: float
+    armed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Channels:
+    """An RC_CHANNELS."""
+
+    at_s: float
+    count: int
+    """`chancount`: 0 is none."""
+    values: tuple[int | None, ...]
+    """Microseconds of those that count; None: not used."""
+    boot_ms: int
+    """When it was made, by the autopilot's own count since it was started."""
+    rssi: int
+    """0 to 254 in a scale of this very vehicle; 255: not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Receiver:
+    """What a SYS_STATUS says of the remote control's receiver."""
+
+    present: bool
+    enabled: bool
+    healthy: bool
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """All that the autopilot of one system id has said, from the address that is believed."""
+
+    beats: tuple[Beat, ...] = ()
+    channels: tuple[Channels, ...] = ()
+    receiver: tuple[Receiver, ...] = ()
+    ahead_s: tuple[float, ...] = ()
+    """How far its clock was ahead of the listener's, whenever it told a time."""
+    overrides: int = 0
+    """Channels that somebody has sent to it in place of its remote control."""
+    components: tuple[int, ...] = ()
+    """Those with a heartbeat that are not the autopilot."""
+    senders: tuple[str, ...] = ()
+    """Addresses that have spoken as its autopilot, also those that are not believed."""
+    armed: bool = False
+    """Anybody has said so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """All that was understood."""
+
+    systems: Mapping[int, System] = field(default_factory=dict)
+    good: int = 0
+    bad: int = 0
+    """Pieces that are no frame, or have a wrong checksum."""
+    versions: tuple[int, ...] = ()
+    """Of MAVLink."""
+    heard_bytes: int = 0
+    ended_s: float = 0.0
+
+    @property
+    def autopilots(self) -> tuple[int, ...]:
+        """System ids with an autopilot's heartbeat, wherever it came from."""
+        return tuple(sorted(number for number, system in self.systems.items() if system.senders))
+
+
+@dataclass
+class _Said:
+    """One system, while the stream is read."""
+
+    beats: list[Beat] = field(default_factory=list)
+    channels: list[Channels] = field(default_factory=list)
+    receiver: list[Receiver] = field(default_factory=list)
+    ahead_s: list[float] = field(default_factory=list)
+    overrides: int = 0
+    components: set[int] = field(default_factory=set)
+    senders: set[str] = field(default_factory=set)
+    armed: bool = False
+
+    def take(self, at_s: float, began: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types for them
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self.beats.append(Beat(at_s, bool(message.base_mode & _ARMED)))
+        elif kind == "RC_CHANNELS":
+            self.channels.append(_channels(at_s, message))
+        elif kind == "SYS_STATUS":
+            self.receiver.append(_receiver(message))
+        elif kind == "SYSTEM_TIME" and message.time_unix_usec / 1e6 > _SET_S:
+            self.ahead_s.append(message.time_unix_usec / 1e6 - (began + at_s))
+
+    def whole(self) -> System:
+        return System(
+            tuple(self.beats),
+            tuple(self.channels),
+            tuple(self.receiver),
+            tuple(self.ahead_s),
+            self.overrides,
+            tuple(sorted(self.components)),
+            tuple(sorted(self.senders)),
+            self.armed,
+        )
+
+
+@dataclass
+class _Reading:
+    began: float
+    address: str | None
+    """Whose datagrams are believed; None: everybody's."""
+    said: dict[int, _Said] = field(default_factory=dict)
+    versions: set[int] = field(default_factory=set)
+    good: int = 0
+    bad: int = 0
+
+    def take(self, at_s: float, sender: str, message: Any) -> None:  # noqa: ANN401 - as above
+        kind = message.get_type()
+        if kind == "BAD_DATA":
+            self.bad += 1
+            return
+        self.good += 1
+        if kind.startswith("UNKNOWN"):
+            return
+        self.versions.add(1 if message.get_msgbuf()[0] == _MAVLINK_1 else 2)
+        if kind in _OVERRIDES:
+            self._of(message.target if kind == "MANUAL_CONTROL" else message.target_system).overrides += 1
+            return
+        one = self._of(message.get_srcSystem())
+        if kind == "HEARTBEAT" and not self._beats(one, sender, message):
+            return
+        if message.get_srcComponent() == _AUTOPILOT and self.address in {None, sender}:
+            one.take(at_s, self.began, message)
+
+    def _of(self, number: int) -> _Said:
+        return self.said.setdefault(number, _Said())
+
+    @staticmethod
+    def _beats(one: _Said, sender: str, message: Any) -> bool:  # noqa: ANN401 - as above
+        """Note whose heartbeat it is; False: no autopilot's."""
+        if message.type == _GROUND_STATION or message.autopilot == _NO_AUTOPILOT:
+            return False
+        one.armed = one.armed or bool(message.base_mode & _ARMED)
+        if message.get_srcComponent() != _AUTOPILOT:
+            one.components.add(message.get_srcComponent())
+            return False
+        one.senders.add(sender)
+        return True
+
+
+_MAVLINK_1 = 0xFE
+
+
+def read(heard: Transcript, address: str | None = None) -> Heard:
+    """Understand the datagrams, also where frames go over their borders. Raises nothing.
+
+    `address`: whose datagrams are believed; what others say tells no more than that they are there, or are armed.
+    """
+    # Takes a twentieth of a second to load, and only who has a vehicle with an autopilot needs it.
+    from pymavlink.dialects.v20 import common  # noqa: PLC0415
+
+    parsers: dict[str, Any] = {}
+    reading = _Reading(heard.began, address)
+    known = len(heard.senders) == len(heard.chunks)
+    senders = heard.senders if known else ("",) * len(heard.chunks)
+    for (at_s, data), sender in zip(heard.chunks, senders, strict=True):
+        if sender not in parsers:
+            parsers[sender] = common.MAVLink(None)
+            parsers[sender].robust_parsing = True
+        for message in parsers[sender].parse_buffer(data) or ():
+            reading.take(at_s, sender, message)
+    systems = {number: reading.said[number].whole() for number in sorted(reading.said)}
+    versions = tuple(sorted(reading.versions))
+    return Heard(systems, reading.good, reading.bad, versions, len(heard.data), heard.ended_s)
+
+
+def _channels(at_s: float, message: Any) -> Channels:  # noqa: ANN401 - as above
+    count = min(int(message.chancount), _CHANNELS)
+    raw = (int(getattr(message, f"chan{number}_raw")) for number in range(1, count + 1))
+    values = tuple(None if value == _UNUSED else value for value in raw)
+    return Channels(at_s, count, values, int(message.time_boot_ms), int(message.rssi))
+
+
+def _receiver(message: Any) -> Receiver:  # noqa: ANN401 - as above
+    return Receiver(
+        bool(message.onboard_control_sensors_present & RC_RECEIVER),
+        bool(message.onboard_control_sensors_enabled & RC_RECEIVER),
+        bool(message.onboard_control_sensors_health & RC_RECEIVER),
+    )
+
+
+def enough(system: int) -> bytes:
+    """What ends the listening early: two heartbeats, five times the channels and one state of the autopilot."""
+    heartbeat, status, channels = (_frame(system, number) for number in (0, 1, 65))
+    return rb"(?s)\A(?=(?:.*?%s){2})(?=(?:.*?%s){5})(?=.*?%s)" % (heartbeat, channels, status)
+
+
+def _frame(system: int, message: int) -> bytes:
+    """The header of a frame: MAVLink 2 has four bytes between mark and system, MAVLink 1 two."""
+    sender, number = re.escape(bytes([system, _AUTOPILOT])), re.escape(bytes([message]))
+    return rb"(?:\xfd.{4}%s%s\x00\x00|\xfe.{2}%s%s)" % (sender, number, sender, number)

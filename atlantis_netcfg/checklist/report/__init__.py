@@ -1,0 +1,52 @@
+"""The pre-test checklist as a document, and the pages that are made from it.
+
+One document of plain data holds all that was found, by whom and on what evidence; it is what `--json` prints, what
+is stored and what is signed. Every page (HTML, PDF, JUnit XML, lines for a console) is a pure function of that
+document, so no page can say what was not signed.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.checklist.report._console import lines
+from atlantis_netcfg.checklist.report._pages import pages
+from atlantis_netcfg.checklist.report._svg import drawing_svg
+from atlantis_netcfg.checklist.report.document import (
+    Change,
+    Document,
+    Drawing,
+    DrawnLink,
+    DrawnNode,
+    Evidence,
+    EvidenceType,
+    Finding,
+    Item,
+    Kind,
+    LeftOut,
+    Override,
+    Phase,
+    Row,
+    Signature,
+    SinceGreen,
+)
+
+__all__ = [
+    "Change",
+    "Document",
+    "Drawing",
+    "DrawnLink",
+    "DrawnNode",
+    "Evidence",
+    "EvidenceType",
+    "Finding",
+    "Item",
+    "Kind",
+    "LeftOut",
+    "Override",
+    "Phase",
+    "Row",
+    "Signature",
+    "SinceGreen",
+    "drawing_svg",
+    "lines",
+    "pages",
+]

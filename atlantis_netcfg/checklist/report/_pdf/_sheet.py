@@ -1,0 +1,169 @@
+"""Paper: fonts, margins, head and foot of each page, and the few ways in which words get onto it."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from fpdf import FPDF
+from fpdf.enums import XPos, YPos
+from fpdf.fonts import TTFFont
+
+from atlantis_netcfg.checklist.report._colours import TINTS
+from atlantis_netcfg.checklist.report._states import SYMBOLS
+from atlantis_netcfg.checklist.report._words import signed
+from atlantis_netcfg.core.printable import visible
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.checklist.report._states import State
+    from atlantis_netcfg.checklist.report.document import Document, Item
+
+__all__ = ["BODY", "SMALL", "Sheet", "printable", "rgb"]
+
+FAMILY = "DejaVu"
+_FONTS = {"": "DejaVuSans.ttf", "B": "DejaVuSans-Bold.ttf"}
+BODY, SMALL = 9.5, 8.0
+_MARGIN = 14.0
+_PAGES = "⌘⌘"
+"""Stands for the number of pages until it is known; `printable` lets nobody else write it."""
+_FAINT = (75, 88, 99)
+
+
+def _with_fonts(paper: FPDF) -> None:
+    folder = resources.files("atlantis_netcfg.checklist.report") / "fonts"
+    for style, name in _FONTS.items():
+        with resources.as_file(folder / name) as path:
+            paper.add_font(FAMILY, style, path)
+
+
+@cache
+def _glyphs() -> frozenset[int]:
+    """What both fonts can print."""
+    paper = FPDF()
+    _with_fonts(paper)
+    every = [frozenset(font.cmap) for font in _fonts(paper)]
+    for font in _fonts(paper):
+        font.close()
+    return frozenset.intersection(*every) - frozenset(map(ord, _PAGES))
+
+
+def _fonts(paper: FPDF) -> list[TTFFont]:
+    return [font for font in paper.fonts.values() if isinstance(font, TTFFont)]
+
+
+def printable(text: str) -> str:
+    """Text as the fonts can print it: a character that they lack is written as `U+1F600`, none is dropped."""
+    known = _glyphs()
+    shown = visible(text).replace("\t", " ")
+    return "".join(one if ord(one) in known or one == "\n" else f"U+{ord(one):04X}" for one in shown)
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """`#0a5226` in numbers."""
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
+
+
+class Sheet(FPDF):
+    """Pages of one document; lengths are millimetres, sizes of letters points."""
+
+    def __init__(self, document: Document) -> None:
+        super().__init__(format="A4")
+        self.set_margin(_MARGIN)
+        self.set_auto_page_break(True, 16)
+        self.set_creation_date(document.ended or document.started)
+        self.set_title(printable(f"Checklist of {document.title}, run {document.run}"))
+        self.set_creator(printable(f"atlantis-netcfg {document.tool}"))
+        self.set_lang("en")
+        self.alias_nb_pages(_PAGES)
+        _with_fonts(self)
+        self._document = document
+        self._links_to = {id(item): self.add_link(page=1) for item in document.items}
+        self.plain()
+
+    def written(self) -> bytes:
+        """All pages; the sheet is used up then."""
+        try:
+            return bytes(self.output())
+        finally:
+            for font in _fonts(self):
+                font.close()
+
+    def header(self) -> None:
+        """Site, run and digest on every page, so that one that was torn off is known."""
+        document = self._document
+        digest = f"digest {document.signed.digest}" if document.signed is not None else "NOT SIGNED"
+        rehearsed = "REHEARSED, nothing real was checked; " if document.rehearsed else ""
+        self.plain(6.5, faint=True)
+        self.say(f"{document.site}, run {document.run}; {rehearsed}{digest}")
+        self.set_draw_color(150)
+        self.line(self.l_margin, self.y + 0.5, self.w - self.r_margin, self.y + 0.5)
+        self.set_y(self.y + 3)
+
+    def footer(self) -> None:
+        """The number of the page."""
+        self.set_y(-12)
+        self.plain(7, faint=True)
+        self.cell(0, 4, printable(signed(self._document))[:90])
+        self.set_x(self.l_margin)
+        self.cell(0, 4, f"page {self.page_no()} of {_PAGES}", align="R")
+
+    def plain(self, size: float = BODY, *, bold: bool = False, faint: bool = False) -> None:
+        """Letters from here on."""
+        self.set_font(FAMILY, "B" if bold else "", size)
+        self.set_text_color(*(_FAINT if faint else (0, 0, 0)))
+
+    def say(self, text: str, *, indent: float = 0.0) -> None:
+        """A paragraph, broken where the paper ends."""
+        self.set_x(self.l_margin + indent)
+        height = self.font_size * 1.35
+        self.multi_cell(0, height, printable(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+
+    def tell(
+        self, text: str, *, size: float = BODY, bold: bool = False, faint: bool = False, indent: float = 0
+    ) -> None:
+        """A paragraph in letters of its own."""
+        self.plain(size, bold=bold, faint=faint)
+        self.say(text, indent=indent)
+
+    def head(self, text: str, *, size: float = 13.0, room: float = 40.0) -> None:
+        """A heading; it does not stand alone at the end of a page."""
+        self.room(room)
+        self.set_y(self.y + 4)
+        self.tell(text, size=size, bold=True)
+        self.set_draw_color(150)
+        self.line(self.l_margin, self.y + 0.6, self.w - self.r_margin, self.y + 0.6)
+        self.set_y(self.y + 2)
+
+    def room(self, height: float) -> None:
+        """Begin a new page unless there is so much room."""
+        if self.will_page_break(height):
+            self.add_page()
+
+    def tint(self, state: State | None) -> None:
+        """The colours of a state, and an edge that tells it on black and white paper."""
+        tint = TINTS[state]
+        self.set_text_color(*rgb(tint.ink))
+        self.set_fill_color(*rgb(tint.paper))
+        self.set_draw_color(*rgb(tint.edge))
+
+    def badge(self, state: State, words: str, *, link: int | None = None) -> None:
+        """A state in a box; what follows stands beside it."""
+        self.plain(SMALL, bold=True)
+        self.tint(state)
+        text = printable(f"{SYMBOLS[state]} {words}")
+        width = self.get_string_width(text) + 4
+        self.cell(width, 5, text, border=1, fill=True, align="C", link=link or "")
+        self.set_x(self.x + 2)
+
+    def titled(self, state: State, words: str, text: str, *, link: int | None = None) -> None:
+        """A badge, and beside it the words that it is about."""
+        self.badge(state, words, link=link)
+        self.plain(BODY, bold=True)
+        self.multi_cell(0, 5, printable(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.set_y(self.y + 0.7)
+
+    def link_of(self, item: Item) -> int:
+        """Where an item stands."""
+        return self._links_to[id(item)]

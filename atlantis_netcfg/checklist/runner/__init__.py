@@ -1,0 +1,35 @@
+"""The questions of a checklist, asked where the things are: on the gateway, on this computer, of the routers.
+
+All places are asked at the same time, each in one turn: one SSH command carries every question to the gateway, each
+router has one session, and what comes back is judged item by item as soon as it is there. Nothing leaves before it is
+looked at (programs from the closed list, addresses that are declared, reading commands only) and, where the way is paid
+by the byte, before somebody has agreed to pay; a place that cannot be asked answers so, and is no error.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.checklist.runner._ears import Asked, Ears, Heard
+from atlantis_netcfg.checklist.runner._laptop import ask_here
+from atlantis_netcfg.checklist.runner._real import RealEars
+from atlantis_netcfg.checklist.runner._run import examine, utc_now
+from atlantis_netcfg.checklist.runner._way_in import NotReached, WayIn, way_in
+from atlantis_netcfg.checklist.runner.cost import previews
+from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
+from atlantis_netcfg.checklist.runner.progress import telling
+
+__all__ = [
+    "Asked",
+    "Ears",
+    "Heard",
+    "NotReached",
+    "RealEars",
+    "WayIn",
+    "all_unanswered",
+    "ask_here",
+    "examine",
+    "previews",
+    "telling",
+    "unanswered",
+    "utc_now",
+    "way_in",
+]

@@ -1,0 +1,138 @@
+"""The RouterOS devices of a site: questions to each in one session, links by one look, the satellite by a proof."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes import Ask, Look, Looked, Prove, Proved, Rows, Trouble
+from atlantis_netcfg.checklist.runner._gateway import in_words
+from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.operations.allow_list_test import bills, previews, satellite_of, try_out
+from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.costs import gate, unpaid
+from atlantis_netcfg.operations.links import command, door_to, look, rows
+from atlantis_netcfg.operations.request import Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes import Answer
+    from atlantis_netcfg.checklist.runner._ears import Asked, Heard
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.allow_list_test import Proving
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.api import Reply
+
+__all__ = ["Routers"]
+
+
+@dataclass(frozen=True, slots=True)
+class Routers:
+    """The routers of a site, read and never changed. What cannot be asked answers NO_PLACE, with the reason."""
+
+    declaration: Declaration
+    site: str
+    request: Request
+    notify: Subscriber
+
+    async def ask(self, name: str, questions: Asked) -> Mapping[str, Answer]:
+        """Ask one device everything in one session of two round trips."""
+        try:
+            return await self._session(self.declaration.hosts[name], questions)
+        except NetcfgError as error:
+            self.notify(Event(name, Stage.FAILED, str(error)))
+            return all_unanswered(questions, in_words(error))
+        except KeyError:
+            return all_unanswered(questions, f"the inventory has no host `{name}`")
+
+    async def links(self, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+        """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
+        looks = [(key, one) for key, one in questions if isinstance(one, Look)]
+        proofs = [(key, one) for key, one in questions if isinstance(one, Prove)]
+        work = [
+            self._told(self._look(looks), heard),
+            *(self._told(self._prove(key, one), heard) for key, one in proofs),
+        ]
+        found = await asyncio.gather(*work)
+        return {key: answer for answers in found for key, answer in answers.items()}
+
+    @staticmethod
+    async def _told(work: Awaitable[Mapping[str, Answer]], heard: Heard) -> Mapping[str, Answer]:
+        answers = await work
+        for key, answer in answers.items():
+            heard(key, answer)
+        return answers
+
+    @property
+    def _reading(self) -> Request:
+        return self.request.model_copy(update={"mode": Mode.DRIFT})
+
+    async def _session(self, host: Host, questions: Asked) -> Mapping[str, Answer]:
+        gate(self.declaration, [host], self._reading)
+        door = door_to(self.declaration, self.site, host, self.request)
+        asked = time.time()
+        async with door.opened() as session:
+            replies = await session.flight([command(one.query) for _, one in questions if isinstance(one, Ask)])
+        now = time.time()
+        spent = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        self.notify(Event(host.name, Stage.DONE, spent))
+        return {key: _rows(reply, asked, now) for (key, _), reply in zip(questions, replies, strict=True)}
+
+    async def _look(self, questions: Sequence[tuple[str, Look]]) -> Mapping[str, Answer]:
+        if not questions:
+            return {}
+        hosts = [host for host in self.declaration.site_hosts(self.site) if not is_computer(host)]
+        try:
+            gate(self.declaration, hosts, self._reading)
+            seen = await look(self.declaration, self.site, hosts, self._reading, self.notify)
+        except NetcfgError as error:
+            return all_unanswered(questions, in_words(error))
+        told = seen.as_dict()
+        return {key: _looked(told, one) for key, one in questions}
+
+    async def _prove(self, key: str, question: Prove) -> Mapping[str, Answer]:
+        try:
+            return {key: await self._proved(question)}
+        except NetcfgError as error:
+            return {key: unanswered(question, in_words(error))}
+
+    async def _proved(self, question: Prove) -> Answer:
+        found = satellite_of(self.declaration, self.site, question.bearer)
+        via = self.request.via.get(found.router.name)
+        proving = found.proving(self.declaration, rehearsed=self.request.rehearsed, via=via)
+        proving.notify = self.notify
+        self._pay(proving)
+        began = time.monotonic()
+        proof = await asyncio.to_thread(try_out, self.declaration, found.router, self._reading, proving)
+        seconds = time.monotonic() - began
+        bill = bills(self.declaration, proof, seconds)[question.bearer]
+        judged = (finding for _, finding in proof.judged)
+        return Proved(None, "", (*judged, *proof.findings), bill.words, seconds)
+
+    def _pay(self, proving: Proving) -> None:
+        """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
+        if self.request.rehearsed:
+            return
+        dear = [one for one in previews(self.declaration, proving) if one.link.metered]
+        for one in dear:
+            if one.over_cap:
+                raise one.refusal()
+        if dear and not self.request.accept_cost:
+            raise unpaid([one.words for one in dear], self.request.command)
+
+
+def _rows(reply: Reply, asked: float, now: float) -> Rows:
+    words = "" if reply.trap is None else str(reply.trap.message)
+    return Rows(None, words, rows(reply), asked, now)
+
+
+def _looked(told: Mapping[str, Mapping[str, object]], question: Look) -> Answer:
+    if question.bearer not in told:
+        return unanswered(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
+    return Looked(None, "", told[question.bearer])

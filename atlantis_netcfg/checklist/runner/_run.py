@@ -1,0 +1,219 @@
+"""One turn of a checklist: everything that is open is asked at once, and judged as it is answered."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.checklist.probes import Ask
+from atlantis_netcfg.checklist.report import Finding
+from atlantis_netcfg.checklist.runner.no_result import unanswered
+from atlantis_netcfg.checklist.runner.validation import unfit
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.paths import state_dir
+from atlantis_netcfg.core.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist.probes import Answer, Judged, Place, Question
+    from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.checklist.runner._ears import Ears
+    from atlantis_netcfg.core.crash_report import Crashed
+
+__all__ = ["LIMIT_S", "examine", "utc_now"]
+
+LIMIT_S: Final = 1800.0
+"""For a place that has not come back by itself: its ears have limits of their own, far below this one."""
+_OURS: Final = "this is our fault, not a mistake of yours: please tell us"
+
+
+def utc_now() -> datetime:
+    """The time of an item."""
+    return datetime.now(UTC)
+
+
+@dataclass(slots=True, eq=False)
+class _Open:
+    """An entry, its questions, and what of them is answered."""
+
+    entry: Entry
+    questions: tuple[Question, ...] = ()
+    answers: dict[str, Answer] = field(default_factory=dict)
+    fault: BaseException | None = None
+    unfit: str | None = None
+
+    @property
+    def waits(self) -> bool:
+        return self.fault is None and self.unfit is None and len(self.answers) < len(self.questions)
+
+
+@dataclass(slots=True)
+class _Batch:
+    """The questions of one place in one turn; identical ones of several items are asked once."""
+
+    place: Place
+    host: str | None
+    asked: dict[Question, str] = field(default_factory=dict)
+    """Question without its name to its key."""
+    wait: dict[str, list[tuple[_Open, str]]] = field(default_factory=dict)
+    """Key to who wants the answer, and under which name."""
+
+    def add(self, one: _Open, question: Question) -> None:
+        """Take a question in; the same one is not asked twice."""
+        plain = replace(question, name="")
+        key = self.asked.setdefault(plain, f"{one.entry.item.id}#{question.name}")
+        self.wait.setdefault(key, []).append((one, question.name))
+
+    @property
+    def questions(self) -> list[tuple[str, Question]]:
+        """By their keys, in the order of the items; each with the name that its first asker gives it."""
+        return [(key, replace(question, name=key.rpartition("#")[2])) for question, key in self.asked.items()]
+
+
+async def examine(
+    entries: Sequence[Entry],
+    ears: Ears,
+    settled: Callable[[Item], None],
+    *,
+    now: Callable[[], datetime] = utc_now,
+    state: Callable[[], Path] = state_dir,
+) -> tuple[Item, ...]:
+    """Ask everything of all entries at once, judge each as soon as its own answers are there, and give the items.
+
+    Entries without a probe, and those that do not apply, come back as they are; one that is settled already is asked
+    again. To hand over an active entry is to say that a person has consented.
+    `settled` is called once an item, in the order in which they are judged; `state` is the folder of the log file in
+    which the traceback of a probe that crashes is kept: such an item is ERROR. Nothing is raised but what `settled`
+    raises; the rest is given up then.
+    """
+    turn = _Turn(ears, now, state)
+    todo = [turn.opened(entry) for entry in entries if entry.step.probe is not None and not entry.step.unless]
+    found = {}
+    work = [asyncio.create_task(turn.ask(batch)) for batch in _batches(todo)]
+    try:
+        for _ in todo:
+            item = turn.judged(await turn.ready.get())
+            found[item.id] = item
+            settled(item)
+    finally:
+        for one in work:
+            one.cancel()
+        await asyncio.gather(*work, return_exceptions=True)
+    return tuple(found.get(entry.item.id, entry.item) for entry in entries)
+
+
+def _batches(todo: Iterable[_Open]) -> list[_Batch]:
+    """One for each place: the gateway, this computer, each router, and what all routers together tell of the links."""
+    batches: dict[tuple[Place, str | None], _Batch] = {}
+    for one in todo:
+        for question in one.questions if one.waits else ():
+            host = question.host if isinstance(question, Ask) else None
+            batches.setdefault((question.place, host), _Batch(question.place, host)).add(one, question)
+    return list(batches.values())
+
+
+@dataclass(slots=True)
+class _Turn:
+    ears: Ears
+    now: Callable[[], datetime]
+    state: Callable[[], Path]
+    ready: asyncio.Queue[_Open] = field(default_factory=asyncio.Queue)
+    """Those whose last answer has come, or that have failed."""
+    began: float = field(default_factory=time.monotonic)
+    faults: dict[BaseException, Crashed] = field(default_factory=dict)
+
+    def opened(self, entry: Entry) -> _Open:
+        """Ask a probe for its questions, and look at them before the wire."""
+        one = _Open(entry)
+        assert entry.step.probe is not None  # noqa: S101 - `examine` has looked
+        try:
+            one.questions = tuple(entry.step.probe.asks())
+            hash(one.questions)  # identical ones are found by it
+            one.unfit = unfit(entry, one.questions)
+        except Exception as fault:  # noqa: BLE001 - the other items go on
+            one.fault = fault
+        if not one.waits:
+            self.ready.put_nowait(one)
+        return one
+
+    async def ask(self, batch: _Batch) -> None:
+        """Have a place answer; at the end every question of it has an answer, or its item a fault."""
+        questions = batch.questions
+        try:
+            async with asyncio.timeout(LIMIT_S) as limit:
+                answers = await self.ears.ask(
+                    batch.place, batch.host, questions, lambda key, answer: self._take(batch, {key: answer})
+                )
+        except Exception as fault:  # noqa: BLE001 - the other places go on
+            if limit.expired():
+                late = f"nothing came back within {LIMIT_S:g} s"
+                self._take(batch, {key: unanswered(question, late) for key, question in questions})
+            for one, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
+                self._fail(one, fault)
+            return
+        rest = {key: unanswered(question, "nothing came back") for key, question in questions if key not in answers}
+        self._take(batch, {**rest, **answers})
+
+    def judged(self, one: _Open) -> Item:
+        """Judge an item that has all its answers."""
+        try:
+            if one.fault is not None:
+                raise one.fault  # noqa: TRY301 - it is told as any fault is
+            if one.unfit is not None:
+                return self._wrong(one, "not-allowed", f"this probe asks what it may not: {one.unfit}", _OURS)
+            assert one.entry.step.probe is not None  # noqa: S101 - `examine` has looked
+            judged = one.entry.step.probe.judge(one.answers)
+        except Exception as fault:  # noqa: BLE001 - the other items go on
+            crash = self._crashed(fault, one.entry.item.id)
+            return self._wrong(one, "crashed", str(crash), crash.hint)
+        if not judged.findings:
+            return self._wrong(one, "no-verdict", "this probe came to no verdict", _OURS)
+        return self._settled(one, judged)
+
+    def _crashed(self, fault: BaseException, name: str) -> Crashed:
+        """One log file for a fault, however many items it takes down."""
+        if fault not in self.faults:
+            self.faults[fault] = crashed(fault, f"checking {name}", self.state)
+        return self.faults[fault]
+
+    def _take(self, batch: _Batch, answers: Mapping[str, Answer]) -> None:
+        for key, answer in answers.items():
+            for one, name in batch.wait.get(key, ()):
+                if one.waits and name not in one.answers:
+                    one.answers[name] = answer
+                    if not one.waits:
+                        self.ready.put_nowait(one)
+
+    def _fail(self, one: _Open, fault: BaseException) -> None:
+        if one.waits:
+            one.fault = fault
+            self.ready.put_nowait(one)
+
+    def _wrong(self, one: _Open, code: str, message: str, hint: str | None) -> Item:
+        found = Finding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
+        return self._item(one, Verdict.ERROR, (found,))
+
+    def _settled(self, one: _Open, judged: Judged) -> Item:
+        found = tuple(Finding(**each.as_dict()) for each in judged.findings)
+        return self._item(one, judged.verdict, found).model_copy(update={"evidence": tuple(judged.evidence)})
+
+    def _item(self, one: _Open, verdict: Verdict, findings: tuple[Finding, ...]) -> Item:
+        """The item with its verdict; its words are those of the first of its worst findings."""
+        worst = next(finding for finding in findings if finding.verdict is verdict)
+        return one.entry.item.model_copy(
+            update={
+                "open": False,
+                "verdict": verdict,
+                "message": worst.message,
+                "hint": worst.hint,
+                "findings": findings,
+                "at": self.now(),
+                "seconds": round(time.monotonic() - self.began, 1),
+            }
+        )

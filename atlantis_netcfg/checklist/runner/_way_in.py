@@ -1,0 +1,129 @@
+"""The way into a gateway computer: testinfra over OpenSSH, one connection, its host key pinned before."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # it ships no types
+from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
+
+from atlantis_netcfg.checklist.runner.remote_process import Carrier, Ended
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
+from atlantis_netcfg.operations.computers._access import key_trouble
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
+from atlantis_netcfg.operations.examples import refuse_examples
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.request import Request
+
+__all__ = ["NotReached", "WayIn", "way_in"]
+
+_OPTIONS = (
+    "BatchMode=yes",
+    "Compression=yes",
+    # A key that is not known is refused, and one that has changed: see `provision trust`.
+    "StrictHostKeyChecking=yes",
+    # As long as a satellite may be silent, and longer: see ansible.cfg.
+    "ServerAliveInterval=20",
+    "ServerAliveCountMax=6",
+)
+_CONNECT_S, _CONNECT_SLOWLY_S = 15, 120
+_GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
+"""To connect, to send and to hear the last answer; over a slow way a gap of 70 s may come in each of these."""
+
+
+class NotReached(NetcfgError):
+    """A gateway was not asked, so that nothing is known of it."""
+
+
+class _Ssh(SshBackend):  # type: ignore[misc] # testinfra ships no types
+    """Builds OpenSSH's command as testinfra does, and lets a carrier run it."""
+
+    def __init__(self, carrier: Carrier, spec: str, **how: Any) -> None:  # noqa: ANN401 - as testinfra has it
+        super().__init__(spec, **how)
+        self.carrier = carrier
+        self.ended: Ended | None = None
+
+    def run_local(self, command: str, *args: str) -> Any:  # noqa: ANN401 - testinfra's result
+        """Run ssh itself, not a shell that runs it."""
+        argv = shlex.split(self.quote(command, *args))
+        self.ended = self.carrier.run(argv)
+        # Text, as testinfra would otherwise ask the computer for its encoding, which is one more connection.
+        out, err = (said.decode(errors="replace") for said in (self.ended.out, self.ended.err))
+        return self.result(self.ended.rc, command.encode(), out, err)
+
+
+@dataclass(frozen=True, slots=True)
+class WayIn:
+    """How a gateway is reached."""
+
+    name: str
+    spec: str
+    login: str
+    """What a person types after `ssh`."""
+    ssh_config: str | None
+    options: str
+    connect_s: int
+    grace_s: float
+    """What the way may take on top of what the computer itself needs."""
+    sudo: bool
+
+    def run(self, command: str, *words: str, carrier: Carrier | None = None) -> Ended:
+        """Run a command as root, in one connection; `%s` stands for a word that is quoted. Raises NotReached."""
+        backend = _Ssh(
+            carrier or Carrier(),
+            self.spec,
+            ssh_config=self.ssh_config,
+            ssh_extra_args=self.options,
+            timeout=self.connect_s,
+            controlpersist=0,
+            sudo=self.sudo,
+        )
+        try:
+            Testinfra(backend).run(command, *words)
+        except RuntimeError as error:
+            raise self._not_reached(str(getattr(error.args[0], "stderr", error)).strip(), backend.ended) from None
+        except OSError as error:
+            raise NotReached(f"{self.name} was not reached: {error}", hint="install OpenSSH's client") from None
+        assert backend.ended is not None  # noqa: S101 - it has just run
+        return backend.ended
+
+    def _not_reached(self, said: str, ended: Ended | None) -> NotReached:
+        hint = "look at its power and its cable, then type the same again"
+        if "Permission denied" in said:
+            hint = f"bring your key there: `ssh-copy-id {self.login}`"
+        elif (trouble := key_trouble(self.name, said)) is not None:
+            said, hint = trouble
+        silent = "it did not answer in time" if ended is not None and ended.overdue else "ssh said nothing"
+        return NotReached(f"{self.name} was not reached: {said.splitlines()[-1] if said else silent}", hint=hint)
+
+
+def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> WayIn:
+    """The way to a gateway. Raises NotReached where there is none: example values, a rehearsal without it.
+
+    `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.
+    """
+    try:
+        refuse_examples(declaration, rehearsed=request.rehearsed or ssh_config is not None)
+        access = PARTS[ACCESS](declaration, host, request)
+        slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
+    except UsageError as error:
+        raise NotReached(str(error), hint=error.hint) from None
+    if request.rehearsed and host.name not in request.targets:
+        raise NotReached(f"{host.name} is not emulated in this rehearsal")
+    # ssh takes the first value of an option: what the access says comes after ours.
+    options = [*(f"-o {option}" for option in _OPTIONS), access["ssh_args"]]
+    return WayIn(
+        name=host.name,
+        spec=host.name if ssh_config else f"{access['user']}@{access['host']}:{access['port']}",
+        login=host.name if ssh_config else f"-p {access['port']} {access['user']}@{access['host']}",
+        ssh_config=ssh_config,
+        options=" ".join(options),
+        connect_s=_CONNECT_SLOWLY_S if slow else _CONNECT_S,
+        grace_s=_GRACE_SLOWLY_S if slow else _GRACE_S,
+        sudo=bool(access["become"]),
+    )

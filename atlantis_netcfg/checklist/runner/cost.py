@@ -1,0 +1,123 @@
+"""What the questions of a gateway may send over a way that is paid by the byte, and who has agreed to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.checklist.probes import Ask, Discover, Listen, Look, Place, Prove, Run
+from atlantis_netcfg.checklist.probes.agent import batch, program
+from atlantis_netcfg.operations.allow_list_test import previews as proof_previews
+from atlantis_netcfg.operations.allow_list_test import satellite_of
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.computers import is_computer, is_gateway
+from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
+from atlantis_netcfg.operations.request import Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.bearers.cost import Preview
+    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist.probes import Question
+    from atlantis_netcfg.checklist.runner._ears import Asked
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.estimate import Bearer
+
+__all__ = ["expected", "previews", "refuse_unpaid", "within_budget"]
+
+_SSH: Final = 8_000
+"""Bytes of a connection in both directions: handshake, keys, login, the frames of TCP; measured against OpenSSH 9.2."""
+_RATE: Final = {"tcp": 1_500, "udp": 3_000}
+"""Bytes a second of a stream that is listened to: NMEA at 9600 baud or gpsd, a telemetry link of MAVLink."""
+_LEAST: Final = 4_096
+"""For what a device answers when it is asked."""
+_RAN: Final = 1_500
+"""What a reading program prints."""
+_PARTICIPANTS: Final = 3_000
+"""What three DDS participants answer."""
+_ROUND_TRIPS: Final = 8
+_PACKED: Final = 1.4
+"""JSON around what was heard; SSH packs it again, which is not counted on."""
+
+
+def within_budget(questions: Asked) -> Asked:
+    """The same questions, with no stream longer than what is told before: what comes beyond it is not carried."""
+    return [(key, replace(one, max_bytes=_most(one)) if isinstance(one, Listen) else one) for key, one in questions]
+
+
+def previews(declaration: Declaration, site: str, entries: Sequence[Entry], request: Request) -> tuple[Preview, ...]:
+    """What asking these entries costs on links that are paid by the byte, one preview a link and kind of asking.
+
+    For whoever has to agree before. Raises UsageError for a link that the site does not have.
+    """
+    probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
+    questions = [question for probe in probes for question in probe.asks()]
+    found = (
+        *_of_gateway(declaration, site, questions, request),
+        *_of_routers(declaration, site, questions, request),
+        *_of_proofs(declaration, site, questions, request),
+    )
+    return tuple(one for one in found if one.link.metered)
+
+
+def _of_gateway(
+    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
+) -> Iterator[Preview]:
+    host = next(filter(is_gateway, declaration.site_hosts(site)), None)
+    alike = dict.fromkeys(replace(one, name="") for one in questions if one.place is Place.GATEWAY)
+    asked = [(str(number), one) for number, one in enumerate(alike)]  # identical ones are asked once
+    if host is not None and asked:
+        carrier = bearer_of(declaration, host, request.via.get(host.name))
+        yield expected(declaration, site, carrier, within_budget(asked))
+
+
+def _of_routers(
+    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
+) -> Iterator[Preview]:
+    names = {one.host for one in questions if isinstance(one, Ask)}
+    hosts = [declaration.hosts[name] for name in sorted(names) if name in declaration.hosts]
+    if any(isinstance(one, Look) for one in questions):
+        hosts += [host for host in declaration.site_hosts(site) if host not in hosts]
+    reading = request.model_copy(update={"mode": Mode.DRIFT})
+    computers = [host for host in hosts if not is_computer(host)]
+    yield from beforehand(declaration, computers, reading, at_most=False)
+
+
+def _of_proofs(
+    declaration: Declaration, site: str, questions: Sequence[Question], request: Request
+) -> Iterator[Preview]:
+    for name in dict.fromkeys(one.bearer for one in questions if isinstance(one, Prove)):
+        found = satellite_of(declaration, site, name)
+        via = request.via.get(found.router.name)
+        yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
+
+
+def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Asked) -> Preview:
+    """What one turn of questions costs at most over the way to a gateway."""
+    made = batch(questions)
+    nbytes = _SSH + len(program(made.asked)) + round(_PACKED * sum(_answer(one) for _, one in questions))
+    seconds = made.within_s + _ROUND_TRIPS * carrier.rtt_s
+    return preview(nbytes, seconds, link_of(declaration, site, carrier.name), at_most=True)
+
+
+def refuse_unpaid(declaration: Declaration, site: str, carrier: Bearer, questions: Asked, request: Request) -> None:
+    """Raise CostRefused if nobody has agreed to pay, or if it is more than the declaration admits."""
+    found = expected(declaration, site, carrier, questions)
+    if found.over_cap:
+        raise found.refusal()
+    if not request.accept_cost:
+        raise unpaid([found.words], request.command)
+
+
+def _most(listen: Listen) -> int:
+    rate = listen.baud / 10 if listen.transport == "serial" else _RATE[listen.transport]
+    return min(listen.max_bytes, _LEAST + round(rate * listen.listen_s))
+
+
+def _answer(question: object) -> int:
+    if isinstance(question, Listen):
+        return _most(question)
+    return _RAN if isinstance(question, Run) else _PARTICIPANTS if isinstance(question, Discover) else 500

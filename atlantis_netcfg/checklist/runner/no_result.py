@@ -1,0 +1,51 @@
+"""The answer of a question that was not asked, or of which nothing came back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes import (
+    Ask,
+    Discover,
+    Discovered,
+    Listen,
+    Look,
+    Looked,
+    Offered,
+    Probing,
+    Prove,
+    Proved,
+    Ran,
+    Rows,
+    Run,
+    Transcript,
+    Trouble,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.checklist.probes import Answer, Question
+    from atlantis_netcfg.checklist.runner._ears import Asked
+
+__all__ = ["all_unanswered", "unanswered"]
+
+_ANSWERS: Mapping[type, type[Answer]] = {
+    Listen: Transcript,
+    Run: Ran,
+    Probing: Offered,
+    Discover: Discovered,
+    Ask: Rows,
+    Look: Looked,
+    Prove: Proved,
+}
+
+
+def unanswered(question: Question, words: str, trouble: Trouble = Trouble.NO_PLACE) -> Answer:
+    """The answer of this kind of question that says nothing but its trouble, and why in words."""
+    return _ANSWERS[type(question)](trouble, words)
+
+
+def all_unanswered(questions: Asked, words: str) -> dict[str, Answer]:
+    """The same of many, by their keys, where their place was not reached."""
+    return {key: unanswered(question, words) for key, question in questions}

@@ -1,0 +1,199 @@
+"""The book of one checklist: everything found and answered, on disk before anything else happens, until it is signed.
+
+    <state>/checklist.key                                       with which this computer signs
+    <state>/<real|rehearsal>/<site>/checks/lock                 who works on a checklist of the site now
+    <state>/<real|rehearsal>/<site>/checks/<run>/records.jsonl  one record a line, chained by hash
+    <state>/<real|rehearsal>/<site>/checks/<run>/files/…        photos and files, by their hash
+    <state>/<real|rehearsal>/<site>/checks/<run>/report.json, report.html, …, manifest.json      once it is signed
+
+A book is signed when its manifest is there, which is written last: a kill leaves an open book or a signed one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Self
+
+from atlantis_netcfg.checklist import _evidence, _ledger
+from atlantis_netcfg.checklist._errors import NotSigned, Refused
+from atlantis_netcfg.checklist._key import FILE as KEY
+from atlantis_netcfg.checklist._key import Key
+from atlantis_netcfg.checklist._opening import begin, found
+from atlantis_netcfg.checklist._signing import signed
+from atlantis_netcfg.checklist.confirmations import confirmed, named, overridden, spoken
+from atlantis_netcfg.checklist.finalize import close_book
+from atlantis_netcfg.checklist.history import last_green, since
+from atlantis_netcfg.checklist.report import LeftOut
+from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.journal import SiteLock, utc_now
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist._opening import Head
+    from atlantis_netcfg.checklist.confirmations import Confirmation
+    from atlantis_netcfg.checklist.plan import Checklist, Entry
+    from atlantis_netcfg.checklist.report import Document, Item, Phase
+
+__all__ = ["Book"]
+
+_FEW = 8
+
+
+class Book:
+    """An open book; `Book.open` finds or begins it, `close` (or leaving `with`) lets others at them."""
+
+    def __init__(
+        self, folder: Path, checklist: Checklist, lock: SiteLock, words: str, now: Callable[[], datetime]
+    ) -> None:
+        """For `open`, which holds the lock and has put the list on disk."""
+        self.folder = folder
+        """The run's own."""
+        self.words = words
+        """What became of a book that was there: gone on with, or why not; empty: there was none."""
+        self._entries = {entry.item.id: entry for entry in checklist.entries}
+        self._lock = lock
+        self._now = now
+        self._ledger = _ledger.Ledger(folder / _ledger.FILE, now)
+        lines = _ledger.read(folder / _ledger.FILE)
+        document = _ledger.replayed(lines)
+        assert document is not None, "it was begun"  # noqa: S101
+        self._document = document
+        self._items = {item.id: item for item in self._document.items}
+        self._green = last_green(folder.parent, self._document.scope, but=folder.name)
+
+    @classmethod
+    def open(  # noqa: PLR0913 - what a book needs to be the right one
+        cls,
+        folder: Path,
+        checklist: Checklist,
+        head: Head,
+        *,
+        now: Callable[[], datetime] = utc_now,
+        anew: bool = False,
+        command: str = "provision check",
+    ) -> Self:
+        """Go on with the open book of the same list, or begin one. `folder`: `checks` of the site.
+
+        Raises SiteBusy, naming who works on a checklist of the site; JournalFailed.
+        """
+        lock = SiteLock(folder / "lock", f"the checklist of {checklist.site}", command)
+        lock.__enter__()
+        try:
+            there = found(folder, checklist, head, anew=anew, now=now)
+            run = there.folder or begin(folder, checklist, head, now)
+            return cls(run, checklist, lock, there.words, now)
+        except BaseException:
+            lock.__exit__()
+            raise
+
+    @property
+    def run(self) -> str:
+        """The book's name, sortable by time."""
+        return self.folder.name
+
+    @property
+    def items(self) -> tuple[Item, ...]:
+        """Every item as it is now, in the list's order."""
+        return tuple(self._items.values())
+
+    @property
+    def files(self) -> Mapping[str, bytes]:
+        """The evidence that the items name, by `Evidence.file`."""
+        names = dict.fromkeys(one.file for item in self.items for one in item.evidence if one.file)
+        return {name: (self.folder / name).read_bytes() for name in names}
+
+    def entries_open(self, phase: Phase | None = None) -> tuple[Entry, ...]:
+        """What is not settled yet, of a phase or of all."""
+        waiting = [self._entries[item.id] for item in self.items if item.open and item.override is None]
+        return tuple(entry for entry in waiting if phase is None or entry.item.phase is phase)
+
+    def item(self, name: str) -> Item:
+        """One item by its id. Raises Refused."""
+        if name not in self._items:
+            near = nearest(name, self._items)
+            hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
+            raise Refused(f"there is no item `{name}` in this checklist", hint=hint)
+        return self._items[name]
+
+    def settle(self, item: Item) -> Item:
+        """Write down what a probe has found; a second result takes the place of the first, which stays in the log."""
+        self.item(item.id)
+        return self._record("settled", item.model_copy(update={"open": False, "override": None}))
+
+    def confirm(self, name: str, said: Confirmation) -> Item:
+        """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""
+        item = self.item(name)
+        confirmed(item, said, (), self._now())
+        return self._record("confirmed", confirmed(item, said, _evidence.keep(self.folder, said.files), self._now()))
+
+    def override(self, name: str, reason: str, by: str) -> Item:
+        """Write down that a person takes the responsibility. Raises Refused where there is none to take."""
+        return self._record("overridden", overridden(self.item(name), reason, by, self._now()))
+
+    def document(self) -> Document:
+        """The checklist as it stands."""
+        document = self._document.model_copy(update={"items": self.items})
+        return document.model_copy(update={"since_green": since(self._green, document)})
+
+    def sign(
+        self, by: str, pages: Callable[[Document], Mapping[str, bytes]], *, leave: Mapping[str, str] | None = None
+    ) -> Document:
+        """Close the book in a person's name; `pages` makes the files that are signed with it.
+
+        A failed item does not stand in the way: what is signed is that it failed. An open one does: it is settled,
+        overridden, or left open on purpose (`leave`: id to reason), and then the document is not green. What is in
+        `leave` and was settled meanwhile is settled.
+        Raises NotSigned while something is open, Refused, JournalFailed.
+        """
+        self._refuse_signed()
+        name, left = named(by), self._left(leave or {})
+        at = self._now()
+        whole = self.document().model_copy(update={"ended": at})
+        whole = whole.model_copy(update={"left_out": (*whole.left_out, *left)})
+        key = Key.made(self.folder.parents[3] / KEY)
+        document = signed(whole, name, at, key)
+        close_book(self.folder, document, pages(document), key)
+        self._document = document
+        self._ledger.close()
+        return document
+
+    def close(self) -> None:
+        """Let others at the site's checklists; everything is on disk."""
+        self._ledger.close()
+        self._lock.__exit__()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _left(self, leave: Mapping[str, str]) -> tuple[LeftOut, ...]:
+        """What stays open on purpose."""
+        waiting = {item.id: item for item in self.items if item.open and item.override is None}
+        for name in leave:
+            self.item(name)
+        rest = [name for name in waiting if name not in leave]
+        if rest:
+            raise NotSigned(
+                f"{len(rest)} of {len(self.items)} items are open: {_few(rest)}",
+                hint="settle them, override them with a reason, or leave them open on purpose with a reason",
+            )
+        reasons = {name: spoken(leave[name], "the reason to leave it open") for name in waiting}
+        return tuple(LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
+
+    def _record(self, how: Literal["settled", "confirmed", "overridden"], item: Item) -> Item:
+        self._refuse_signed()
+        self._ledger.write(_ledger.Result(record=how, item=item))
+        self._items[item.id] = item
+        return item
+
+    def _refuse_signed(self) -> None:
+        if self._document.signed is not None:
+            raise Refused("this checklist is signed: nothing is added to it", hint="begin a new one")
+
+
+def _few(names: list[str]) -> str:
+    return ", ".join(names[:_FEW]) + (" …" if len(names) > _FEW else "")

@@ -1,0 +1,239 @@
+"""What every part of the declaration shares: strict models, and the syntax of the values in them.
+
+A value that cannot be understood is refused with `wrong`, in words for a technician; the validator adds file and line.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import date
+from ipaddress import IPv4Address, IPv4Network
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
+from pydantic_core import PydanticCustomError
+
+from atlantis_netcfg.core.secret import MASK, Secret
+from atlantis_netcfg.declaration._names import why_no_name
+
+__all__ = [
+    "NOT_TEXT",
+    "WRONG",
+    "Address",
+    "Currency",
+    "Day",
+    "DnsName",
+    "Fingerprint",
+    "HostKey",
+    "HostName",
+    "MacAddress",
+    "Model",
+    "Name",
+    "Network",
+    "PortName",
+    "SecretText",
+    "Sha256",
+    "Ssid",
+    "Text",
+    "plain",
+    "wrong",
+]
+
+WRONG = "atlantis"
+"""Error type of a value that one of the types below refuses; its context holds `what` and `hint`."""
+NOT_TEXT = "atlantis_not_text"
+"""Error type of a value that YAML did not read as text."""
+_PREFIX_MAX = 32
+_SSID_BYTES = 32
+
+
+class Model(BaseModel):
+    """A part of the declaration: unknown keys are errors, values never change after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
+
+
+def wrong(what: str, hint: str) -> PydanticCustomError:
+    """An error in our own words: what is wrong, and what to type instead."""
+    return PydanticCustomError(WRONG, "{what}", {"what": what, "hint": hint})
+
+
+def plain(value: object) -> str:
+    """The text without blanks at its ends; what YAML read as something else is refused, and told as that."""
+    if not isinstance(value, str):
+        raise PydanticCustomError(NOT_TEXT, "not text")
+    return value.strip()
+
+
+def _line(value: object) -> str:
+    text = plain(value)
+    if not text:
+        raise wrong("there is no text", "write a word or two")
+    if not text.isprintable():
+        raise wrong("the text has a line break or another control character", "write it in one line")
+    return text
+
+
+def _port(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?", text):
+        raise wrong(f"`{text}` is no port of a RouterOS device", "a port has its factory name, like ether1 or sfp1")
+    return text
+
+
+def _secret(value: object) -> Secret:
+    if isinstance(value, Secret):
+        return value
+    text = plain(value)
+    if not text:
+        raise wrong("the secret is empty", "write the secret, or EXAMPLE-… while there is none")
+    return Secret(text)
+
+
+def _address(value: object) -> IPv4Address:
+    if isinstance(value, IPv4Address):
+        return value
+    text = plain(value)
+    try:
+        return IPv4Address(text)
+    except ValueError:
+        raise wrong(*_why_no_address(text)) from None
+
+
+def _why_no_address(text: str) -> tuple[str, str]:
+    like = "an address is four numbers from 0 to 255, like 10.64.1.1"
+    if "/" in text:
+        return f"`{text}` has a prefix length: one address is wanted here", text.partition("/")[0] or like
+    if ":" in text:
+        return f"`{text}` is no IPv4 address: the address plan is IPv4 only", like
+    if re.fullmatch(r"\d+(\.\d+){3}", text):
+        if too_large := [part for part in text.split(".") if len(part) > 3 or int(part) > 255]:  # noqa: PLR2004
+            return f"`{text}` is no IPv4 address: {too_large[0]} is more than 255", like
+        clean = ".".join(str(int(part)) for part in text.split("."))
+        return f"`{text}` is no IPv4 address: a number in it begins with 0", clean
+    return f"`{text}` is no IPv4 address", like
+
+
+def _network(value: object) -> IPv4Network:
+    if isinstance(value, IPv4Network):
+        return value
+    text = plain(value)
+    address, slash, prefix = text.partition("/")
+    try:
+        IPv4Address(address)
+    except ValueError:
+        raise wrong(*_why_no_network(text, address)) from None
+    if not slash:
+        raise wrong(f"`{text}` has no prefix length: a network is wanted here", f"{text}/24")
+    if not re.fullmatch(r"\d{1,2}", prefix) or int(prefix) > _PREFIX_MAX:
+        raise wrong(f"`{text}`: the prefix length is a number from 0 to 32", f"{address}/24")
+    network = IPv4Network(f"{address}/{int(prefix)}", strict=False)
+    if str(network.network_address) != address:
+        raise wrong(f"`{text}` is not the first address of its network", str(network))
+    return network
+
+
+def _why_no_network(text: str, address: str) -> tuple[str, str]:
+    what, _ = _why_no_address(address)
+    return what.replace(f"`{address}`", f"`{text}`").replace("address:", "network:"), "a network is like 10.64.1.0/24"
+
+
+def _mac(value: object) -> str:
+    text = plain(value)
+    pairs = re.sub(r"[^0-9A-Fa-f]", "", text)
+    if not re.fullmatch(r"(?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}", text):
+        whole = re.fullmatch(r"[0-9A-Fa-f]{12}", pairs) and re.fullmatch(r"[0-9A-Fa-f.: -]+", text)
+        right = ":".join(pairs[i : i + 2] for i in range(0, 12, 2)).upper() if whole else "02:00:5E:00:01:10"
+        raise wrong(f"`{text}` is no MAC address", f'six pairs of hex digits: "{right}"')
+    if int(text[:2], 16) & 1:
+        raise wrong(f"`{text}` is a multicast MAC address", "read it from the device: its second digit is even")
+    return text.upper()
+
+
+def _name(value: object) -> str:
+    text = plain(value)
+    if why := why_no_name(text):
+        raise wrong(*why)
+    return text
+
+
+def _dns_name(value: object) -> str:
+    text = plain(value)
+    label = r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
+    if not re.fullmatch(rf"{label}(?:\.{label})*", text) or len(text) > 253:  # noqa: PLR2004 - RFC 1035, 2.3.4
+        raise wrong(f"`{text}` is no DNS name", "a DNS name is like vpn.example.org")
+    return text
+
+
+def _sha256(value: object) -> str:
+    text = plain(value).lower()
+    if not re.fullmatch(r"[0-9a-f]{64}", text):
+        raise wrong(f"`{text}` is no SHA-256: that has 64 hex digits", "copy what `sha256sum FILE` prints")
+    return text
+
+
+def _fingerprint(value: object) -> str:
+    text = plain(value).replace(":", "").lower()
+    if not re.fullmatch(r"[0-9a-f]{64}", text):
+        raise wrong(
+            f"`{value}` is no fingerprint of a certificate: a SHA-256 has 64 hex digits",
+            "copy `fingerprint` of  /certificate print detail  on the device",
+        )
+    return text
+
+
+def _host_key(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"SHA256:[A-Za-z0-9+/]{43}", text):
+        raise wrong(f"`{text}` is no fingerprint of an SSH host key", "copy what `ssh-keygen -l` prints: SHA256:…")
+    return text
+
+
+def _day(value: object) -> str:
+    text = value.isoformat() if type(value) is date else plain(value)
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise wrong(f"`{text}` is no day", 'year, month and day in quotes, like "2026-11-21"') from None
+
+
+def _currency(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"[A-Z]{3}", text):
+        raise wrong(f"`{text}` is no currency", "three capital letters, like EUR (ISO 4217)")
+    return text
+
+
+def _ssid(value: object) -> str:
+    text = plain(value)
+    if not text or len(text.encode()) > _SSID_BYTES:
+        raise wrong(f"an SSID has 1 to {_SSID_BYTES} bytes, this one has {len(text.encode())}", "choose a shorter one")
+    return text
+
+
+Address = Annotated[IPv4Address, BeforeValidator(_address)]
+Network = Annotated[IPv4Network, BeforeValidator(_network)]
+MacAddress = Annotated[str, BeforeValidator(_mac)]
+"""An EUI-48 address, upper case, as RouterOS prints it."""
+Name = Annotated[str, BeforeValidator(_name)]
+"""A name of ours (site, bearer, vehicle): an RFC 1123 label of at most 32 characters."""
+HostName = Annotated[str, BeforeValidator(_name)]
+"""The inventory's name of a host."""
+DnsName = Annotated[str, BeforeValidator(_dns_name)]
+PortName = Annotated[str, BeforeValidator(_port)]
+"""The factory name of a port (`default-name`)."""
+Sha256 = Annotated[str, BeforeValidator(_sha256)]
+"""Of a file, in hex."""
+Fingerprint = Annotated[str, BeforeValidator(_fingerprint)]
+"""SHA-256 of a certificate, in hex."""
+HostKey = Annotated[str, BeforeValidator(_host_key)]
+"""SHA-256 of an SSH host key, as `ssh-keygen -l` prints it."""
+Day = Annotated[str, BeforeValidator(_day)]
+"""As ISO 8601 has it."""
+Currency = Annotated[str, BeforeValidator(_currency)]
+"""ISO 4217."""
+Text = Annotated[str, BeforeValidator(_line)]
+"""One line for people."""
+Ssid = Annotated[str, BeforeValidator(_ssid)]
+"""At most 32 bytes (IEEE 802.11), which is fewer characters if they are not ASCII."""
+SecretText = Annotated[Secret, BeforeValidator(_secret), PlainSerializer(lambda _: MASK, return_type=str)]

@@ -1,0 +1,84 @@
+"""ROS 2 and its middleware: who shall hear whom, and by which implementation. `group_vars/all/pilot.yml`, key `dds`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, StrictInt
+
+from atlantis_netcfg.declaration.model._base import Address, Model, Name
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration.model.device import ControlCentre
+    from atlantis_netcfg.declaration.model.gateway import Gateway
+
+__all__ = ["Dds", "DdsPath", "DdsPeer", "RosDistribution", "RosMiddleware"]
+
+
+class RosDistribution(StrEnum):
+    """Releases of ROS 2 that a gateway may run."""
+
+    FOXY = "foxy"
+    HUMBLE = "humble"
+    JAZZY = "jazzy"
+
+
+class RosMiddleware(StrEnum):
+    """What `RMW_IMPLEMENTATION` takes; all robots use the same."""
+
+    FAST_DDS = "rmw_fastrtps_cpp"
+    CYCLONE_DDS = "rmw_cyclonedds_cpp"
+
+
+class DdsPath(StrEnum):
+    """By which addresses the participants talk."""
+
+    VPN = "vpn"
+    LAN = "lan"
+
+
+class DdsPeer(Model):
+    """A computer that talks DDS and is no host of the inventory: a robot's own, a partner's control station."""
+
+    name: Name
+    address: Address
+    """In the VPN, or in a LAN that is routed, as `over` has it."""
+    site: Name | None = None
+    """Where it works, so that the gateways of other sites do not announce themselves to it; null: anywhere."""
+
+
+class Dds(Model):
+    """How gateways, control centre and robots find each other without multicast."""
+
+    distribution: RosDistribution
+    """Of the gateways; the report's is foxy, which has been past its end of life since 2023."""
+    middleware: RosMiddleware = RosMiddleware.FAST_DDS
+    """Fast DDS is the default of every release above."""
+    domain: Annotated[StrictInt, Field(ge=0, le=101)] = 0
+    """`ROS_DOMAIN_ID`: above 101 its ports meet those that Linux hands out."""
+    over: DdsPath = DdsPath.VPN
+    """`lan`: addresses of the sites' LANs, between which the routers route."""
+    participants: Annotated[StrictInt, Field(ge=1, le=50)] = 10
+    """ROS processes on one computer that are still found; each costs announcements to every peer."""
+    lease_s: Annotated[StrictInt, Field(ge=120, le=180)] = 120
+    """After so long a silence a participant counts as gone, the same for all; a satellite may be silent for 70 s."""
+    peers: tuple[DdsPeer, ...] = ()
+    """Besides the gateways and control centres, which are peers by themselves."""
+
+    @property
+    def ports(self) -> range:
+        """Unicast ports of every participant that is found: DDSI-RTPS 2.5, 9.6.2.3, with its default numbers.
+
+        Discovery at 7410 and data at 7411 for the first, two more for each.
+        """
+        first = 7400 + 250 * self.domain + 10
+        return range(first, first + 2 * self.participants)
+
+    def address_of(self, device: Gateway | ControlCentre) -> str:
+        """Where a computer is reached on the declared way; that there is one is a rule of the declaration."""
+        if self.over is DdsPath.LAN:
+            return str(device.address)
+        if device.vpn_address is None:
+            raise ValueError("a participant over the VPN without an address in it has passed validation")
+        return str(device.vpn_address)

@@ -1,0 +1,191 @@
+"""The data gateway computer of a site. `host_vars/<host>.yml`, key `device`."""
+
+from __future__ import annotations
+
+import base64
+import re
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, StrictInt
+
+from atlantis_netcfg.declaration.model._base import Model, Text, plain, wrong
+from atlantis_netcfg.declaration.model._box import LanBox
+
+__all__ = [
+    "AddressBy",
+    "Gateway",
+    "GatewayNetwork",
+    "GpsSource",
+    "GpsTime",
+    "Image",
+    "ImageLayout",
+    "NetworkTool",
+    "Ssh",
+    "SshKey",
+]
+
+_KINDS = (
+    "ssh-ed25519",
+    "sk-ssh-ed25519@openssh.com",
+    "ecdsa-sha2-nistp256",
+    "ecdsa-sha2-nistp384",
+    "ecdsa-sha2-nistp521",
+    "sk-ecdsa-sha2-nistp256@openssh.com",
+    "ssh-rsa",
+)
+"""Of authorized_keys (sshd(8)); ssh-dss is refused by every server since OpenSSH 7.0."""
+
+
+def _ssh_key(value: object) -> str:
+    text = plain(value)
+    if "PRIVATE KEY" in text:
+        raise wrong("this is a private key", "take it out of the inventory, and write what its .pub file holds")
+    kind, _, rest = text.partition(" ")
+    body = rest.split(" ")[0]
+    like = "copy the line of the technician's .pub file: kind, key, name"
+    if kind not in _KINDS or not text.isprintable():
+        raise wrong("this is no public SSH key that a server takes", like)
+    try:
+        told = base64.b64decode(body, validate=True)
+    except ValueError:
+        raise wrong("this public SSH key is damaged", like) from None
+    size = int.from_bytes(told[:4], "big")
+    if told[4 : 4 + size] != kind.encode() or len(told) < 4 + size + 4:
+        raise wrong("this public SSH key is damaged", like)
+    return text
+
+
+SshKey = Annotated[str, BeforeValidator(_ssh_key)]
+"""A public key as a line of authorized_keys, without options."""
+
+
+def _interface(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"[a-z][a-z0-9]{0,14}", text):
+        raise wrong(f"`{text}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
+    return text
+
+
+def _account(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
+        raise wrong(f"`{text}` is no name of an account", "an account is like root or odroid")
+    return text
+
+
+def _receiver(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
+        raise wrong(f"`{text}` is no name of a receiver", "a name below /dev, like ttyACM0")
+    return text
+
+
+def _network_file(value: object) -> str:
+    text = plain(value)
+    place = r"/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+"
+    if ".." in text or not re.fullmatch(place, text):
+        hint = "its whole path, like /etc/netplan/50-cloud-init.yaml"
+        raise wrong(f"`{text}` is no file that configures a network", hint)
+    return text
+
+
+Interface = Annotated[str, BeforeValidator(_interface)]
+NetworkFile = Annotated[str, BeforeValidator(_network_file)]
+Account = Annotated[str, BeforeValidator(_account)]
+
+
+class ImageLayout(StrEnum):
+    """How the vendor's image is laid out."""
+
+    ODROID_N2 = "odroid-n2"
+    PLAIN = "plain"
+
+
+class AddressBy(StrEnum):
+    """Where the gateway has its address from."""
+
+    STATIC = "static"
+    DHCP = "dhcp"
+
+
+class Image(Model):
+    """What `provision image` puts into the vendor's image."""
+
+    layout: ImageLayout
+    """`plain`: x86, Raspberry-type boards; one ext4 partition."""
+    address_by: AddressBy = AddressBy.STATIC
+    """`static`: the device's `address`; `dhcp`: a reservation of the site's LAN gives it."""
+    interface: Interface | None = None
+    """Of the LAN; null: the one that the board has."""
+    user: Account = "root"
+    """The account that technicians log in to; it must be in the image."""
+    ssh_keys: tuple[SshKey, ...]
+    """The technicians' public keys: at least one, for every password is removed."""
+    source: Text | None = None
+    """Where the image was fetched, for people; nothing is fetched by the toolkit."""
+
+
+class Ssh(Model):
+    """How the toolkit logs in: by key, as a technician does."""
+
+    user: Account | None = None
+    """None: the account of the image, else root; any other becomes root by `sudo`."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] = 22
+    host_key: SshKey | None = None
+    """Its public host key, like the line of its `/etc/ssh/ssh_host_ed25519_key.pub`; None: `known_hosts` has it."""
+
+
+class NetworkTool(StrEnum):
+    """What configures the network interfaces of the computer."""
+
+    NETPLAN = "netplan"
+    IFUPDOWN = "ifupdown"
+    NETWORKD = "networkd"
+
+
+class GatewayNetwork(Model):
+    """The interface of the LAN, changed under a timer that takes the change back."""
+
+    by: NetworkTool
+    interface: Interface
+    """`ip link` on the board shows it, like eth0."""
+    rollback_s: Annotated[StrictInt, Field(ge=5, le=900)] = 180
+    """A change that no new session has confirmed for so long is undone, in seconds; a satellite is silent for 70 s."""
+    replaces: tuple[NetworkFile, ...] = ()
+    """Files on the computer that configure the same interface, like the vendor's; they go with the change."""
+
+
+class GpsSource(StrEnum):
+    """How gpsd or a driver hands the time to chrony."""
+
+    SHM = "shm"
+    SOCKET = "socket"
+
+
+class GpsTime(Model):
+    """A GPS receiver that gives the gateway its time."""
+
+    source: GpsSource
+    device: Annotated[str, BeforeValidator(_receiver)] = "ttyACM0"
+    """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
+
+
+class Gateway(LanBox):
+    """The data gateway computer."""
+
+    kind: Literal["gateway"]
+    image: Image | None = None
+    """None: no card is made for it here."""
+    ssh: Ssh = Ssh()
+    network: GatewayNetwork | None = None
+    """None: the network stays as the image has it."""
+    gps: GpsTime | None = None
+    """None: time comes over the network."""
+    watchdog_s: Annotated[StrictInt, Field(ge=5, le=900)] | None = None
+    """The board starts anew when its system has hung for so long, in seconds; None: its watchdog is not used."""
+
+    @property
+    def account(self) -> str:
+        """The account by which the toolkit logs in."""
+        return self.ssh.user or (self.image.user if self.image is not None else "root")

@@ -1,0 +1,139 @@
+"""What holds for the whole pilot: time, VPN, partners, vehicles. One file of `group_vars/all/` each."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field, StrictBool, StrictInt
+
+from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text
+from atlantis_netcfg.declaration.model.dds import Dds
+from atlantis_netcfg.declaration.model.endpoints import Endpoints
+from atlantis_netcfg.declaration.model.gateways import Gateways
+
+__all__ = [
+    "Column",
+    "Partner",
+    "Pilot",
+    "TimeServer",
+    "Transport",
+    "Vehicle",
+    "VehicleKind",
+    "Vpn",
+    "VpnService",
+]
+
+
+class Transport(StrEnum):
+    """What carries the tunnel."""
+
+    UDP = "udp"
+    TCP = "tcp"
+
+
+class TimeServer(Model):
+    """A time server by address: names do not resolve while the clock is wrong and the satellite filter is closed."""
+
+    name: Text
+    address: Address
+
+
+class VpnService(Model):
+    """A service of ours that partners may use, at the tunnel address of its host."""
+
+    name: Text
+    host: HostName
+    transport: Transport = Transport.TCP
+    port: Annotated[StrictInt, Field(ge=1, le=65535)]
+
+
+class Vpn(Model):
+    """The OpenVPN that joins sites, robots and partners."""
+
+    server: HostName
+    """Host that runs the server; it stands at the SCC."""
+    endpoint: Address
+    """Public address at which every site reaches the server."""
+    endpoint_name: DnsName
+    """DNS name in the server's certificate; RouterOS compares it with what it connects to."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] = 1194
+    """Public port of the server, the same that its own router forwards."""
+    transport: Transport = Transport.UDP
+    network: Network
+    """All tunnel addresses; the pools below and those of the partners lie inside."""
+    infrastructure: Network
+    """Pool of routers, gateways and servers of the sites."""
+    cipher: Literal["aes256-gcm", "aes128-gcm"] = "aes256-gcm"
+    """RouterOS does not negotiate: both ends name the same (MikroTik manual, OpenVPN)."""
+    services: tuple[VpnService, ...] = ()
+    """What every partner's devices may use, besides pings and the control centre's DDS."""
+
+
+class Partner(Model):
+    """An organisation that joins through the VPN."""
+
+    full_name: Text
+    vpn_pool: Network
+    sees: tuple[Name, ...] = ()
+    """Vehicles, besides its own devices, that its devices may reach by ping and DDS, and that may reach them."""
+
+
+class VehicleKind(StrEnum):
+    """The report's words for its robots."""
+
+    AUV = "auv"
+    ASV = "asv"
+    UAV = "uav"
+    ROV = "rov"
+
+
+class Column(StrEnum):
+    """The columns of the report's Table 3, in its order."""
+
+    WIFI = "wifi"
+    ACOUSTIC = "acoustic"
+    SATELLITE = "satellite"
+    USBL = "usbl"
+    RC_RF = "rc_rf"
+    LTE = "4g"
+    GPS = "gps"
+
+
+class Vehicle(Model):
+    """A robot of the report's Table 3, under its own inventory key."""
+
+    name: Text
+    """As Table 3 prints it."""
+    kind: VehicleKind
+    aliases: tuple[Text, ...] = ()
+    """Other names that the report uses; the partner confirms them."""
+    partner: Name | None = None
+    """Key in `partners`; null where the report does not say."""
+    table3: tuple[Column, ...]
+    """The X cells of its row."""
+    table3_deviation: Text | None = None
+    """Why `table3` differs from the report; required if it does."""
+    ethernet: StrictBool = False
+    """Our extension, not part of Table 3: the vehicle is also reached by cable."""
+    endpoints: Endpoints = Endpoints()
+    """How the pre-test checklist looks at each; what is missing, a person confirms."""
+
+
+class Pilot(Model):
+    """Values that every site shares."""
+
+    name: Text
+    """What the pilot is called in reports."""
+    example_values: StrictBool
+    """True while the inventory holds the shipped example values: only rehearsals may use them."""
+    country: Literal["portugal", "belgium"]
+    """Regulatory domain of the radios, RouterOS' own word."""
+    time_zone: Text
+    """Name of the IANA database; the clocks of all devices show it."""
+    time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]
+    """In order of preference."""
+    vpn: Vpn
+    dds: Dds | None = None
+    """None: no profiles are made."""
+    gateways: Gateways = Gateways()

@@ -1,0 +1,221 @@
+"""One site: its address plan and the bearers that carry it to the control centre.
+
+Stands in `group_vars/<site>.yml`, key `site`.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
+
+from atlantis_netcfg.declaration.model._base import (
+    Address,
+    Currency,
+    DnsName,
+    HostName,
+    MacAddress,
+    Model,
+    Name,
+    Network,
+    Text,
+)
+from atlantis_netcfg.declaration.model.endpoints import Endpoints, Geofence
+from atlantis_netcfg.declaration.model.pilot import Column, Transport
+
+__all__ = [
+    "AllowedTarget",
+    "Bearer",
+    "BearerKind",
+    "Billing",
+    "Checklist",
+    "DhcpRange",
+    "Failover",
+    "Lan",
+    "LinkRate",
+    "LocationRow",
+    "Management",
+    "Reservation",
+    "ServedLink",
+    "Site",
+]
+
+
+class Reservation(Model):
+    """A DHCP address that always goes to the same network card."""
+
+    name: Name
+    """Of the device that gets it; a host's own name where it is one of the inventory."""
+    mac: MacAddress
+    """Of its network card."""
+    address: Address
+    """In the LAN, outside the DHCP range."""
+
+
+class DhcpRange(Model):
+    """Addresses that are handed to unknown devices."""
+
+    first: Address
+    """Of the range."""
+    last: Address
+    """Of the range, included."""
+    lease_minutes: Annotated[StrictInt, Field(ge=2, le=10080)] = 60
+    """How long an address stays with a device that went silent."""
+
+
+class Lan(Model):
+    """The site's local network: robots, gateway, operator stations."""
+
+    network: Network
+    """Room for a router, a gateway computer and robots: /29 or larger."""
+    gateway: Address
+    """The router's own address in it."""
+    domain: DnsName
+    """DNS suffix of the LAN's names."""
+    dhcp: DhcpRange
+    reservations: tuple[Reservation, ...] = ()
+
+
+class Management(Model):
+    """The network of the router's management port, where a technician's laptop stands."""
+
+    network: Network
+    """Apart from the LAN."""
+    technician: Address
+    """Address of the laptop on that port."""
+    admit: Annotated[tuple[Network, ...], Field(min_length=1)]
+    """Prefixes from which the routers' own firewall admits management."""
+
+
+class BearerKind(StrEnum):
+    """What carries a site's traffic to the rest of the world."""
+
+    WIFI_PTP = "wifi_ptp"
+    LTE = "lte"
+    SATELLITE = "satellite"
+    ETHERNET = "ethernet"
+
+
+class LinkRate(Model):
+    """What a bearer can do, for estimates and rehearsals."""
+
+    rtt_ms: Annotated[StrictFloat, Field(gt=0, le=5000)]
+    """Round trip to the control centre, in milliseconds."""
+    up_kbps: Annotated[StrictFloat, Field(gt=0)]
+    """From the site, in kbit/s."""
+    down_kbps: Annotated[StrictFloat, Field(gt=0)]
+    """To the site, in kbit/s."""
+
+
+class Billing(Model):
+    """How the provider counts and what it asks, from the contract; a tariff that nobody has looked up is left out."""
+
+    currency: Currency = "EUR"
+    """ISO 4217."""
+    price_per_mb: Annotated[StrictFloat, Field(ge=0)]
+    """For 10^6 bytes, both directions counted together."""
+    min_session_bytes: Annotated[StrictInt, Field(ge=0)] = 0
+    """What the shortest session is billed as."""
+    floor_bytes_per_s: Annotated[StrictInt, Field(ge=0)] = 0
+    """A long session is billed as so many bytes for each second, if that is more than what it carried."""
+    floor_after_s: Annotated[StrictInt, Field(ge=0)] = 0
+    """Length of a session from which that floor holds."""
+
+
+class Failover(Model):
+    """When traffic leaves a link of the site, and when it comes back."""
+
+    hold_down_s: Annotated[StrictInt, Field(ge=20, le=600)] = 20
+    """A link whose canaries have all been silent for so long is left for the next one, in seconds."""
+    fail_back_s: Annotated[StrictInt, Field(ge=0, le=3600)] = 120
+    """A better link is taken again when its canaries have answered for so long without a break, in seconds."""
+    metered_probe_s: Annotated[StrictInt, Field(ge=10, le=600)] = 30
+    """How often each canary of a link that costs by the byte is asked while all is well, in seconds; others: 5 s."""
+
+
+class AllowedTarget(Model):
+    """A destination that may be reached over the satellite, besides the VPN and the time servers."""
+
+    name: Text
+    """What it is for."""
+    address: Address
+    """One host; a network cannot be admitted."""
+    dns_name: DnsName | None = None
+    """The name behind the address, where there is one: that both still agree is checked, because names move."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
+    """None admits every port; with a port, `transport` says of which protocol."""
+    transport: Transport = Transport.UDP
+
+
+class Bearer(Model):
+    """A long-haul link of the site. The order of the list is the order of preference."""
+
+    name: Name
+    kind: BearerKind
+    device: HostName | None = None
+    """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
+    metered: StrictBool
+    """True if every byte costs."""
+    billing: Billing | None = None
+    """Metered links only; None: nobody has looked up the tariff, so that costs are told in bytes."""
+    cap_mb: Annotated[StrictFloat, Field(gt=0)] = 5.0
+    """Metered links only: no single action sends more than this, in 10^6 bytes, whatever a person accepts."""
+    network: Network
+    """Between the router and the next hop."""
+    address: Address
+    """The router's own address in `network`."""
+    gateway: Address
+    """The next hop."""
+    canaries: tuple[Address, ...] = ()
+    """Two addresses beyond the link, pinged over it and used for nothing else; none: the link is not probed."""
+    rate: LinkRate
+    allow: tuple[AllowedTarget, ...] = ()
+    """Satellite only: what may pass besides the VPN and the time servers. All else is dropped at the router."""
+    refused_probes: tuple[AllowedTarget, ...] = ()
+    """Satellite only: targets of our own outside the allow-list, to prove that they cannot be reached."""
+
+
+class ServedLink(Model):
+    """A link that ends here and carries another site: the SCC's end of the Wi-Fi bridge."""
+
+    name: Name
+    device: HostName
+    network: Network
+    address: Address
+    """The router's own address in `network`."""
+    carries: Name
+    """The site at the other end."""
+
+
+class LocationRow(Model):
+    """The location's own row of the checklist; the report's location rows are lost, so it starts empty."""
+
+    table3: tuple[Column, ...] = ()
+    ethernet: StrictBool = False
+    """Our extension, not part of Table 3."""
+    endpoints: Endpoints = Endpoints()
+    """How the pre-test checklist looks at each; the bearers speak for satellite, 4G and the Wi-Fi bridge."""
+
+
+class Checklist(Model):
+    """What the pre-test checklist of a site needs to know besides the devices."""
+
+    vehicles: tuple[Name, ...] | None = None
+    """Keys of the vehicles that are tested here; None: every vehicle of the pilot."""
+    geofence: Geofence | None = None
+    """Where they are then; None: positions are not compared with a place, and the report says so."""
+
+
+class Site(Model):
+    """A place of the pilot."""
+
+    title: Text
+    """What people call the place."""
+    lan: Lan
+    management: Management
+    bearers: Annotated[tuple[Bearer, ...], Field(min_length=1)]
+    served_links: tuple[ServedLink, ...] = ()
+    failover: Failover = Failover()
+    location: LocationRow = LocationRow()
+    checklist: Checklist = Checklist()

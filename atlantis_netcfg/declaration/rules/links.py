@@ -1,0 +1,172 @@
+"""Bearers and served links: addresses, names, and the box at this end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration.model import BearerKind, Cpe
+from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.declaration.findings import Finding
+    from atlantis_netcfg.declaration.model import Bearer, ServedLink
+
+__all__ = ["BOX_OF", "RULES", "End", "ends"]
+
+BOX_OF = {
+    BearerKind.WIFI_PTP: "cpe",
+    BearerKind.LTE: "lte_router",
+    BearerKind.SATELLITE: "satellite_terminal",
+}
+"""Which kind of device carries a bearer; an `ethernet` bearer is a plain cable."""
+_RESERVED = "lan"
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """A link as its own site sees it."""
+
+    site: str
+    path: tuple[str, int]
+    link: Bearer | ServedLink
+    kind: BearerKind
+
+    @property
+    def part(self) -> Part:
+        """Where it is declared."""
+        return Part("site", self.site)
+
+
+def ends(draft: Draft) -> Iterator[End]:
+    """Every link of every site."""
+    for name, site in draft.sites.items():
+        for index, bearer in enumerate(site.bearers):
+            yield End(name, ("bearers", index), bearer, bearer.kind)
+        for index, served in enumerate(site.served_links):
+            yield End(name, ("served_links", index), served, BearerKind.WIFI_PTP)
+
+
+def addresses(draft: Draft) -> Iterator[Finding]:
+    """The router's address and the gateway are usable addresses of the link's network."""
+    for end in ends(draft):
+        link = end.link
+        yield from _in_network(draft, end, "address", link.address)
+        gateway = getattr(link, "gateway", None)
+        if gateway is not None:
+            yield from _in_network(draft, end, "gateway", gateway)
+
+
+def _in_network(draft: Draft, end: End, key: str, address: IPv4Address) -> Iterator[Finding]:
+    if why := why_unusable(address, end.link.network):
+        message = f"the {key} {address} of link `{end.link.name}` {why}"
+        yield draft.wrong(end.part, (*end.path, key), message, example_in(end.link.network))
+
+
+def names(draft: Draft) -> Iterator[Finding]:
+    """A link's name stands once at its site, and is not the word for the management port."""
+    seen: dict[tuple[str, str], End] = {}
+    for end in ends(draft):
+        first = seen.setdefault((end.site, end.link.name), end)
+        path = (*end.path, "name")
+        if end.link.name == _RESERVED:
+            message = "a link cannot be called `lan`: `via: lan` means the management port"
+            yield draft.wrong(end.part, path, message, "choose another name")
+        elif first is not end:
+            line = draft.mark(first.part, *first.path, "name").line
+            message = f"`{end.link.name}` is the name of two links of `{end.site}`, first in line {line}"
+            yield draft.wrong(end.part, path, message, "give each link its own name")
+
+
+def devices(draft: Draft) -> Iterator[Finding]:
+    """A link has the box that its kind needs, at its own site."""
+    for end in ends(draft):
+        kind = BOX_OF.get(end.kind)
+        if end.link.device is None:
+            if kind is not None:
+                message = f"link `{end.link.name}` is {end.kind} and has no device"
+                hint = f"add `device:` with {_candidates(draft, end.site, kind)}"
+                yield draft.wrong(end.part, end.path, message, hint)
+        elif problem := _wrong_device(draft, end, end.link.device, kind):
+            yield draft.wrong(end.part, (*end.path, "device"), *problem)
+
+
+def _candidates(draft: Draft, site: str, kind: str) -> str:
+    here = [host for host, place in draft.layout.hosts.items() if place == site and draft.kind_of(host) == kind]
+    return f"`{here[0]}`" if here else f"a {kind} of the site"
+
+
+def _wrong_device(draft: Draft, end: End, host: str, kind: str | None) -> tuple[str, str] | None:
+    if host not in draft.layout.hosts:
+        here = [name for name, site in draft.layout.hosts.items() if site == end.site]
+        return f"there is no host `{host}`", meant(host, here, none="add it to hosts.yml")
+    if draft.layout.hosts[host] != end.site:
+        message = f"`{host}` is at site `{draft.layout.hosts[host]}`, not at `{end.site}`"
+        return message, f"name {_candidates(draft, end.site, kind)}" if kind is not None else "remove `device:`"
+    is_a = draft.kind_of(host)
+    if kind is None:
+        return f"link `{end.link.name}` is a plain cable (ethernet) and has no device", "remove `device:`"
+    if is_a is not None and is_a != kind:
+        message = f"link `{end.link.name}` is {end.kind}, but `{host}` is a {is_a}"
+        return message, f"name {_candidates(draft, end.site, kind)}"
+    return None
+
+
+def each_box_once(draft: Draft) -> Iterator[Finding]:
+    """A radio carries one link."""
+    for end, first in _shared(draft):
+        where = draft.where(first.part, *first.path, "device")
+        message = f"`{end.link.device}` already carries link `{first.link.name}` ({where})"
+        yield draft.wrong(end.part, (*end.path, "device"), message, "a device carries one link")
+
+
+def _shared(draft: Draft) -> Iterator[tuple[End, End]]:
+    seen: dict[str, End] = {}
+    for end in ends(draft):
+        if end.link.device is None or _wrong_device(draft, end, end.link.device, BOX_OF.get(end.kind)) is not None:
+            continue
+        first = seen.setdefault(end.link.device, end)
+        if first is not end:
+            yield end, first
+
+
+def no_box_idle(draft: Draft) -> Iterator[Finding]:
+    """No radio is left without a link. Where a link of its kind waits for one, that is the error, told there."""
+    waiting = {(end.site, BOX_OF.get(end.kind)) for end, _ in _shared(draft)}
+    used = set()
+    for end in ends(draft):
+        kind = BOX_OF.get(end.kind)
+        if end.link.device is None or _wrong_device(draft, end, end.link.device, kind) is not None:
+            waiting.add((end.site, kind))
+        used.add(end.link.device)
+    for host, device in draft.devices.items():
+        site = draft.layout.hosts[host]
+        if device.kind not in BOX_OF.values() or host in used or site not in draft.sites:
+            continue
+        if (site, device.kind) not in waiting:
+            message = f"`{host}` carries no link of `{site}`"
+            hint = f"name it as `device:` of a link in group_vars/{site}.yml, or remove the host"
+            yield draft.wrong(Part("device", host), (), message, hint)
+
+
+def boxes_in_network(draft: Draft) -> Iterator[Finding]:
+    """The box at this end has an address of the link's network."""
+    second = [end for end, _ in _shared(draft)]
+    for end in ends(draft):
+        host = end.link.device
+        if host is None or end in second or _wrong_device(draft, end, host, BOX_OF.get(end.kind)) is not None:
+            continue
+        device = draft.devices.get(host)
+        path = ("access", "address") if isinstance(device, Cpe) else ("address",)
+        address = device.access.address if isinstance(device, Cpe) else getattr(device, "address", None)
+        if address is not None and (why := why_unusable(address, end.link.network)):
+            message = f"the address {address} of `{host}` {why}, the network of link `{end.link.name}`"
+            yield draft.wrong(Part("device", host), path, message, example_in(end.link.network))
+
+
+RULES: tuple[Rule, ...] = (addresses, names, devices, each_box_once, no_box_idle, boxes_in_network)

@@ -1,0 +1,161 @@
+"""The 4G unit: which parts of its declaration its driver needs, which it cannot use, and a SIM that can be right.
+
+A field that the driver does nothing with is refused, because a person who wrote it expects an effect.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._vault import SealedSecret
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.declaration.findings import Finding
+
+__all__ = ["FIELDS", "RULES", "Field"]
+
+_ROUTEROS, _RUTOS, _MODEMMANAGER, _AT = (
+    LteDriver.ROUTEROS,
+    LteDriver.RUTOS,
+    LteDriver.MODEMMANAGER,
+    LteDriver.AT,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A part of the declaration that not every driver can use."""
+
+    path: tuple[str, ...]
+    of: tuple[LteDriver, ...]
+    """The drivers that use it; with any other it is refused."""
+    needed_by: tuple[LteDriver, ...] = ()
+    """The drivers that cannot do without."""
+    hint: str = ""
+    """What to write where it is missing."""
+
+
+FIELDS: tuple[Field, ...] = (
+    Field(
+        ("access",),
+        of=(_ROUTEROS, _RUTOS),
+        needed_by=(_ROUTEROS, _RUTOS),
+        hint="add `access: {user: …, password: …}`",
+    ),
+    Field(("access", "admin_user"), of=(_RUTOS,)),
+    Field(("access", "admin_password"), of=(_RUTOS,)),
+    Field(("host",), of=(_MODEMMANAGER, _AT)),
+    Field(("serial",), of=(_AT,), needed_by=(_AT,), hint="add `serial:` with the modem's port, like /dev/ttyUSB2"),
+    Field(("sim", "user"), of=(_ROUTEROS, _RUTOS)),
+    Field(("sim", "password"), of=(_ROUTEROS, _RUTOS)),
+    Field(("sim", "pin"), of=(_ROUTEROS, _RUTOS)),
+    Field(("sim", "bands"), of=(_ROUTEROS, _RUTOS)),
+)
+"""The drivers' fields, in the order in which a declaration has them."""
+
+_APN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]{0,98}[A-Za-z0-9])?")
+"""3GPP TS 23.003, 9.1: labels as of a DNS name, at most 100 characters."""
+_PIN = re.compile(r"[0-9]{4,8}")
+"""3GPP TS 31.101, 9.5.1."""
+_PORT = re.compile(r"/dev/[\w./-]+")
+
+
+def _value(device: LteRouter, path: tuple[str, ...]) -> object:
+    found: object = device
+    for name in path:
+        found = getattr(found, name, None)
+    return found
+
+
+def fields(draft: Draft) -> Iterator[Finding]:
+    """Each driver has what it needs, and nothing that it would leave unused."""
+    for host, _, device in draft.boxes(LteRouter):
+        part, driver = Part("device", host), device.driver
+        for one in FIELDS:
+            given = _value(device, one.path) not in {None, ()}
+            name = ".".join(one.path)
+            if given and driver not in one.of:
+                drivers = " and ".join(one.of)
+                message = f"`{name}` has no effect with driver `{driver}`"
+                yield draft.wrong(part, one.path, message, f"remove it: it is for driver {drivers}")
+            elif not given and driver in one.needed_by:
+                message = f"driver `{driver}` needs `{name}`"
+                path = ("driver",)
+                yield draft.wrong(part, path, message, one.hint)
+
+
+def apn(draft: Draft) -> Iterator[Finding]:
+    """The access point name is one that a network can have."""
+    for host, _, device in draft.boxes(LteRouter):
+        name = device.sim.apn
+        if name is not None and not _APN.fullmatch(name):
+            message = f"`{name}` is no access point name: letters, digits, dots and dashes, no blanks"
+            yield draft.wrong(Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract")
+
+
+def pin(draft: Draft) -> Iterator[Finding]:
+    """A PIN that cannot be right would cost one of three tries; one that is still sealed cannot be looked at."""
+    for host, _, device in draft.boxes(LteRouter):
+        number = device.sim.pin
+        if number is None or isinstance(number, SealedSecret) or _PIN.fullmatch(number.reveal()):
+            continue
+        message = "the PIN must have 4 to 8 digits; a wrong one costs one of the SIM's three tries"
+        hint = "vault the PIN of the SIM's letter, or remove `pin` while there is none"
+        yield draft.wrong(Part("device", host), ("sim", "pin"), message, hint)
+
+
+def administrator(draft: Draft) -> Iterator[Finding]:
+    """Whoever may set a RutOS unit has a name and a password, or is nobody."""
+    for host, _, device in draft.boxes(LteRouter):
+        access = device.access
+        if access is None or (access.admin_user is None) == (access.admin_password is None):
+            continue
+        missing, there = ("admin_password", "admin_user") if access.admin_user else ("admin_user", "admin_password")
+        message = f"`{there}` stands without `{missing}`: nobody could log in to set the unit"
+        hint = f"add `{missing}`, or remove `{there}`: then the unit is only checked"
+        yield draft.wrong(Part("device", host), ("access", there), message, hint)
+
+
+def in_quotes(draft: Draft) -> Iterator[Finding]:
+    """What is set on a RutOS unit goes to `uci` between single quotes."""
+    for host, _, device in draft.boxes(LteRouter):
+        user = device.sim.user
+        if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
+            message = f"`{user}` cannot be set on a RutOS unit: it has a quote or a backslash"
+            yield draft.wrong(Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract")
+
+
+def within_reach(draft: Draft) -> Iterator[Finding]:
+    """A modem is read in the computer that runs `provision`, at a port of it."""
+    for host, _, device in draft.boxes(LteRouter):
+        part = Part("device", host)
+        if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
+            message = f"a modem in another computer (`{device.host}`) cannot be read yet"
+            hint = "leave `host` out and run `provision` on that computer, or write `driver: manual`"
+            yield draft.wrong(part, ("host",), message, hint)
+        if device.driver is _AT and device.serial is not None and not _PORT.fullmatch(device.serial):
+            message = f"`{device.serial}` is no serial port"
+            yield draft.wrong(part, ("serial",), message, "write its whole path, like /dev/ttyUSB2")
+
+
+def is_the_gateway(draft: Draft) -> Iterator[Finding]:
+    """A box that routes is the next hop of its link: with another address the site's router would not find it."""
+    for host, name, device in draft.boxes(LteRouter):
+        site = draft.sites.get(name)
+        if site is None or device.driver not in {_ROUTEROS, _RUTOS}:
+            continue
+        for index, bearer in enumerate(site.bearers):
+            both = {bearer.gateway, device.address}
+            if bearer.device == host and len(both) > 1 and all(one in bearer.network for one in both):
+                where = draft.where(Part("site", name), "bearers", index, "gateway")
+                message = f"the address {device.address} is not the gateway of link `{bearer.name}` ({where})"
+                yield draft.wrong(Part("device", host), ("address",), message, f"write {bearer.gateway}")
+
+
+RULES: tuple[Rule, ...] = (fields, apn, pin, administrator, in_quotes, within_reach, is_the_gateway)

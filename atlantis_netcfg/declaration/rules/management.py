@@ -1,0 +1,112 @@
+"""How the toolkit reaches a RouterOS device, and that the device's own firewall lets it in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration.model import Cpe, Router
+from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.declaration.findings import Finding
+    from atlantis_netcfg.declaration.model import Access, Site
+
+__all__ = ["RULES"]
+
+_LAN = "lan"
+
+
+def technician_in_network(draft: Draft) -> Iterator[Finding]:
+    """The laptop's address is one of the management network."""
+    for name, site in draft.sites.items():
+        if why := why_unusable(site.management.technician, site.management.network):
+            message = f"the technician's address {site.management.technician} {why}"
+            hint = example_in(site.management.network)
+            yield draft.wrong(Part("site", name), ("management", "technician"), message, hint)
+
+
+def technician_admitted(draft: Draft) -> Iterator[Finding]:
+    """The firewall of the devices admits the laptop."""
+    for name, site in draft.sites.items():
+        outside = why_unusable(site.management.technician, site.management.network)
+        if outside is None and not any(site.management.technician in one for one in site.management.admit):
+            message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
+            hint = f"add {site.management.network}"
+            yield draft.wrong(Part("site", name), ("management", "admit"), message, hint)
+
+
+def vpn_admitted(draft: Draft) -> Iterator[Finding]:
+    """Where a device is managed through the tunnel, its firewall admits the infrastructure's tunnel addresses."""
+    if draft.pilot is None:
+        return
+    pool = draft.pilot.vpn.infrastructure
+    for name, site in draft.sites.items():
+        if _by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
+            message = f"the routers' firewall would drop management through the VPN: no prefix holds {pool}"
+            yield draft.wrong(Part("site", name), ("management", "admit"), message, f"add {pool}")
+
+
+def _by_tunnel(draft: Draft, site: str) -> bool:
+    found = draft.router_of(site)
+    if found is not None and found[1].vpn_client is not None:
+        return True
+    return any(place == site and access.via != _LAN for _, place, access in _accesses(draft))
+
+
+def _accesses(draft: Draft) -> Iterator[tuple[str, str, Access]]:
+    """Host, site and access of every device that the toolkit drives."""
+    for host, device in draft.devices.items():
+        if isinstance(device, Router | Cpe):
+            yield host, draft.layout.hosts[host], device.access
+
+
+def partners_kept_out(draft: Draft) -> Iterator[Finding]:
+    """No prefix lets a partner's robots manage our routers."""
+    if draft.pilot is None:
+        return
+    own = draft.pilot.vpn.infrastructure
+    for name, site in draft.sites.items():
+        for index, prefix in enumerate(site.management.admit):
+            pools = {partner: one.vpn_pool for partner, one in draft.partners.items()}
+            inside = [partner for partner, pool in pools.items() if pool.overlaps(prefix) and not pool.overlaps(own)]
+            if inside:
+                message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
+                hint = "admit the management network and the VPN's infrastructure pool only"
+                yield draft.wrong(Part("site", name), ("management", "admit", index), message, hint)
+
+
+def router_in_network(draft: Draft) -> Iterator[Finding]:
+    """A router is reached at an address of its management port."""
+    for host, name, router in draft.boxes(Router):
+        site = draft.sites.get(name)
+        if site is not None and (why := why_unusable(router.access.address, site.management.network)):
+            message = f"the management address {router.access.address} {why}, the management network of `{name}`"
+            hint = example_in(site.management.network)
+            yield draft.wrong(Part("device", host), ("access", "address"), message, hint)
+
+
+def via_known(draft: Draft) -> Iterator[Finding]:
+    """`via` is the management port or a bearer of the site."""
+    for host, name, access in _accesses(draft):
+        site = draft.sites.get(name)
+        if site is not None and access.via not in _ways(site):
+            message, hint = f"`{access.via}` is no bearer of `{name}`", meant(access.via, _ways(site), none="")
+            yield draft.wrong(Part("device", host), ("access", "via"), message, hint)
+
+
+def _ways(site: Site) -> list[str]:
+    return [_LAN, *(bearer.name for bearer in site.bearers)]
+
+
+RULES: tuple[Rule, ...] = (
+    technician_in_network,
+    technician_admitted,
+    vpn_admitted,
+    partners_kept_out,
+    router_in_network,
+    via_known,
+)

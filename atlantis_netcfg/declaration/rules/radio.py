@@ -1,0 +1,238 @@
+"""The directional Wi-Fi bridge: legal channels, settings that exist, and two ends that agree.
+
+How strong a radio may be, and how strong the other end then hears it, is in `power_of_radio`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration import channels
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._near import choices, meant
+from atlantis_netcfg.declaration._vault import SealedSecret
+from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpMode, PtpProtocol, RadioMenus
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.declaration.findings import Finding
+
+__all__ = ["RULES"]
+
+_SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
+"""What both ends have in common, besides the key."""
+_WIDEST = {"2ghz": 40, "5ghz": 80}
+_KEY_CHARACTERS = range(8, 64)
+"""Of a WPA2 passphrase (IEEE 802.11, annex M.4); RouterOS takes the same for nv2."""
+
+
+def _radios(draft: Draft) -> Iterator[tuple[str, Part, Ptp]]:
+    for host, _, cpe in draft.boxes(Cpe):
+        yield host, Part("device", host), cpe.ptp
+
+
+def standard_and_band(draft: Draft) -> Iterator[Finding]:
+    """The standard exists in the band."""
+    for _, part, ptp in _radios(draft):
+        bands = channels.BANDS[ptp.standard]
+        if ptp.band not in bands:
+            message = f"{ptp.standard} is a standard of {' and '.join(bands)}, not of {ptp.band}"
+            fitting = [standard for standard, its in channels.BANDS.items() if ptp.band in its]
+            hint = f"write `band: {bands[0]}`, or one of {', '.join(fitting)}"
+            yield draft.wrong(part, ("ptp", "standard"), message, hint)
+
+
+def width(draft: Draft) -> Iterator[Finding]:
+    """The standard and the band know the width."""
+    for _, part, ptp in _radios(draft):
+        widths = [one for one in channels.WIDTHS[ptp.standard] if one <= _WIDEST[ptp.band]]
+        if ptp.width_mhz not in widths:
+            message = f"{ptp.standard} at {ptp.band} has no channels of {ptp.width_mhz} MHz"
+            yield draft.wrong(part, ("ptp", "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
+
+
+def protocol_and_standard(draft: Draft) -> Iterator[Finding]:
+    """nv2 and nstreme exist in the package `wireless` only, which no 802.11ax device runs (MikroTik manual, WiFi)."""
+    for _, part, ptp in _radios(draft):
+        if ptp.standard == "802.11ax" and ptp.protocol is not PtpProtocol.IEEE_80211:
+            message = f"a device of 802.11ax does not speak {ptp.protocol}"
+            yield draft.wrong(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
+
+
+def protocol_that_is_set_up(draft: Draft) -> Iterator[Finding]:
+    """The protocol nstreme needs settings of its own, and nv2 does better what it is for (MikroTik manual, Nv2)."""
+    for _, part, ptp in _radios(draft):
+        if ptp.protocol is PtpProtocol.NSTREME:
+            message = "nstreme is not set up by this toolkit"
+            yield draft.wrong(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
+
+
+def menus(draft: Draft) -> Iterator[Finding]:
+    """What is declared exists in the declared family of menus."""
+    for _, part, ptp in _radios(draft):
+        if ptp.menus is RadioMenus.WIFI and ptp.protocol is PtpProtocol.NV2:
+            message = "the `wifi` menus do not speak nv2"
+            hint = 'write `menus: wireless`, or `protocol: "802.11"` at both ends'
+        elif ptp.menus is RadioMenus.WIRELESS and ptp.standard == "802.11ax":
+            message = "the `wireless` menus do not know 802.11ax"
+            hint = "write `menus: wifi` or `menus: auto`, or choose an older standard"
+        else:
+            continue
+        yield draft.wrong(part, ("ptp", "menus"), message, hint)
+
+
+def same_menus(draft: Draft) -> Iterator[Finding]:
+    """A bridge needs the same driver at both ends (MikroTik manual, WiFi: station-bridge); told at the second."""
+    for host, part, ptp in _radios(draft):
+        other = draft.devices.get(ptp.peer)
+        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+            continue
+        if {ptp.menus, other.ptp.menus} == {RadioMenus.WIRELESS, RadioMenus.WIFI}:
+            where = draft.where(Part("device", ptp.peer), "ptp", "menus")
+            message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
+            hint = "a bridge needs the same driver at both ends: take two devices of one family"
+            yield draft.wrong(part, ("ptp", "menus"), message, hint)
+
+
+def wpa(draft: Draft) -> Iterator[Finding]:
+    """WPA3 is for 802.11 in the `wifi` menus; nv2 has a key of its own."""
+    for _, part, ptp in _radios(draft):
+        if ptp.wpa != "wpa3":
+            continue
+        if ptp.menus is RadioMenus.WIRELESS:
+            yield draft.wrong(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
+        elif ptp.protocol is PtpProtocol.NV2:
+            message = "nv2 has a key of its own, and no wpa3"
+            yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
+
+
+def channel(draft: Draft) -> Iterator[Finding]:
+    """The channel exists in the band and is legal in the radio's country."""
+    for _, part, ptp in _radios(draft):
+        known = channels.legal(ptp.country, ptp.band, ptp.width_mhz, outdoors=ptp.outdoor)
+        where = "outdoors" if ptp.outdoor else "indoors"
+        hint = f"channels {where} in {ptp.country}: {choices(map(str, known))}" if known else "choose a smaller width"
+        if not channels.is_channel(ptp.band, ptp.frequency_mhz):
+            message = f"{ptp.frequency_mhz} MHz is no channel of {ptp.band}"
+            yield draft.wrong(part, ("ptp", "frequency_mhz"), message, hint)
+        elif why := channels.why_illegal(ptp.country, ptp.band, ptp.frequency_mhz, ptp.width_mhz, outdoors=ptp.outdoor):
+            message = f"{ptp.frequency_mhz} MHz with {ptp.width_mhz} MHz width is not legal {where} in {ptp.country}"
+            yield draft.wrong(part, ("ptp", "frequency_mhz"), f"{message}: {why}", hint)
+
+
+def country(draft: Draft) -> Iterator[Finding]:
+    """A radio obeys the law of the pilot's country."""
+    if draft.pilot is None:
+        return
+    for _, part, ptp in _radios(draft):
+        if ptp.country != draft.pilot.country:
+            where = draft.where(Part("pilot"), "country")
+            message = f"the radio's country is {ptp.country}, the pilot's is {draft.pilot.country} ({where})"
+            yield draft.wrong(part, ("ptp", "country"), message, "make both the same")
+
+
+def key(draft: Draft) -> Iterator[Finding]:
+    """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
+    for _, part, ptp in _radios(draft):
+        if isinstance(ptp.key, SealedSecret):
+            continue
+        text = ptp.key.reveal()
+        if len(text) not in _KEY_CHARACTERS or not (text.isascii() and text.isprintable()):
+            message = "the bridge's key must have 8 to 63 printable ASCII characters"
+            yield draft.wrong(part, ("ptp", "key"), message, "make another key")
+
+
+def peers(draft: Draft) -> Iterator[Finding]:
+    """Each end names the other."""
+    others = [host for host in draft.layout.hosts if draft.kind_of(host) == "cpe"]
+    for host, part, ptp in _radios(draft):
+        known = [name for name in others if name != host]
+        peer = draft.devices.get(ptp.peer)
+        if ptp.peer not in draft.layout.hosts:
+            problem = (f"there is no host `{ptp.peer}`", meant(ptp.peer, known, none="add it to hosts.yml"))
+        elif ptp.peer == host:
+            problem = (f"`{host}` is its own peer", f"name the other end: {choices(known)}")
+        elif draft.kind_of(ptp.peer) not in {"cpe", None}:
+            message = f"`{ptp.peer}` is a {draft.kind_of(ptp.peer)}, not the other end of the bridge"
+            problem = (message, f"name the other end: {choices(known)}")
+        elif isinstance(peer, Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
+            where = draft.where(Part("device", ptp.peer), "ptp", "peer")
+            problem = (
+                f"the peer `{ptp.peer}` has another peer, `{peer.ptp.peer}` ({where})",
+                "let each name the other",
+            )
+        else:
+            continue
+        yield draft.wrong(part, ("ptp", "peer"), *problem)
+
+
+def agree(draft: Draft) -> Iterator[Finding]:
+    """Two ends that differ do not see each other; told at the second of them."""
+    for host, part, ptp in _radios(draft):
+        other = draft.devices.get(ptp.peer)
+        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+            continue
+        first = Part("device", ptp.peer)
+        shared = (
+            _SHARED if draft.pilot is None else [one for one in _SHARED if one != "country"]
+        )  # else told by `country`
+        for name in shared:
+            here, there = getattr(ptp, name), getattr(other.ptp, name)
+            if here != there:
+                said = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
+                message = f"{said} ({draft.where(first, 'ptp', name)})"
+                yield draft.wrong(part, ("ptp", name), message, "make both ends the same")
+        sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
+        if not sealed and ptp.key != other.ptp.key:
+            message = f"the key differs from the other end's ({draft.where(first, 'ptp', 'key')})"
+            yield draft.wrong(part, ("ptp", "key"), message, "make both ends the same")
+        if ptp.mode is other.ptp.mode:
+            both = f"both ends are {ptp.mode} ({draft.where(first, 'ptp', 'mode')})"
+            opposite = next(mode for mode in PtpMode if mode is not ptp.mode)
+            yield draft.wrong(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
+
+
+def _second(draft: Draft, host: str, peer: str) -> bool:
+    order = list(draft.layout.hosts)
+    return order.index(host) > order.index(peer)
+
+
+def _word(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value}"
+
+
+def bridged_peers(draft: Draft) -> Iterator[Finding]:
+    """The radios of a bridge are those of the link's two ends."""
+    for name, site in draft.sites.items():
+        for index, link in enumerate(site.served_links):
+            far = draft.sites.get(link.carries)
+            here = draft.devices.get(link.device)
+            carried = (
+                {bearer.device for bearer in far.bearers if bearer.kind == "wifi_ptp"} if far is not None else set()
+            )
+            peer = here.ptp.peer if isinstance(here, Cpe) else None
+            known = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
+            if known and carried and None not in carried and peer not in carried:
+                message = (
+                    f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
+                )
+                hint = f"its peer is {choices(str(one) for one in carried)}: correct `peer` or `carries`"
+                yield draft.wrong(Part("site", name), ("served_links", index, "device"), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    standard_and_band,
+    width,
+    protocol_and_standard,
+    protocol_that_is_set_up,
+    menus,
+    same_menus,
+    wpa,
+    channel,
+    country,
+    key,
+    peers,
+    agree,
+    bridged_peers,
+)

@@ -1,0 +1,132 @@
+"""What may pass over the satellite: everything else is dropped at the router, because airtime is dear."""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration.model import BearerKind, LteRouter, SatelliteTerminal
+from atlantis_netcfg.declaration.satellite_allow_list import VPN_TARGET, admits, allowed, derived
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.declaration.findings import Finding
+    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Transport
+
+__all__ = ["RULES"]
+
+FACTORY_ADDRESS = IPv4Address("192.168.1.1")
+"""Of the satellite terminal as technicians report it, and of Teltonika's 4G routers (facts/devices.md, section 3)."""
+
+
+def only_on_satellites(draft: Draft) -> Iterator[Finding]:
+    """`allow` and `refused_probes` mean something on a satellite only."""
+    for name, site in draft.sites.items():
+        for index, bearer in enumerate(site.bearers):
+            if bearer.kind is BearerKind.SATELLITE:
+                continue
+            for key, what in (("allow", "an allow-list is"), ("refused_probes", "targets to be refused are")):
+                if getattr(bearer, key):
+                    message = f"link `{bearer.name}` is {bearer.kind}: {what} for satellites only"
+                    yield draft.wrong(Part("site", name), ("bearers", index, key), message, f"remove `{key}:`")
+
+
+def additions_only(draft: Draft) -> Iterator[Finding]:
+    """What is derived is not declared a second time: two places for one fact drift apart."""
+    if draft.pilot is None:
+        return
+    known = derived(draft.pilot)
+    for name, index, bearer in _satellites(draft):
+        for place, target in enumerate(bearer.allow):
+            same = next((one for one in known if _key(one) == _key(target)), None)
+            if same is not None:
+                what = "the VPN" if same.name == VPN_TARGET else f"the time server {same.name}"
+                message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"
+                hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
+                yield draft.wrong(Part("site", name), ("bearers", index, "allow", place), message, hint)
+
+
+def each_once(draft: Draft) -> Iterator[Finding]:
+    """No destination stands twice."""
+    for name, index, bearer in _satellites(draft):
+        for key in ("allow", "refused_probes"):
+            seen: set[tuple[IPv4Address, int | None, Transport]] = set()
+            for place, target in enumerate(getattr(bearer, key)):
+                if _key(target) in seen:
+                    verb = "admits" if key == "allow" else "probes"
+                    message = f"`{bearer.name}` {verb} {target.address} twice in the same way"
+                    yield draft.wrong(Part("site", name), ("bearers", index, key, place), message, "remove one")
+                seen.add(_key(target))
+
+
+def refused_means_refused(draft: Draft) -> Iterator[Finding]:
+    """A target that proves the filter lies outside the allow-list, and beyond the link."""
+    if draft.pilot is None:
+        return
+    for name, index, bearer in _satellites(draft):
+        for place, target in enumerate(bearer.refused_probes):
+            path = ("bearers", index, "refused_probes", place)
+            if admits(allowed(draft.pilot, bearer), target.address, target.port, target.transport):
+                message = f"`{bearer.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
+                hint = "name an address or a port of yours that is not on the allow-list"
+                yield draft.wrong(Part("site", name), path, message, hint)
+            elif target.address in bearer.network:
+                message = f"{target.address} is in {bearer.network}, on this side of the satellite"
+                yield draft.wrong(Part("site", name), path, message, "name an address of yours on the other side")
+
+
+def one_factory_address(draft: Draft) -> Iterator[Finding]:
+    """Terminal and 4G unit come with the same address: at one site only one of them may keep it."""
+    for host, site, terminal in draft.boxes(SatelliteTerminal):
+        if terminal.address != FACTORY_ADDRESS:
+            continue
+        for other, place, unit in draft.boxes(LteRouter):
+            if place == site and unit.address == FACTORY_ADDRESS:
+                where = draft.where(Part("device", other), "address")
+                message = f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, as both makes come"
+                hint = "give one of them another network on its own pages, then declare that here and in `bearers:`"
+                yield draft.wrong(Part("device", host), ("address",), message, hint)
+
+
+def evidence_is_whole(draft: Draft) -> Iterator[Finding]:
+    """A backup is a file's name and its hash: one without the other proves nothing."""
+    for host, _, terminal in draft.boxes(SatelliteTerminal):
+        seen, part = terminal.evidence, Part("device", host)
+        if seen is None:
+            continue
+        if (seen.backup_file is None) != (seen.backup_sha256 is None):
+            missing = "backup_sha256" if seen.backup_sha256 is None else "backup_file"
+            message = f"the evidence of `{host}` names a backup without `{missing}`"
+            hint = "add it (sha256sum FILE prints the hash), or remove both"
+            yield draft.wrong(part, ("evidence",), message, hint)
+        if seen.backup_file is not None and ("/" in seen.backup_file or seen.backup_file.startswith(".")):
+            message = f"`{seen.backup_file}` is no plain file name"
+            hint = "put the file into the inventory's folder evidence/, and write its name only"
+            yield draft.wrong(part, ("evidence", "backup_file"), message, hint)
+
+
+def _satellites(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
+    for name, site in draft.sites.items():
+        for index, bearer in enumerate(site.bearers):
+            if bearer.kind is BearerKind.SATELLITE:
+                yield name, index, bearer
+
+
+def _key(target: AllowedTarget) -> tuple[IPv4Address, int | None, Transport]:
+    return target.address, target.port, target.transport
+
+
+def _spelt(target: AllowedTarget) -> str:
+    return f"{target.address} port {target.port} {target.transport}" if target.port else f"{target.address}"
+
+
+RULES: tuple[Rule, ...] = (
+    only_on_satellites,
+    additions_only,
+    each_once,
+    refused_means_refused,
+    one_factory_address,
+    evidence_is_whole,
+)

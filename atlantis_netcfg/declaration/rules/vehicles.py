@@ -1,0 +1,148 @@
+"""Vehicles: names that mean one robot, and rows that are the report's Table 3 or say why not."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import yaml
+from pydantic import TypeAdapter
+
+from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration.model import Column, Model, VehicleKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from atlantis_netcfg.declaration.findings import Finding
+    from atlantis_netcfg.declaration.model import Vehicle
+
+__all__ = ["RULES", "Row", "table3"]
+
+
+class Row(Model):
+    """A row of the report's Table 3: its X cells."""
+
+    name: str
+    kind: VehicleKind
+    table3: frozenset[Column]
+
+
+def table3() -> dict[str, Row]:
+    """The report's table by its names, in its order."""
+    text = resources.files("atlantis_netcfg.declaration").joinpath("data", "table3.yml").read_text(encoding="utf-8")
+    rows = TypeAdapter(list[Row]).validate_python(yaml.safe_load(text))
+    return {row.name: row for row in rows}
+
+
+def names(draft: Draft) -> Iterator[Finding]:
+    """No name, alias or key means two vehicles; spaces, hyphens and case do not tell robots apart."""
+    seen: dict[str, tuple[str, str]] = {}
+    for key, vehicle in draft.vehicles.items():
+        part = Part("vehicle", key)
+        own: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
+        own += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
+        for word, path in own:
+            owner, where = seen.setdefault(_plain(word), (key, draft.where(part, *path)))
+            if owner != key:
+                message = f"`{word}` is already a name of `{owner}` ({where})"
+                yield draft.wrong(part, path, message, "a name means one vehicle: remove it here or there")
+
+
+def _plain(word: str) -> str:
+    return re.sub(r"[\W_]+", "", word.casefold())
+
+
+def aliases(draft: Draft) -> Iterator[Finding]:
+    """An alias stands once, and is another word than the name."""
+    for key, vehicle in draft.vehicles.items():
+        known = [key, vehicle.name]
+        for index, alias in enumerate(vehicle.aliases):
+            if alias.casefold() in (word.casefold() for word in known):
+                message = f"`{alias}` is already a name of this vehicle"
+                yield draft.wrong(Part("vehicle", key), ("aliases", index), message, "remove it")
+            known.append(alias)
+
+
+def partners(draft: Draft) -> Iterator[Finding]:
+    """A vehicle's partner is declared."""
+    whole = draft.nodes.get(Part("partners"))
+    if whole is None or not isinstance(whole.value, dict):
+        return  # that is told
+    known = draft.names("partner")
+    for key, vehicle in draft.vehicles.items():
+        if vehicle.partner is not None and vehicle.partner not in known:
+            hint = meant(vehicle.partner, known, none="add it to `partners`, or write null")
+            yield draft.wrong(Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint)
+
+
+def columns(draft: Draft) -> Iterator[Finding]:
+    """A column stands once in a row, of a vehicle and of a location."""
+    rows: list[tuple[Part, tuple[str, ...], tuple[Column, ...]]] = [
+        (Part("vehicle", key), ("table3",), vehicle.table3) for key, vehicle in draft.vehicles.items()
+    ]
+    rows += [(Part("site", name), ("location", "table3"), site.location.table3) for name, site in draft.sites.items()]
+    for part, path, row in rows:
+        for index, column in enumerate(row):
+            if column in row[:index]:
+                yield draft.wrong(part, (*path, index), f"`{column}` stands twice in this row", "remove one")
+
+
+def report_rows(draft: Draft) -> Iterator[Finding]:
+    """A row is the report's, or says why it differs."""
+    table = table3()
+    for key, vehicle in draft.vehicles.items():
+        row = table.get(vehicle.name)
+        if row is None:
+            yield from _not_of_the_report(draft, key, vehicle, table)
+            continue
+        differs = list(_differences(vehicle, row))
+        if differs and vehicle.table3_deviation is None:
+            message = f"`{key}` is not as in the report's Table 3: {'; '.join(differs)}"
+            hint = "correct it, or say why: `table3_deviation: <reason>`"
+            path = "kind" if vehicle.kind is not row.kind else "table3"
+            yield draft.wrong(Part("vehicle", key), (path,), message, hint)
+        if not differs and vehicle.table3_deviation is not None:
+            message = f"`{key}` says why it differs from the report's Table 3, but it does not differ"
+            yield draft.wrong(Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
+
+
+def _differences(vehicle: Vehicle, row: Row) -> Iterator[str]:
+    if vehicle.kind is not row.kind:
+        yield f"kind is {row.kind}"
+    if more := _listed(set(vehicle.table3) - row.table3):
+        yield f"{more} not in the report"
+    if fewer := _listed(row.table3 - set(vehicle.table3)):
+        yield f"{fewer} missing"
+
+
+def _listed(some: Iterable[Column]) -> str:
+    wanted = set(some)
+    return ", ".join(column for column in Column if column in wanted)
+
+
+def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: dict[str, Row]) -> Iterator[Finding]:
+    if vehicle.table3_deviation is None:
+        near = nearest(vehicle.name, table)
+        hint = f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`"
+        yield draft.wrong(
+            Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
+        )
+
+
+def report_complete(draft: Draft) -> Iterator[Finding]:
+    """Every vehicle of the report is declared; a misspelt one is told at its name."""
+    whole = Part("vehicles")
+    if whole not in draft.nodes:
+        return
+    declared = [str(draft.nodes[Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
+    for name in table3():
+        if name not in declared and nearest(name, declared) is None:
+            message = f"`{name}` of the report's Table 3 is not declared"
+            yield draft.wrong(whole, (), message, "every robot of the report stays in the checklist: add it")
+
+
+RULES: tuple[Rule, ...] = (names, aliases, partners, columns, report_rows, report_complete)

@@ -1,0 +1,55 @@
+"""What may pass over a satellite link: derived from the declaration, plus what a person adds.
+
+Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that is left with its
+satellite needs both: TLS refuses certificates while the clock is wrong. The declaration names no DNS servers (the
+router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived. `allow` of the bearer holds additions.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration.model import AllowedTarget, BearerKind, Transport
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.declaration.model import Bearer, Pilot
+
+__all__ = ["NTP_PORT", "VPN_TARGET", "admits", "allowed", "derived"]
+
+NTP_PORT = 123
+"""RFC 5905; UDP."""
+VPN_TARGET = "VPN server"
+"""What the derived entry of the VPN is called."""
+
+
+def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
+    """What every satellite link of the pilot admits, whatever its `allow` says."""
+    vpn = pilot.vpn
+    tunnel = AllowedTarget(
+        name=VPN_TARGET,
+        address=vpn.endpoint,
+        dns_name=vpn.endpoint_name,
+        port=vpn.port,
+        transport=vpn.transport,
+    )
+    times = (
+        AllowedTarget(name=server.name, address=server.address, port=NTP_PORT, transport=Transport.UDP)
+        for server in pilot.time_servers
+    )
+    return (tunnel, *times)
+
+
+def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
+    """Everything that a satellite link admits, what is derived first; nothing for other links."""
+    return (*derived(pilot), *bearer.allow) if bearer.kind is BearerKind.SATELLITE else ()
+
+
+def admits(targets: Iterable[AllowedTarget], address: IPv4Address, port: int | None, transport: Transport) -> bool:
+    """Whether one of the targets lets it pass; `port` None stands for the address as a whole, with ICMP."""
+    return any(
+        target.address == address and (target.port is None or (target.port == port and target.transport is transport))
+        for target in targets
+    )

@@ -1,0 +1,239 @@
+"""An emulated SeaTrac beacon: frames in ASCII-hex with their sum, settings, status, and pings of another beacon."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from atlantis_netcfg.emulator.acoustic._line import Line, LineSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["RunningSeatrac", "SeatracSpec"]
+
+_READS = (0x01, 0x02, 0x10, 0x11, 0x15, 0x21, 0x3A)
+_PING, _PINGED, _FAILED, _NAVIGATED = 0x40, 0x42, 0x43, 0x52
+_OK, _BUSY, _TIMEOUT, _IDLE = 0x00, 0x30, 0x34, 0x3B
+_NUMBERS = range(1, 16)
+
+
+def _crc_table() -> tuple[int, ...]:
+    """CRC-16 of 0x8005 reflected, a byte at a time; made otherwise than our driver's, so neither hides the other."""
+    table = []
+    for byte in range(256):
+        bits = int(f"{byte:08b}"[::-1], 2) << 8
+        for _ in range(8):
+            bits = ((bits << 1) ^ 0x8005 if bits & 0x8000 else bits << 1) & 0xFFFF
+        table.append(int(f"{bits:016b}"[::-1], 2))
+    return tuple(table)
+
+
+_TABLE = _crc_table()
+
+
+def _sum(payload: bytes) -> bytes:
+    value = 0
+    for byte in payload:
+        value = (value >> 8) ^ _TABLE[(value ^ byte) & 0xFF]
+    return struct.pack("<H", value)
+
+
+class SeatracSpec(LineSpec):
+    """One beacon and what is around it; by default it is well, idle, in air, and hears another beacon."""
+
+    beacon: int = 1
+    part: int = 795
+    """795 is an X150, 843 an X110."""
+    serial_number: int = 1
+    sound_speed_mps: float = 1500.0
+    auto_sound_speed: bool = True
+    supply_v: float = 15.2
+    depth_m: float | None = None
+    """None: as `in_water` has it."""
+    environment: bool = True
+    """The settings let the status tell supply, depth and sound speed."""
+    state: int = Field(default=_IDLE, ge=0, le=255)
+    """Of the transceiver: 0x3B idle, 0x3A stopped, 0x3C transmitting."""
+    busy: bool = False
+    """Takes no ping."""
+    wrong_sum: tuple[int, ...] = ()
+    """Commands whose answers carry a wrong sum."""
+    every_sum_wrong: bool = False
+    missing: tuple[int, ...] = ()
+    """Reading commands that it leaves unanswered."""
+    status_every_s: float | None = None
+    """Tells its status by itself, too."""
+    hears: tuple[int, ...] = (2,)
+    """Beacons whose answers to pings of the vehicle's own software are told."""
+    fix_every_s: float = Field(default=0.05, gt=0)
+    fixes: int | None = Field(default=None, ge=0)
+    """So many rounds of such answers to each client, then none; None: for ever."""
+    range_m: float = 14.1
+    fit_error: float = 0.4
+    suspect: bool = False
+    """The beacon's filter does not trust its own position."""
+    frozen: bool = False
+    """The first fix again and again."""
+    navigates: bool = False
+    """The vehicle asks by NAV_QUERY in place of pings: its answers hold the same fix."""
+    answers_to: int | None = None
+    """Beacon for which the answers are meant that it hears; None: for itself."""
+    ranges_only: bool = False
+    """An X110 measures no direction."""
+    in_water: bool = False
+    """Whether it may transmit: if not, every ping is damage."""
+    reaches: tuple[int, ...] = (2,)
+    """Beacons that answer a ping."""
+
+    @property
+    def depth(self) -> float:
+        """What the gauge shows, in m."""
+        return self.depth_m if self.depth_m is not None else (1.2 if self.in_water else 0.0)
+
+    def records(self) -> Mapping[int, bytes]:
+        """Answers to reading commands, without number and sum."""
+        known = {
+            0x01: struct.pack("<I", 123456),
+            0x02: self._info(),
+            0x10: self._status(),
+            0x11: bytes([int(self.environment)]),
+            0x15: self._settings(),
+            0x21: bytes(50),
+            0x3A: bytes([self.state]),
+        }
+        return {number: record for number, record in known.items() if number not in self.missing}
+
+    def _info(self) -> bytes:
+        hardware = struct.pack("<HBIHH", self.part, 1, self.serial_number, 0, 0)
+        firmware = struct.pack("<?HBBHI", True, self.part, 2, 2, 1000, 0)
+        return struct.pack("<IB", 123456, 1) + hardware + firmware + firmware
+
+    def _status(self) -> bytes:
+        head = struct.pack("<BQ", int(self.environment), 123_456_000)
+        if not self.environment:
+            return head
+        depth, sound = round(self.depth * 10), round(self.sound_speed_mps * 10)
+        return head + struct.pack("<HhiiH", round(self.supply_v * 1000), 152, 1013, depth, sound)
+
+    def _settings(self) -> bytes:
+        record = bytearray(110)
+        record[1] = int(self.environment)
+        record[28] = int(self.auto_sound_speed)
+        struct.pack_into("<H", record, 35, round(self.sound_speed_mps * 10))
+        record[96] = self.beacon
+        return bytes(record)
+
+    def fix(self, remote: int, turn: int = 0) -> bytes:
+        """The record of a ping's response, with range, direction and position; the vehicle yaws from turn to turn."""
+        flags = (0b001 if self.ranges_only else 0b111) | (0b10000 if self.suspect else 0)
+        to = self.beacon if self.answers_to is None else self.answers_to
+        yaw = 0 if self.frozen else turn % 3600
+        depth, sound = max(0, round(self.depth * 10)), round(self.sound_speed_mps * 10)
+        head = struct.pack("<BBBBhhhHHh", to, remote, flags, 0x05, yaw, 0, 0, depth, sound, 900)
+        time_s = self.range_m / self.sound_speed_mps
+        distance = struct.pack("<IiH", round(time_s * 2 * 16000), round(time_s * 1e7), round(self.range_m * 10))
+        if self.ranges_only:
+            return head + distance
+        angles = struct.pack("<B4hhhh", 4, 900, 900, 900, 900, 130, -70, round(self.fit_error * 100))
+        east, north = (min(32_767, round(part * self.range_m / 14.1)) for part in (31, 137))
+        return head + distance + angles + struct.pack("<hhh", east, north, depth)
+
+
+class _Talk:
+    """One client's connection."""
+
+    def __init__(self, beacon: RunningSeatrac) -> None:
+        self.beacon, self.spec = beacon, beacon.spec
+        self.rounds = self.statuses = 0
+
+    def hear(self, waiting: bytes) -> tuple[list[bytes], bytes]:
+        *lines, rest = waiting.replace(b"\r", b"\n").split(b"\n")
+        return [answer for line in lines if line for answer in self._answers(line)], rest
+
+    def _answers(self, line: bytes) -> list[bytes]:
+        self.beacon.heard.append(line)
+        payload = _payload(line)
+        if payload is None:
+            # As on the wire: what is damaged is not answered.
+            self.beacon.damaged.append(line)
+            return []
+        if payload[0] == _PING and len(payload) == 3 and payload[1] in _NUMBERS:  # noqa: PLR2004 - number, beacon, kind
+            return self._pinged(payload[1])
+        if payload[0] not in _READS or len(payload) > 1:
+            self.beacon.forbidden.append(line)
+            return []
+        record = self.spec.records().get(payload[0])
+        return [] if record is None else [self._frame(payload[0], record)]
+
+    def _pinged(self, remote: int) -> list[bytes]:
+        if self.spec.busy:
+            return [self._frame(_PING, bytes([_BUSY, remote]))]
+        self.beacon.transmitted.append(remote)
+        if not self.spec.in_water:
+            self.beacon.transmitted_in_air.append(remote)
+        taken = self._frame(_PING, bytes([_OK, remote]))
+        if remote in self.spec.reaches:
+            return [taken, self._frame(_PINGED, self.spec.fix(remote, len(self.beacon.transmitted)))]
+        return [taken, self._frame(_FAILED, bytes([_TIMEOUT, remote]))]
+
+    def _told(self, remote: int) -> bytes:
+        record = self.spec.fix(remote, self.rounds)
+        # Behind the fix of a NAV_QUERY: no further fields are asked for, and the answer is for this beacon.
+        return self._frame(_NAVIGATED, record + b"\x00\x01") if self.spec.navigates else self._frame(_PINGED, record)
+
+    def _frame(self, number: int, record: bytes) -> bytes:
+        payload = bytes([number]) + record
+        check = _sum(payload)
+        if self.spec.every_sum_wrong or number in self.spec.wrong_sum:
+            check = bytes(byte ^ 0xFF for byte in check)
+        return b"$" + (payload + check).hex().upper().encode() + b"\r\n"
+
+    def tell(self, now_s: float) -> tuple[bytes, float | None]:
+        told, due = b"", []
+        spec = self.spec
+        if spec.hears and spec.fixes != self.rounds:
+            if now_s >= (self.rounds + 1) * spec.fix_every_s:
+                self.rounds += 1
+                told += b"".join(self._told(remote) for remote in spec.hears)
+            due.append((self.rounds + 1) * spec.fix_every_s)
+        if spec.status_every_s is not None:
+            if now_s >= (self.statuses + 1) * spec.status_every_s:
+                self.statuses += 1
+                told += self._frame(0x10, spec.records()[0x10])
+            due.append((self.statuses + 1) * spec.status_every_s)
+        return told, min(due, default=None)
+
+
+def _payload(line: bytes) -> bytes | None:
+    """Number and record of a command; None: no command, or its sum is wrong."""
+    try:
+        raw = bytes.fromhex(line.removeprefix(b"#").decode("ascii"))
+    except ValueError:
+        return None
+    whole = line.startswith(b"#") and len(raw) > 2  # noqa: PLR2004 - a number before the sum
+    return raw[:-2] if whole and _sum(raw[:-2]) == raw[-2:] else None
+
+
+class RunningSeatrac(Line):
+    """The beacon in a thread."""
+
+    def __init__(self, spec: SeatracSpec) -> None:
+        super().__init__(spec)
+        self.spec = spec
+        self.heard: list[bytes] = []
+        """Every line that came."""
+        self.damaged: list[bytes] = []
+        """Those that are no command with a right sum."""
+        self.forbidden: list[bytes] = []
+        """Commands that do anything but read; a ping is none of them."""
+        self.transmitted: list[int] = []
+        """Beacons that were pinged."""
+        self.transmitted_in_air: list[int] = []
+        """Those pings that were damage: the beacon was not in the water."""
+
+    def talker(self) -> _Talk:
+        """Talk in frames."""
+        return _Talk(self)

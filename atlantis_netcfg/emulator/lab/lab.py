@@ -1,0 +1,182 @@
+"""A yard: a piece of ground for machines, with a network of its own that leads nowhere else."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import itertools
+import os
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import ExitStack, contextmanager
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from ipaddress import IPv4Interface
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.lab import reaper
+from atlantis_netcfg.emulator.lab._errors import MachineFailed
+from atlantis_netcfg.emulator.lab._namespaces import BRIDGE, Inside, add_namespace
+from atlantis_netcfg.emulator.lab._programs import asked, program
+from atlantis_netcfg.emulator.lab.hosts import Machine, MachineSpec
+from atlantis_netcfg.emulator.lab.ready import why_not
+from atlantis_netcfg.emulator.lab.rootfs import in_use
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+__all__ = ["Yard", "yard"]
+
+_NUMBERS = itertools.count()
+_POLL_S = 0.05
+"""How often a server looks whether it shall end."""
+
+
+class Yard:
+    """Machines on one cable, and this computer's end of it; made by `yard`."""
+
+    def __init__(self, name: str, folder: Path, stack: ExitStack) -> None:
+        self.name = name
+        self.folder = folder
+        self.machines: dict[str, Machine] = {}
+        self._stack = stack
+        self._addresses: list[str] = []
+        add_namespace(name)
+        program("ip", "-n", name, "link", "add", BRIDGE, "type", "bridge")
+        program("ip", "-n", name, "link", "set", BRIDGE, "up")
+        self.command(("sysctl", "-qw", "net.ipv4.ip_forward=1"))
+        self._inside = Inside(name)
+        stack.callback(self._inside.close)
+
+    @property
+    def address(self) -> str:
+        """The yard's own end: the gateway of the first machine, where servers for machines listen."""
+        if not self._addresses:
+            raise MachineFailed("a yard has an address once it has a machine or was told one (`own`)")
+        return self._addresses[0]
+
+    def own(self, address: str) -> None:
+        """Give the yard's end an address with its prefix, such as 10.64.1.1/24; more than one is fine."""
+        new = IPv4Interface(address)
+        if str(new.ip) not in self._addresses:
+            program("ip", "-n", self.name, "address", "add", str(new), "dev", BRIDGE)
+            self._addresses.append(str(new.ip))
+
+    def start(  # noqa: PLR0913 - what a machine is
+        self,
+        name: str,
+        tree: Path,
+        *,
+        address: str,
+        gateway: str,
+        keys: Sequence[str] = (),
+        disk_mb: int | None = None,
+        interface: str = "eth0",
+        spare: str | None = None,
+        configured: bool = True,
+        wait_s: float | None = 60.0,
+    ) -> Machine:
+        """Boot a machine from a tree, which stays as it is; wait for its sshd unless `wait_s` is None.
+
+        `address` has its prefix; `gateway` becomes the yard's own end. `keys`: public keys with which root may log in.
+        `disk_mb`: room for what the machine writes, in this computer's memory; half of it if left out. `spare`: name
+        of a second interface without an address. `configured`: see `Machine.power_on`.
+        """
+        if name in self.machines:
+            raise MachineFailed(f"{name} stands in this yard already")
+        spec = MachineSpec(name, tree, IPv4Interface(address), gateway, tuple(keys), disk_mb, interface, spare)
+        self.own(f"{gateway}/{spec.address.network.prefixlen}")
+        unique = f"{self.name}-m{len(self.machines)}"
+        self._stack.enter_context(in_use(tree))
+        made = Machine(
+            spec, unique, self.name, self._inside, reaper.YARDS / self.name / unique, self.folder / f"{name}.log"
+        )
+        self.machines[name] = made
+        self._stack.callback(made.stop)
+        made.power_on(configured=configured, wait_s=wait_s)
+        return made
+
+    def listen(self, port: int = 0, address: str | None = None) -> socket.socket:
+        """A listening socket at the yard's end, for a server in this process; 0: any free port."""
+        made = self._inside.socket()
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((address or self.address, port))
+        made.listen(64)
+        return made
+
+    def serve(self, folder: Path, port: int = 0) -> str:
+        """Serve a folder by HTTP at the yard's end as long as the yard stands; give the address, http://…:port."""
+        handler = functools.partial(_Quiet, directory=str(folder))
+        server = ThreadingHTTPServer((self.address, port), handler, bind_and_activate=False)
+        server.socket.close()
+        server.socket = self.listen(port)
+        thread = threading.Thread(target=server.serve_forever, args=(_POLL_S,), name=f"http-{self.name}", daemon=True)
+        thread.start()
+        for end in (server.server_close, thread.join, server.shutdown):
+            self._stack.callback(end)
+        return f"http://{self.address}:{server.socket.getsockname()[1]}"
+
+    def command(
+        self,
+        words: Sequence[str],
+        *,
+        input: str | None = None,  # noqa: A002 - as subprocess.run has it
+        check: bool = True,
+        timeout_s: float | None = None,
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a program of this computer, with its powers, in the yard's network; `check`: see `Machine.run`."""
+        done = asked((*self.prefix(), *words), text=input, timeout_s=timeout_s)
+        if check and done.returncode:
+            raise MachineFailed(f"{' '.join(words)}: ended with {done.returncode}: {done.stderr.strip()}")
+        return done
+
+    def prefix(self) -> tuple[str, ...]:
+        """What to write before a program's words so that it runs in the yard's network."""
+        return ("ip", "netns", "exec", self.name)
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    """Says nothing on the terminal."""
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - as the class above has it
+        """Requests are the machines' business."""
+
+
+@contextmanager
+def yard(folder: Path) -> Iterator[Yard]:
+    """Ground for machines; consoles are written to `folder`. At its end, or its owner's, nothing is left of it.
+
+    MachineFailed where no machine can be run (`why_not`). What owners that were killed could not take down goes first.
+    """
+    if (reason := why_not()) is not None:
+        raise MachineFailed(f"no machine can be run here: {reason}")
+    folder.mkdir(parents=True, exist_ok=True)
+    reaper.YARDS.mkdir(parents=True, exist_ok=True)
+    reaper.sweep()
+    with _kept() as name, ExitStack() as stack:
+        yield Yard(name, folder, stack)
+
+
+@contextmanager
+def _kept() -> Iterator[str]:
+    """A name, and a keeper that takes down whatever bears it when this process lets go of it, dead or alive."""
+    name = f"{reaper.PREFIX}{os.getpid()}-{next(_NUMBERS)}"
+    newborn = reaper.YARDS / f".{name}"  # nobody's to sweep until its owner holds the lock
+    newborn.mkdir(exist_ok=True)
+    with (newborn / "owner").open("wb") as owner:
+        fcntl.flock(owner, fcntl.LOCK_EX)
+        newborn.rename(reaper.YARDS / name)
+        keeper = subprocess.Popen(  # noqa: S603 - our own interpreter and program
+            (sys.executable, "-I", str(Path(reaper.__file__)), name, str(os.getpid())),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd="/",
+            start_new_session=True,
+        )
+        try:
+            yield name
+        finally:
+            keeper.communicate()

@@ -1,0 +1,196 @@
+"""Unpacked Debian roots that machines are started from: each is built once and never written to again.
+
+Each use of one removes the others that an older release of the toolkit was the last to use, and those that nobody has
+used for `KEPT_DAYS` days; never one that a machine stands on.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import re
+import shlex
+import time
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.core.paths import cache_dir
+from atlantis_netcfg.emulator.lab._errors import MachineFailed
+from atlantis_netcfg.emulator.lab._programs import asked, program
+from atlantis_netcfg.emulator.lab.reaper import remove, unmount
+
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Iterator
+
+__all__ = ["KEPT_DAYS", "TreeSpec", "in_use", "tree"]
+
+BASE = ("systemd", "systemd-sysv", "dbus", "udev", "openssh-server", "python3", "iproute2", "sudo")
+"""What every machine has: it boots, answers SSH, and Ansible finds a Python."""
+KEPT_DAYS = 30
+"""How long a tree is kept that nobody uses."""
+_DAY_S = 86_400.0
+_MOUNTS = Path("/proc/self/mountinfo")
+_RECIPE = 1
+"""Raise it when what a tree holds changes otherwise than by its packages."""
+# A card that `provision image` has written lets nobody in by a password; its keys and its name are its own.
+_HOOKS = (
+    'rm -f "$1"/etc/ssh/ssh_host_* "$1/etc/hostname" "$1/etc/machine-id"',
+    ': > "$1/etc/resolv.conf"',
+    'echo "PasswordAuthentication no" > "$1/etc/ssh/sshd_config.d/atlantis.conf"',
+)
+# Each package of dpkg's would wait for the disk by itself; the tree is written out once, before it gets its name.
+_QUICK = ("--dpkgopt=force-unsafe-io", '--customize-hook=rm -f "$1/etc/dpkg/dpkg.cfg.d/99mmdebstrap"')
+_TOLD = 6
+"""How many of mmdebstrap's last lines are told when it fails; those of its own progress are not."""
+
+
+@dataclass(frozen=True)
+class TreeSpec:
+    """A Debian root: what is installed beyond the base, and from where."""
+
+    packages: tuple[str, ...] = ()
+    release: str = "bookworm"
+    mirror: str | None = None
+    """None: mmdebstrap's own choice, http://deb.debian.org/debian with updates and security."""
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """All packages that are asked for, in one order whatever order they were named in."""
+        return tuple(sorted({*BASE, *self.packages}))
+
+    def key(self) -> str:
+        """The name of the tree in the cache: another one for whatever makes another tree."""
+        told = json.dumps(asdict(self) | {"packages": self.wanted, "recipe": _RECIPE, "hooks": _HOOKS})
+        return f"{self.release}-{hashlib.sha256(told.encode()).hexdigest()[:16]}"
+
+
+def tree(spec: TreeSpec, cache: Path | None = None) -> Path:
+    """The unpacked root, built if it is missing: 25 s for the bare one, about 300 MB; MachineFailed if that fails.
+
+    `cache`: where trees are kept, and the packages that they were made from; `trees` in the user's cache if left out.
+    All of it may be deleted while no machine runs. Processes that want the same tree wait for the one that builds it;
+    what a killed build has left is thrown away by the next one. A proxy is taken from the environment (`http_proxy`).
+    """
+    place = cache_dir() / "trees" if cache is None else cache
+    place.mkdir(parents=True, exist_ok=True)
+    made = place / spec.key()
+    with _alone(place / f"{spec.key()}.lock") as lock:
+        if not made.is_dir():
+            _build(spec, place / f"{spec.key()}.half", made, lock)
+        _note_use(lock)
+    _prune(place, keep=made)
+    return made
+
+
+@contextmanager
+def in_use(made: Path) -> Iterator[None]:
+    """Say to other processes that machines stand on a tree as long as this block lasts, or its process."""
+    with _locked(made, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_SH):
+        yield
+
+
+@contextmanager
+def _alone(lock: Path, *, wait: bool = True) -> Iterator[int]:
+    """Hold the lock of a tree: while it is built, or removed. Raises BlockingIOError if it is not to be waited for."""
+    with _locked(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB)) as descriptor:
+        yield descriptor
+
+
+@contextmanager
+def _locked(path: Path, flags: int, how: int) -> Iterator[int]:
+    descriptor = os.open(path, flags | os.O_CLOEXEC, 0o644)
+    try:
+        fcntl.flock(descriptor, how)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _note_use(lock: int) -> None:
+    """Note which release has used the tree; when, is the time of the file."""
+    os.truncate(lock, 0)
+    os.pwrite(lock, __version__.encode(), 0)
+
+
+def _prune(place: Path, keep: Path) -> None:
+    """Remove the other trees that are no longer needed; what cannot be removed stays."""
+    for lock in sorted(place.glob("*.lock")):
+        made = lock.with_suffix("")
+        if made == keep or not (_outdated(lock) or lock.with_suffix(".half").exists()):
+            continue
+        with suppress(OSError, MachineFailed), _alone(lock, wait=False):
+            _remove(lock.with_suffix(".half"))
+            if made.is_dir() and _outdated(lock) and not _stood_on(made):
+                made.rename(lock.with_suffix(".half"))
+                _remove(lock.with_suffix(".half"))
+
+
+def _outdated(lock: Path) -> bool:
+    """Whether an older release, or one that did not note it yet, was the last to use a tree, or it was long ago."""
+    unused_s = time.time() - lock.stat().st_mtime
+    return _release(lock.read_text(encoding="utf-8")) < _release(__version__) or unused_s > KEPT_DAYS * _DAY_S
+
+
+def _release(version: str) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", version)]
+
+
+def _stood_on(made: Path) -> bool:
+    """Whether a machine stands on a tree: one of a living process, or a mount that a killed one has left."""
+    try:
+        with _locked(made, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX | fcntl.LOCK_NB):
+            return f"lowerdir={made.resolve()}," in _MOUNTS.read_text(encoding="utf-8")
+    except BlockingIOError:
+        return True
+
+
+def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
+    _remove(half)
+    done = _mmdebstrap(spec, half, lock)
+    if done.returncode:
+        _remove(half)
+        said = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_TOLD:]
+        raise MachineFailed(
+            f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {done.returncode}:\n"
+            + "\n".join(f"  {line}" for line in said),
+            hint=f"check that this computer reaches {spec.mirror or 'http://deb.debian.org/debian'}, then try again",
+        )
+    program("sync", "--file-system", str(half))
+    half.rename(made)
+
+
+def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedProcess[str]:
+    """Run it with the lock in its hands: it may outlive us, and the next builder has to wait for its end."""
+    hooks = [f"--customize-hook={hook}" for hook in _HOOKS]
+    mirror = [] if spec.mirror is None else [spec.mirror]
+    include = f"--include={','.join(spec.wanted)}"
+    kind = ("--mode=root", "--format=directory", "--variant=minbase")
+    debs = _kept_debs(half.parent / "debs")
+    return asked(("mmdebstrap", *kind, include, *_QUICK, *debs, *hooks, spec.release, str(half), *mirror), keep=(lock,))
+
+
+def _kept_debs(debs: Path) -> tuple[str, ...]:
+    """How mmdebstrap is told to fetch a package once for all trees; apt fetches again what does not fit its list."""
+    debs.mkdir(exist_ok=True)
+    place, inside = shlex.quote(str(debs)), "/var/cache/apt/archives"
+    return (
+        *("--skip=download/empty", "--skip=essential/unlink"),
+        *(f'--setup-hook=mkdir -p "$1"{inside}', f"--setup-hook=sync-in {place} {inside}"),
+        f"--customize-hook=sync-out {inside} {place}",
+    )
+
+
+def _remove(half: Path) -> None:
+    """Throw away what a killed build has left; its mounts first, which show this computer's own /proc and /sys."""
+    unmount(half)
+    remove(half)
+    if half.exists():
+        raise MachineFailed(
+            f"what a build that was killed has left cannot be removed: {half}", hint="restart the computer"
+        )

@@ -1,0 +1,129 @@
+"""A signed archive of stand-in packages, laid out like those of Debian and Ubuntu, with a key of its own."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import shutil
+import subprocess
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.emulator.lab.stubs.packages import StandInFailed, build
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.emulator.lab.stubs.packages import StandIn
+
+__all__ = ["Archive", "StandInFailed", "publish", "why_no_archive"]
+
+_PROGRAMS = ("dpkg-deb", "gpg", "gpgconf")
+_OWNER = "ATLANTIS stand-in archive, not ROS <rehearsal@example.org>"
+_YEAR = timedelta(days=365)
+_TIME = "%Y%m%dT%H%M%S"
+"""As gpg writes a time, which is UTC."""
+_KEY_IS_OLDER = timedelta(hours=1)
+"""How much older the key is than what it signs: gpg refuses a key from the future, be it by a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Archive:
+    """A folder to be served by HTTP, and the public key that has signed it."""
+
+    folder: Path
+    codename: str
+    key: bytes
+    """Binary."""
+    fingerprint: str
+
+
+def why_no_archive() -> str | None:
+    """Why no archive can be made here; None: it can."""
+    missing = [program for program in _PROGRAMS if shutil.which(program) is None]
+    return f"not on this computer: {', '.join(missing)} (packages dpkg, gnupg)" if missing else None
+
+
+def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a test
+    folder: Path,
+    packages: Sequence[StandIn],
+    *,
+    codename: str,
+    architectures: Sequence[str] = ("amd64", "arm64"),
+    signed: datetime | None = None,
+    expires: datetime | None = None,
+    dated: datetime | None = None,
+) -> Archive:
+    """Build the packages and sign the archive, all below `folder`. Raises StandInFailed.
+
+    `signed`: when the archive was signed, now if left out; the key is an hour older. `expires`: of the key, a year
+    later if left out; `dated`: what the archive says of its own age.
+    """
+    if why := why_no_archive():
+        raise StandInFailed(f"no archive of stand-ins can be made: {why}", hint="sudo apt-get install dpkg gnupg")
+    pool = folder / "pool" / "main"
+    pool.mkdir(parents=True)
+    entries = [(package, _entry(build(package, pool), package)) for package in packages]
+    dist = folder / "dists" / codename
+    sums = []
+    for architecture in architectures:
+        stanzas = "\n".join(text for package, text in entries if package.architecture in ("all", architecture))
+        name = f"main/binary-{architecture}/Packages"
+        for path, content in ((name, stanzas.encode()), (f"{name}.gz", gzip.compress(stanzas.encode(), mtime=0))):
+            (dist / path).parent.mkdir(parents=True, exist_ok=True)
+            (dist / path).write_bytes(content)
+            sums.append(f" {hashlib.sha256(content).hexdigest()} {len(content)} {path}")
+    made = signed or datetime.now(UTC)
+    release = (
+        f"Origin: ATLANTIS stand-ins\nLabel: ATLANTIS stand-ins, not ROS\nSuite: {codename}\nCodename: {codename}\n"
+        f"Date: {format_datetime(dated or made, usegmt=True)}\nArchitectures: {' '.join(architectures)}\n"
+        "Components: main\nDescription: stand-ins for rehearsals and tests\nSHA256:\n" + "\n".join(sums) + "\n"
+    )
+    (dist / "Release").write_text(release, encoding="utf-8")
+    key, fingerprint = _sign(dist, made, expires or made + _YEAR)
+    return Archive(folder, codename, key, fingerprint)
+
+
+def _entry(made: Path, package: StandIn) -> str:
+    """Its stanza of `Packages`."""
+    content = made.read_bytes()
+    head = package.control.rstrip("\n")
+    digest = hashlib.sha256(content).hexdigest()
+    return f"{head}\nFilename: pool/main/{made.name}\nSize: {len(content)}\nSHA256: {digest}\n"
+
+
+def _sign(dist: Path, signed: datetime, expires: datetime) -> tuple[bytes, str]:
+    """Make a key that ends at `expires`, sign with it as if it were `signed`; give it and its fingerprint.
+
+    gpg's frozen clock (`!`) runs after all where it is set to the very second in which gpg starts: a key made at such a
+    time may be a second or more younger than declared. So the key is made as if it were an hour before.
+    """
+    # The path of gpg's sockets may have 108 characters: none below a folder of the caller.
+    with temporary.folder("gpg", Path("/tmp")) as home:  # noqa: S108 - it is private
+        gpg = ["gpg", "--homedir", str(home), "--batch", "--quiet", "--passphrase", "", "--pinentry-mode", "loopback"]
+        try:
+            made = _at(signed - _KEY_IS_OLDER)
+            _run(*gpg, made, "--quick-generate-key", _OWNER, "ed25519", "sign", expires.strftime(_TIME))
+            inrelease = str(dist / "InRelease")
+            _run(*gpg, _at(signed), "--clearsign", "--output", inrelease, str(dist / "Release"))
+            key = _run(*gpg, _at(signed), "--export")
+            listed = _run(*gpg, _at(signed), "--list-keys", "--with-colons").decode()
+        finally:
+            _run("gpgconf", "--homedir", str(home), "--kill", "all")
+    return key, next(line.split(":")[9] for line in listed.splitlines() if line.startswith("fpr:"))
+
+
+def _at(moment: datetime) -> str:
+    """Tell gpg what time it is."""
+    return f"--faked-system-time={moment.strftime(_TIME)}!"
+
+
+def _run(*words: str) -> bytes:
+    done = subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - of the system, with words of ours
+    if done.returncode:
+        raise StandInFailed(f"{words[0]} could not sign the stand-ins: {done.stderr.decode(errors='replace').strip()}")
+    return done.stdout

@@ -1,0 +1,46 @@
+"""An emulated Linux computer, as far as reading programs tell of it: what `ip`, `iw`, `ping` and others would print.
+
+It stands for the output of the programs that the probes may run, in their exact form, for the DHCP servers that answer
+on its segments, and for the DDS participants that run on it. It has no network: a ping answers as its specification
+says, and at once. Its specification is frozen and healthy by default; a rehearsal breaks things by another one.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.emulator.linux._computer import NOT_FOUND, Computer
+from atlantis_netcfg.emulator.linux._lan import lan_computer
+from atlantis_netcfg.emulator.linux._spec import (
+    AddressSpec,
+    AssociationSpec,
+    CertificateSpec,
+    ComputerSpec,
+    DdsSpec,
+    EchoSpec,
+    InterfaceSpec,
+    NeighbourSpec,
+    OfferSpec,
+    RouteSpec,
+    TimeSpec,
+    UdpSpec,
+)
+
+__all__ = [
+    "NOT_FOUND",
+    "NOT_REHEARSED",
+    "AddressSpec",
+    "AssociationSpec",
+    "CertificateSpec",
+    "Computer",
+    "ComputerSpec",
+    "DdsSpec",
+    "EchoSpec",
+    "InterfaceSpec",
+    "NeighbourSpec",
+    "OfferSpec",
+    "RouteSpec",
+    "TimeSpec",
+    "UdpSpec",
+    "lan_computer",
+]
+
+NOT_REHEARSED = ("a gateway computer: its programs' answers are emulated, the programs themselves do not run",)

@@ -1,0 +1,202 @@
+"""`ip -j`: keys and order of iproute2 6.1 (`ip/ipaddress.c`, `ip/iproute.c`, `ip/ipneigh.c`), seen on a real one."""
+
+from __future__ import annotations
+
+import json
+from ipaddress import AddressValueError, IPv4Address, IPv4Interface, IPv4Network
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.emulator.linux._spec import AddressSpec, ComputerSpec, InterfaceSpec, RouteSpec
+
+__all__ = ["ip"]
+
+Printed = tuple[int, str, str]
+_FOREVER = 4294967295
+_OF_CARDS = ("addr", "link")
+"""Objects whose rows are interfaces."""
+_LOOPBACK = {"ifindex": 1, "ifname": "lo", "flags": ["LOOPBACK", "UP", "LOWER_UP"], "mtu": 65536, "qdisc": "noqueue"}
+
+
+def ip(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+    """Answer a reading command; what the twin does not print says so as the program does, and fails."""
+    words = list(argv[1:])
+    statistics = "-s" in words
+    words = [word for word in words if word not in {"-j", "-json", "-s", "-d"}]
+    if not words:
+        return 255, "", "Usage: ip [ OPTIONS ] OBJECT { COMMAND | help }\n"
+    what, rest = words[0], [word for word in words[1:] if word != "show"]
+    if what == "route" and rest[:1] == ["get"]:
+        return _get(spec, rest[1:])
+    chosen = dict(zip(rest[::2], rest[1::2], strict=False)) if rest[:1] != ["default"] else {"to": "default"}
+    device = chosen.get("dev")
+    if device is not None and device != "lo" and spec.interface(device) is None:
+        gone = f'Device "{device}" does not exist.\n' if what in _OF_CARDS else f'Cannot find device "{device}"\n'
+        return 1, "", gone
+    rows = {
+        "addr": lambda: _interfaces(spec, addresses=True, statistics=statistics),
+        "link": lambda: _interfaces(spec, addresses=False, statistics=statistics),
+        "route": lambda: _routes(spec, chosen),
+        "neigh": lambda: _neighbours(spec, chosen.get("to")),
+        "rule": lambda: _RULES,
+    }.get(what)
+    if rows is None:
+        return 255, "", f'Object "{what}" is unknown, try "ip help".\n'
+    return 0, _printed(_of(device, rows(), what)), ""
+
+
+def _of(device: str | None, rows: Iterable[dict[str, Any]], what: str) -> list[dict[str, Any]]:
+    """With `dev` the rows of routes and neighbours do not repeat its name."""
+    name = "ifname" if what in _OF_CARDS else "dev"
+    found = [row for row in rows if device is None or row.get(name) == device]
+    repeated = what not in _OF_CARDS and device is not None
+    return [{key: value for key, value in row.items() if not (repeated and key == "dev")} for row in found]
+
+
+def _printed(rows: Sequence[dict[str, Any]]) -> str:
+    return json.dumps(rows, separators=(",", ":")) + "\n" if rows else "[]\n"
+
+
+_RULES: list[dict[str, Any]] = [
+    {"priority": 0, "src": "all", "table": "local"},
+    {"priority": 32766, "src": "all", "table": "main"},
+    {"priority": 32767, "src": "all", "table": "default"},
+]
+
+
+def _interfaces(spec: ComputerSpec, *, addresses: bool, statistics: bool) -> list[dict[str, Any]]:
+    rows = [_loopback(addresses=addresses)]
+    for number, one in enumerate(spec.interfaces, start=2):
+        row = _interface(number, one, linkmode=not addresses)
+        if statistics:
+            row["stats64"] = _statistics(one)
+        if addresses:
+            row["addr_info"] = _addresses(one)
+        rows.append(row)
+    return rows
+
+
+def _loopback(*, addresses: bool) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        **_LOOPBACK,
+        "operstate": "UNKNOWN",
+        **({} if addresses else {"linkmode": "DEFAULT"}),
+        "group": "default",
+    }
+    row |= {"txqlen": 1000, "link_type": "loopback"}
+    row |= {"address": "00:00:00:00:00:00", "broadcast": "00:00:00:00:00:00"}
+    life = {"valid_life_time": _FOREVER, "preferred_life_time": _FOREVER}
+    inner = {"family": "inet", "local": "127.0.0.1", "prefixlen": 8, "scope": "host", "label": "lo", **life}
+    return row | ({"addr_info": [inner]} if addresses else {})
+
+
+def _interface(number: int, one: InterfaceSpec, *, linkmode: bool) -> dict[str, Any]:
+    tunnel = one.mac is None
+    kind = ["POINTOPOINT", "MULTICAST", "NOARP"] if tunnel else ["BROADCAST", "MULTICAST"]
+    flags = [*(() if one.up else ("NO-CARRIER",)), *kind, "UP", *(("LOWER_UP",) if one.up else ())]
+    row: dict[str, Any] = {"ifindex": number, "ifname": one.name, "flags": flags, "mtu": one.mtu}
+    row |= {"qdisc": "mq", "operstate": ("UNKNOWN" if tunnel else "UP") if one.up else "DOWN"}
+    row |= {"linkmode": "DORMANT" if one.wireless else "DEFAULT"} if linkmode else {}
+    row |= {"group": "default", "txqlen": 500 if tunnel else 1000, "link_type": "none" if tunnel else "ether"}
+    return row if tunnel else row | {"address": (one.mac or "").lower(), "broadcast": "ff:ff:ff:ff:ff:ff"}
+
+
+def _statistics(one: InterfaceSpec) -> dict[str, Any]:
+    plain = {"bytes": 1_204_332, "packets": 9_120}
+    into = {**plain, "errors": one.rx_errors, "dropped": 0, "over_errors": 0, "multicast": 0}
+    out = {**plain, "errors": one.tx_errors, "dropped": 0, "carrier_errors": 0, "collisions": 0}
+    return {"rx": into, "tx": out}
+
+
+def _addresses(one: InterfaceSpec) -> list[dict[str, Any]]:
+    seen: set[IPv4Network] = set()
+    rows = []
+    for address in one.addresses:
+        network = IPv4Interface(address.address).network
+        rows.append(_address(one, address, second=network in seen))
+        seen.add(network)
+    return rows
+
+
+def _address(one: InterfaceSpec, address: AddressSpec, *, second: bool) -> dict[str, Any]:
+    whole = IPv4Interface(address.address)
+    row: dict[str, Any] = {"family": "inet", "local": str(whole.ip), "prefixlen": whole.network.prefixlen}
+    if one.mac is not None:
+        row["broadcast"] = str(whole.network.broadcast_address)
+    row["scope"] = "global"
+    row |= {"secondary": True} if second else {}
+    row |= {"dynamic": True} if address.lease_s is not None else {}
+    left = _FOREVER if address.lease_s is None else address.lease_s
+    return row | {"label": one.name, "valid_life_time": left, "preferred_life_time": left}
+
+
+def _routes(spec: ComputerSpec, chosen: dict[str, str]) -> list[dict[str, Any]]:
+    """In the kernel's order; of several addresses in one network the first brings the route."""
+    rows = [_route(spec, way) for way in spec.routes]
+    rows += [row for one in spec.interfaces for row in _connected(one)]
+    if chosen.get("table", "main") not in {"main", "all"}:
+        return []
+    wanted = chosen.get("to")
+    return sorted((row for row in rows if wanted in {None, row["dst"]}), key=_place)
+
+
+def _place(row: dict[str, Any]) -> tuple[IPv4Network, int]:
+    return IPv4Network("0.0.0.0/0" if row["dst"] == "default" else row["dst"]), row.get("metric", 0)
+
+
+def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
+    row: dict[str, Any] = {"dst": way.to}
+    row |= {"gateway": way.via} if way.via is not None else {}
+    row["dev"] = way.dev
+    row |= {"protocol": way.protocol} if way.protocol != "boot" else {}
+    row |= {"scope": "link"} if way.via is None else {}
+    own = spec.interface(way.dev)
+    if way.protocol == "dhcp" and own is not None and own.addresses:
+        row["prefsrc"] = str(IPv4Interface(own.addresses[0].address).ip)
+    row |= {"metric": way.metric} if way.metric is not None else {}
+    return row | {"flags": _flags(own)}
+
+
+def _connected(one: InterfaceSpec) -> list[dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
+    for whole in (IPv4Interface(address.address) for address in one.addresses):
+        row = {"dst": str(whole.network), "dev": one.name, "protocol": "kernel", "scope": "link"}
+        found.setdefault(str(whole.network), row | {"prefsrc": str(whole.ip), "flags": _flags(one)})
+    return list(found.values())
+
+
+def _flags(one: InterfaceSpec | None) -> list[str]:
+    return [] if one is None or one.up else ["linkdown"]
+
+
+def _neighbours(spec: ComputerSpec, wanted: str | None) -> list[dict[str, Any]]:
+    return [
+        {
+            "dst": one.address,
+            "dev": one.dev,
+            **({} if one.mac is None else {"lladdr": one.mac.lower()}),
+            "state": [one.state if one.mac is not None else "FAILED"],
+        }
+        for one in spec.neighbours
+        if wanted in {None, one.address}
+    ]
+
+
+def _get(spec: ComputerSpec, words: Sequence[str]) -> Printed:
+    try:
+        address = str(IPv4Address(words[0]))
+    except (IndexError, AddressValueError):
+        return 1, "", 'Error: any valid prefix is expected rather than "".\n'
+    way = spec.towards(address)
+    if way is None:
+        return 2, "", "RTNETLINK answers: Network is unreachable\n"
+    device, via = way
+    row: dict[str, Any] = {"dst": address}
+    row |= {"gateway": via} if via is not None else {}
+    row["dev"] = device
+    own = spec.interface(device)
+    if own is not None and own.addresses:
+        row["prefsrc"] = str(IPv4Interface(own.addresses[0].address).ip)
+    return 0, _printed([row | {"flags": [], "uid": 0, "cache": []}]), ""

@@ -1,0 +1,122 @@
+"""Who may log in (Manual, User; Manual, API: Login)."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+from dataclasses import dataclass
+from ipaddress import ip_address, ip_network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["PublicKey", "admit", "authorized", "by_password", "public_key"]
+
+_LENGTH = 4
+_FIELDS = {"ssh-ed25519": 2, "ssh-rsa": 3}
+"""How many strings a key is made of, its kind included (RFC 8709, RFC 4253)."""
+_ED25519_BITS = 256
+
+_REFUSED = "invalid user name or password (6)"
+_POLICIES = {"api-ssl": "api", "console": "local"}
+
+
+def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
+    """Return the new session. Raises Trap, in the same words whatever is wrong about name, password or address."""
+    table = core.store.table("/user")
+    for item in table.items:
+        if core.store.text(table, item, "name") != user or core.store.text(table, item, "disabled") == "yes":
+            continue
+        if not right(core.store.text(table, item, "password") or "") or not _from(item.values, address):
+            break
+        group = core.store.text(table, item, "group") or ""
+        caller = Caller(core.number(), user, group, via, address, core.now())
+        if _POLICIES.get(via, via) not in core.policies(caller):
+            break
+        core.note("system,info,account", f"user {user} logged in{_place(address)} via {via}")
+        return caller
+    core.note("system,error,critical", f"login failure for user {user}{_place(address)} via {via}")
+    raise Trap(_REFUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class PublicKey:
+    """A key in the text form of OpenSSH: `ssh-ed25519 AAAA... comment`."""
+
+    algorithm: str
+    bits: int
+    blob: bytes
+    comment: str
+
+    @property
+    def fingerprint(self) -> str:
+        """As `ssh-keygen -l` prints it."""
+        return "SHA256:" + base64.b64encode(hashlib.sha256(self.blob).digest()).decode().rstrip("=")
+
+
+def public_key(core: Core, text: str) -> PublicKey | None:
+    """Read a key that this version takes: RSA, and Ed25519 from 7.12 (tikoci/quickchr, test/lab/ssh-keys)."""
+    kind, encoded, comment = [*text.split(maxsplit=2), "", "", ""][:3]
+    if kind not in _FIELDS or (kind == "ssh-ed25519" and not core.schema.at_least("7.12")):
+        return None
+    try:
+        blob = base64.b64decode(encoded, validate=True)
+    except (binascii.Error, ValueError):
+        return None
+    fields = list(_fields(blob))
+    if len(fields) != _FIELDS[kind] or fields[0] != kind.encode():
+        return None
+    bits = _ED25519_BITS if kind == "ssh-ed25519" else int.from_bytes(fields[-1], "big").bit_length()
+    return PublicKey(kind.removeprefix("ssh-"), bits, blob, comment)
+
+
+def _fields(blob: bytes) -> Iterator[bytes]:
+    """Yield the strings of a key; a last one that is cut short is left out (RFC 4251, section 5)."""
+    at = 0
+    while at + _LENGTH <= len(blob):
+        end = at + _LENGTH + int.from_bytes(blob[at : at + _LENGTH], "big")
+        if end > len(blob):
+            return
+        yield blob[at + _LENGTH : end]
+        at = end
+
+
+def _keys(core: Core, user: str) -> Iterator[PublicKey]:
+    table = core.store.table("/user/ssh-keys")
+    for item in table.items if core.schema.has_menu("/user/ssh-keys") else ():
+        key = public_key(core, core.store.text(table, item, "key") or "")
+        if key is not None and core.store.text(table, item, "user") == user:
+            yield key
+
+
+def authorized(core: Core, user: str, blob: bytes) -> bool:
+    """Tell whether a user may log in over SSH by this key."""
+    return any(key.blob == blob for key in _keys(core, user))
+
+
+def by_password(core: Core, user: str) -> bool:
+    """Tell whether a user may log in over SSH by password: one with a key may not, unless the settings say so."""
+    table = core.store.table("/ip/ssh")
+    always = core.store.text(table, table.items[0], "always-allow-password-login")
+    policy = core.store.text(table, table.items[0], "password-authentication")
+    if policy == "no":
+        return False
+    return "yes" in (always, policy) or not any(_keys(core, user))
+
+
+def _place(address: str) -> str:
+    return f" from {address}" if address else ""
+
+
+def _from(values: dict[str, str], address: str) -> bool:
+    allowed = values.get("address", "")
+    if not address:
+        return True  # a local console
+    caller = ip_address(address)
+    return not allowed or any(caller in ip_network(part) for part in allowed.split(","))

@@ -1,0 +1,232 @@
+"""What RouterOS refuses although every single value is fine.
+
+Where no source has its words, the text is ours in its manner; the tests mark those.
+
+Assumption: refusal-words
+"""
+
+from __future__ import annotations
+
+import re
+from ipaddress import IPv4Interface
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.access import public_key
+from atlantis_netcfg.emulator.routeros.answers import Category, Trap
+from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument
+from atlantis_netcfg.emulator.routeros.devicemode import FLAGGED, NOT_ALLOWED, SUSPICIOUS, allowed
+from atlantis_netcfg.emulator.routeros.values import spell
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.menus import Unique
+    from atlantis_netcfg.emulator.routeros.store import Item, Table
+
+__all__ = ["BAD_KEY", "check", "check_removal"]
+
+BAD_KEY = "failure: unable to load key file (wrong format or bad passphrase)!"
+_WITH_PORTS = ("tcp", "udp", "udp-lite", "dccp", "sctp", "6", "17")
+_PORTS = ("dst-port", "src-port", "port", "to-ports")
+_NO_IN = ("output", "postrouting", "srcnat")
+_NO_OUT = ("input", "prerouting", "dstnat")
+
+
+def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -> None:
+    """Refuse a row's new content. `item` is the row that gets it, None for a new one. Raises Trap."""
+    table = core.store.table(menu)
+    for unique in table.menu.unique:
+        _check_unique(core, table, unique, values, item)
+    _check_mode(core, table, values, item)
+    more = _MORE.get(menu)
+    if more is not None:
+        more(core, values, item)
+
+
+def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: Item | None) -> None:
+    key = _key(table, unique, values)
+    if None in key[:1]:
+        return
+    tables = list(core.store.space_tables("interface")) if table.menu.space == "interface" else [table]
+    for other_table in tables:
+        for other in other_table.items:
+            if other is not item and _key(table, unique, other.values) == key:
+                raise Trap(unique.words)
+
+
+def _key(table: Table, unique: Unique, values: Mapping[str, str]) -> list[str | None]:
+    return [values.get(name, table.menu.by_name[name].default) for name in unique.arguments]
+
+
+def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Item | None) -> None:
+    feature = table.menu.feature
+    if feature and _switches_on(table, values, item):
+        if not allowed(core.spec, feature):
+            raise Trap(NOT_ALLOWED)
+        if core.spec.device_mode.flagged and feature in SUSPICIOUS:
+            raise Trap(FLAGGED)
+    flagged = core.spec.device_mode.flagged and values.get("disabled") != "yes"
+    if table.menu.path == "/system/scheduler" and flagged:
+        raise Trap(FLAGGED)
+
+
+def _switches_on(table: Table, values: Mapping[str, str], item: Item | None) -> bool:
+    arg = table.args.get("enabled")
+    if arg is None:
+        return True
+    before = item.values.get("enabled", arg.default) if item is not None else arg.default
+    return values.get("enabled", arg.default) == "yes" and before != "yes"
+
+
+def _address(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    ip = IPv4Interface(values["address"]).ip
+    if ip.is_unspecified or ip.is_multicast or ip == _LIMITED_BROADCAST:
+        raise Trap("invalid value for argument address", Category.ARGUMENT)
+
+
+_LIMITED_BROADCAST = IPv4Interface("255.255.255.255").ip
+
+
+def _bridge_port(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    name = spell(values["interface"], core.store)
+    bridge = core.store.table("/interface/bridge")
+    if core.store.id_of("interface", name) is not None and any(
+        core.store.text(bridge, other, "name") == name for other in bridge.items
+    ):
+        raise Trap("failure: can not add bridge as bridge port")
+
+
+def _rule(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    """Matchers that a chain or protocol cannot have, and targets that an action needs."""
+    chain, action = values["chain"], values.get("action", "accept")
+    if any(name in values for name in _PORTS) and values.get("protocol", "") not in _WITH_PORTS:
+        raise Trap("failure: ports can be specified if proto is tcp,udp,udp-lite,dccp,sctp")
+    if chain in _NO_OUT and any(name.startswith("out-") for name in values):
+        raise Trap("failure: outgoing interface matching not possible in input and prerouting chains")
+    if chain in _NO_IN and any(name.startswith("in-") and name != "ingress-priority" for name in values):
+        raise Trap("failure: incoming interface matching not possible in output and postrouting chains")
+    if "tcp-flags" in values and values.get("protocol") not in ("tcp", "6"):
+        raise Trap("failure: tcp-flags can be specified only if proto is tcp")
+    for needed in _NEEDS.get(action, ()):
+        if needed not in values:
+            raise MissingArgument(needed)
+
+
+_NEEDS = {
+    "add-dst-to-address-list": ("address-list",),
+    "add-src-to-address-list": ("address-list",),
+    "change-mss": ("new-mss",),
+    "jump": ("jump-target",),
+    "mark-connection": ("new-connection-mark",),
+    "mark-packet": ("new-packet-mark",),
+    "mark-routing": ("new-routing-mark",),
+    "src-nat": ("to-addresses",),
+}
+
+
+def _nat(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+    chain, action = values["chain"], values.get("action", "accept")
+    if action in ("masquerade", "src-nat") and chain in ("dstnat", "output"):
+        raise Trap(f"failure: {action} action must be in srcnat/input chains")
+    if action in ("dst-nat", "redirect") and chain in ("srcnat", "input"):
+        raise Trap(f"failure: {action} action must be in dstnat/output chains")
+    _rule(core, values, item)
+
+
+def _static_dns(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    if "name" not in values and "regexp" not in values:
+        raise MissingArgument("name")
+    needed = _RECORD_NEEDS.get(values.get("type", "A"))
+    if needed is not None and needed not in values:
+        raise MissingArgument(needed)
+
+
+_RECORD_NEEDS = {
+    "A": "address",
+    "AAAA": "address",
+    "CNAME": "cname",
+    "FWD": "forward-to",
+    "MX": "mx-exchange",
+    "NS": "ns",
+    "SRV": "srv-target",
+    "TXT": "text",
+}
+
+
+def _ethernet(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+    given = [name for name in values if name.startswith(("poe-", "power-cycle"))]
+    if given and item is not None and (item.factory or {})["name"] not in core.spec.poe_ports:
+        raise Trap(f"unknown parameter {given[0]}")
+
+
+def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    """A modem is not held to bands that it does not have. Assumption: lte-pin-once."""
+    modem = core.spec.modem
+    given = [int(one) for one in values.get("band", "").split(",") if one]
+    if modem is not None and not set(given) <= set(modem.bands):
+        raise Trap("invalid value for argument band", Category.ARGUMENT)
+
+
+def _virtual(_core: Core, values: Mapping[str, str], item: Item | None) -> None:
+    """A row beside the radios of the board is a virtual one, on top of one of them."""
+    if item is None and "master-interface" not in values:
+        raise Trap("failure: master interface not specified")
+
+
+def _service(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+    for name in ("certificate", "tls-version"):
+        if name in values and item is not None and name not in (item.factory or {}):
+            raise Trap(f"unknown parameter {name}")
+    others = (other for other in core.store.table("/ip/service").items if other is not item)
+    if any(other.values.get("port") == values.get("port") for other in others):
+        raise Trap("failure: port already in use")
+
+
+def _user(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+    if item is not None and not _someone_left(core, item, values):
+        raise Trap("failure: there should be at least one user with full access")
+
+
+def _ssh_key(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    if public_key(core, values.get("key", "")) is None:
+        raise Trap(BAD_KEY)
+
+
+def _action(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    if re.fullmatch(r"[A-Za-z0-9]*", values.get("name", "")) is None:
+        raise Trap("action name can contain only letters and numbers")
+
+
+def _someone_left(core: Core, changed: Item, values: Mapping[str, str] | None) -> bool:
+    table = core.store.table("/user")
+    for other in table.items:
+        now = values if other is changed else other.values
+        if now is not None and now.get("disabled") != "yes" and spell(now.get("group", ""), core.store) == "full":
+            return True
+    return False
+
+
+_MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
+    "/interface/bridge/port": _bridge_port,
+    "/interface/ethernet": _ethernet,
+    "/interface/lte": _modem,
+    "/interface/wifi": _virtual,
+    "/interface/wireless": _virtual,
+    "/ip/address": _address,
+    "/ip/dns/static": _static_dns,
+    "/ip/firewall/filter": _rule,
+    "/ip/firewall/mangle": _rule,
+    "/ip/firewall/nat": _nat,
+    "/ip/firewall/raw": _rule,
+    "/ip/service": _service,
+    "/system/logging/action": _action,
+    "/user": _user,
+    "/user/ssh-keys": _ssh_key,
+}
+
+
+def check_removal(core: Core, menu: str, item: Item) -> None:
+    """Refuse the removal of a row that the router cannot do without. Raises Trap."""
+    if menu == "/user" and not _someone_left(core, item, None):
+        raise Trap("failure: there should be at least one user with full access")

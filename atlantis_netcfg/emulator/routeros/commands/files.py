@@ -1,0 +1,194 @@
+"""Files, and the commands that read or write them: `/file`, `/import`, `/export`, `/execute`, `/system/backup`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Category, Trap
+from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
+from atlantis_netcfg.emulator.routeros.console.run import check_syntax, run_file, run_script
+from atlantis_netcfg.emulator.routeros.core import File
+from atlantis_netcfg.emulator.routeros.spec import Deviation, Execute
+from atlantis_netcfg.emulator.routeros.values import id_text
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["add", "execute", "export", "import_", "load", "read", "remove", "save", "set_"]
+
+_MOST_CONTENTS = 60 * 1024
+_MOST_SCRIPT = 64 * 1024
+_MOST_CHUNK = 32768
+_TRUE = ("", "yes", "true")
+
+
+def _arguments(core: Core, call: Call) -> None:
+    for name in (*call.arguments, *call.unset):
+        if name not in core.schema.arguments(call.menu, call.command) | {".id"}:
+            raise unknown(name)
+
+
+def _needed(call: Call, name: str) -> str:
+    if name not in call.arguments:
+        raise MissingArgument(name)
+    return call.arguments[name]
+
+
+def _named(core: Core, text: str) -> str:
+    """Return the name of a file, given by name or id."""
+    for name, file in core.files.items():
+        if text in (name, id_text(file.number)):
+            return name
+    raise no_such_item()
+
+
+def _write(core: Core, name: str, contents: str) -> File:
+    if len(contents) > core.free_space(besides=name):
+        raise Trap(DISK_FULL)
+    number = core.files[name].number if name in core.files else core.number()
+    core.files[name] = File(number, contents, core.stamp())
+    return core.files[name]
+
+
+def add(core: Core, call: Call) -> Result:
+    """Make a file; contents come in one argument and are limited (Manual, Files: 60 kB)."""
+    _arguments(core, call)
+    name = _needed(call, "name")
+    if name in core.files:
+        raise Trap("failure: file already exists")
+    return Result(ret=id_text(_write(core, name, _contents(call)).number))
+
+
+def _contents(call: Call) -> str:
+    contents = call.arguments.get("contents", "")
+    if len(contents.encode(errors="surrogateescape")) > _MOST_CONTENTS:
+        raise Trap("invalid value for argument contents", Category.ARGUMENT)
+    return contents
+
+
+def _targets(core: Core, call: Call) -> list[str]:
+    named = call.arguments.get(".id") or call.arguments.get("numbers")
+    if named is None:
+        raise MissingArgument(".id")
+    return [_named(core, part) for part in named.split(",")]
+
+
+def set_(core: Core, call: Call) -> Result:
+    """Write a file anew, or rename it."""
+    _arguments(core, call)
+    for name in _targets(core, call):
+        if "contents" in call.arguments:
+            _write(core, name, _contents(call))
+        if "name" in call.arguments:
+            core.files[call.arguments["name"]] = core.files.pop(name)
+    return Result()
+
+
+def remove(core: Core, call: Call) -> Result:
+    """Delete files."""
+    _arguments(core, call)
+    for name in _targets(core, call):
+        del core.files[name]
+    return Result()
+
+
+def read(core: Core, call: Call) -> Result:
+    """Return a piece of a file, `chunk-size` bytes from `offset`."""
+    _arguments(core, call)
+    data = core.files[_named(core, _needed(call, "file"))].contents.encode(errors="surrogateescape")
+    offset, size = _number(call, "offset", 0), _number(call, "chunk-size", _MOST_CHUNK)
+    if not 1 <= size <= _MOST_CHUNK:
+        raise Trap(f"value of chunk-size out of range (1..{_MOST_CHUNK})", Category.ARGUMENT)
+    return Result(rows=[{"data": data[offset : offset + size].decode(errors="surrogateescape")}])
+
+
+def _number(call: Call, name: str, default: int) -> int:
+    text = call.arguments.get(name, str(default))
+    if not text.isdecimal():
+        raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)
+    return int(text)
+
+
+def export(core: Core, call: Call) -> Result:
+    """Print the configuration to a file or, on the console, as text; over the API without `file` nothing comes back.
+
+    Version 6 shows secrets unless told otherwise, version 7 hides them (Manual, Configuration Management).
+    """
+    _arguments(core, call)
+    if "where" in call.arguments:
+        raise Trap(f"not rehearsed by the twin: {call.path} where")
+    wanted = "show-sensitive" in call.arguments or not (
+        core.schema.at_least("7.0") or "hide-sensitive" in call.arguments
+    )
+    form = Form(
+        verbose="verbose" in call.arguments,
+        terse="terse" in call.arguments,
+        show_sensitive=wanted and "sensitive" in core.policies(call.caller),
+    )
+    text = export_text(core, call.menu, form)
+    if "file" in call.arguments:
+        name = call.arguments["file"]
+        _write(core, name if name.endswith(".rsc") else f"{name}.rsc", text)
+        return Result()
+    return Result(text=text if call.console else "")
+
+
+def import_(core: Core, call: Call) -> Result:
+    """Run a file of commands; with `dry-run` only look for syntax errors."""
+    _arguments(core, call)
+    text = core.files[_named(core, _needed(call, "file-name"))].contents
+    first = _number(call, "from-line", 1)
+    text = "\n".join(text.split("\n")[first - 1 :])
+    if call.arguments.get("dry-run", "no") in _TRUE:
+        error = check_syntax(core, text)
+    else:
+        error = run_file(core, call.caller, text).error
+    if error is not None:
+        raise Trap(error, Category.SCRIPTING)
+    return Result(text="Script file loaded and executed successfully")
+
+
+def execute(core: Core, call: Call) -> Result:
+    """Run a script; with `as-string` wait for it and return what it printed, else return its job's id."""
+    _arguments(core, call)
+    if core.spec.execute is Execute.NONE:
+        raise Trap("no such command", Category.MISSING)
+    script = _needed(call, "script")
+    if len(script.encode(errors="surrogateescape")) > _MOST_SCRIPT:
+        raise Trap("invalid value for argument script", Category.ARGUMENT)
+    entries = len(core.history.entries)
+    outcome = run_script(core, call.caller, script)
+    if core.deviates(Deviation.SCRIPT_ENTRIES):
+        core.history.join(entries)
+    if core.deviates(Deviation.SCRIPT_STAYS):
+        core.history.settle(entries)
+    if "file" in call.arguments:
+        _write(core, f"{call.arguments['file']}.txt", outcome.output)
+    if "as-string" not in call.arguments:
+        if outcome.error is not None:
+            core.note("script,error", outcome.error)
+        return Result(ret=id_text(core.number()))
+    if outcome.error is not None and core.spec.execute is Execute.TRAP:
+        raise Trap(outcome.error, Category.SCRIPTING)
+    return Result(ret=outcome.as_string)
+
+
+def save(core: Core, call: Call) -> Result:
+    """Keep a backup of the configuration in a file."""
+    _arguments(core, call)
+    name = call.arguments.get("name", core.spec.name)
+    _write(core, f"{name.removesuffix('.backup')}.backup", json.dumps(core.store.dump()))
+    return Result()
+
+
+def load(core: Core, call: Call) -> Result:
+    """Load a backup, which reboots the router; the ending of its name may be left out, as `save` lets one."""
+    _arguments(core, call)
+    name = _needed(call, "name")
+    contents = core.files[_named(core, name if name in core.files else f"{name}.backup")].contents
+    core.history.clear()
+    core.store.load(json.loads(contents))
+    core.wants_reboot = True
+    return Result()

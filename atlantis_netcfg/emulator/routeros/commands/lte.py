@@ -1,0 +1,94 @@
+"""What the modem shows: `monitor once` and `show-capabilities`.
+
+Fields and their units: Manual, LTE/5G; the names of all are among those that the console of 7.21.5 offers for
+`monitor proplist`. The identities are of no device: IMEI of the test range, SIM of network 001-01.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item
+from atlantis_netcfg.emulator.routeros.lte._modem import Phase, phase_of, settings_of
+from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.values import id_text, interval
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.commands._call import Call
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.lte._modem import Settings
+
+__all__ = ["capabilities", "monitor"]
+
+_Row = dict[str, str]
+_BOX = {"manufacturer": "Quectel", "model": "EG18-EA", "revision": "EG18EAPAR01A12M4G", "imei": "001017000000000"}
+_CARD = {"imsi": "001010000000000", "iccid": "8900101000000000000"}
+_ANY = (".id", "number", "numbers")
+
+
+def monitor(core: Core, call: Call) -> Result:
+    """`monitor <interface> once`."""
+    mine = _named(core, call, "numbers")
+    if "once" not in call.arguments:
+        raise Trap(f"not rehearsed by the twin: {call.path} without once")
+    row = _shown(core, mine)
+    if "pin-status" in row and core.deviates(Deviation.PIN_WORDS):
+        row["pin-status"] = "CHV1 state 7"
+    wanted = call.arguments.get("proplist", call.arguments.get(".proplist"))
+    names = set(wanted.split(",")) if wanted else set(row)
+    return Result(rows=[{name: value for name, value in row.items() if name in names}])
+
+
+def capabilities(core: Core, call: Call) -> Result:
+    """`show-capabilities <interface>`: which features the modem has. Assumption: lte-pin-once."""
+    _named(core, call, "number")
+    return Result(rows=[{"cell-scan": "yes", "passthrough": "yes", "roaming-barring": "yes"}])
+
+
+def _named(core: Core, call: Call, needed: str) -> Settings:
+    named = next((call.arguments[name] for name in _ANY if name in call.arguments), None)
+    if named is None:
+        raise MissingArgument(needed)
+    mine = settings_of(core)
+    if mine is None or named not in {mine.name, id_text(mine.item.id)}:
+        raise no_such_item()
+    return mine
+
+
+def _shown(core: Core, mine: Settings) -> _Row:
+    phase = phase_of(core, mine)
+    if phase is Phase.OFF:
+        return {"status": "disabled"}
+    if phase is Phase.NO_SIM:
+        return dict(_BOX)
+    if phase is Phase.PUK:
+        return {"pin-status": "SIM PUK required", "functionality": "full", **_BOX}
+    if phase is Phase.PIN:
+        said = "wrong PIN" if core.sim.refused else "SIM PIN required"
+        return {"pin-status": said, "functionality": "full", **_BOX}
+    words = {Phase.SEARCHING: "searching", Phase.DENIED: "denied", Phase.REGISTERED: "registered"}
+    row = {"pin-status": "no password required", "status": words.get(phase, "connected"), **_BOX, **_CARD}
+    return row if phase in {Phase.SEARCHING, Phase.DENIED} else row | _cell(core, phase)
+
+
+def _cell(core: Core, phase: Phase) -> _Row:
+    modem = core.spec.modem
+    if modem is None or modem.cell is None or modem.sim is None:
+        return {}
+    cell = modem.cell
+    row = {
+        "current-operator": cell.operator,
+        "current-cellid": "3103242",
+        "data-class": "LTE",
+        "roaming": "no" if modem.sim.home == cell.plmn else "yes",
+        "primary-band": f"B{cell.bands[0]}@20Mhz earfcn: 1300 phy-cellid: 480",
+        "rssi": f"{cell.rsrp_dbm + 29}dBm",
+        "rsrp": f"{cell.rsrp_dbm}dBm",
+        "rsrq": f"{cell.rsrq_db}dB",
+        "sinr": f"{cell.sinr_db}dB",
+    }
+    since = core.sim.connected_since
+    if phase is Phase.CONNECTED and since is not None:
+        row["session-uptime"] = interval(int(core.now() - since))
+    return row

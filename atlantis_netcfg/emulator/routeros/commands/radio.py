@@ -1,0 +1,195 @@
+"""What radios show: `monitor once`, the registration tables, and rows with what they inherit.
+
+Names of fields: Manual, Wireless Interface (monitor, registration table); Manual, WiFi. Rates, CCQ and counters are
+those of a link that is well; only the levels are computed (radio/_budget.py).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.radio._budget import NOISE_DBM
+from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
+from atlantis_netcfg.emulator.routeros.radio._state import RadioState
+from atlantis_netcfg.emulator.routeros.values import id_text, interval
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.emulator.routeros.commands._call import Call
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.radio._settings import Settings
+    from atlantis_netcfg.emulator.routeros.radio._state import Peer
+    from atlantis_netcfg.emulator.routeros.store import Item, Table
+
+__all__ = ["amounting", "monitor", "registrations"]
+
+_Row = dict[str, str]
+_ALONE = RadioState("searching-for-network")
+_SELECTORS = (".id", "numbers")
+
+
+def monitor(core: Core, call: Call) -> Result:
+    """`monitor <radio> once`."""
+    for name in call.arguments:
+        if name not in (*_SELECTORS, "once", "proplist", ".proplist"):
+            raise unknown(name)
+    wanted = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if wanted is None:
+        raise MissingArgument("numbers")
+    if "once" not in call.arguments:
+        raise Trap(f"not rehearsed by the twin: {call.path} without once")
+    radios = [(item, mine) for item, mine in _radios(core, call.menu) if wanted in _names(core, call.menu, item)]
+    if not radios:
+        raise no_such_item()
+    return Result(rows=[_MONITORS[call.menu](core, *radio) for radio in radios])
+
+
+def _radios(core: Core, menu: str) -> Iterator[tuple[Item, Settings]]:
+    for item in core.store.table(menu).items:
+        if item.factory is not None and (mine := settings_of(core, item.factory["name"])) is not None:
+            yield item, mine
+
+
+def _names(core: Core, menu: str, item: Item) -> tuple[str, ...]:
+    return id_text(item.id), core.store.text(core.store.table(menu), item, "name") or ""
+
+
+def _state(core: Core, item: Item, mine: Settings) -> RadioState:
+    """Return what a radio sees; where nobody emulates the air, it is alone."""
+    name = (item.factory or {})["name"]
+    alone = RadioState("running-ap") if mine.is_ap else _ALONE
+    return core.radios.get(name, alone) if mine.enabled else RadioState("disabled")
+
+
+def _legacy(core: Core, item: Item, mine: Settings) -> _Row:
+    state = _state(core, item, mine)
+    row = {"status": state.status}
+    peer = state.peer
+    if state.status == "running-ap" or peer is not None:
+        channel = mine.channel_mhz if peer is None else peer.channel_mhz
+        row["channel"] = f"{channel}/{mine.width.removesuffix('mhz')}/{'an' if 'n' in mine.band else 'a'}"
+        row["wireless-protocol"] = mine.speaks if peer is None or mine.is_ap else peer.settings.speaks
+        row["noise-floor"] = str(NOISE_DBM)
+    if mine.is_ap and state.status == "running-ap":
+        clients = "0" if peer is None else "1"
+        return row | {"registered-clients": clients, "authenticated-clients": clients, "overall-tx-ccq": "90"}
+    if peer is None:
+        return row
+    return row | {
+        "ssid": peer.settings.ssid,
+        "bssid": peer.settings.mac,
+        "radio-name": peer.settings.radio_name,
+        "signal-strength": f"{peer.signal_dbm:.0f}",
+        "tx-signal-strength": f"{peer.theirs_dbm:.0f}",
+        "signal-to-noise": f"{peer.signal_dbm - NOISE_DBM:.0f}",
+        "tx-rate": "130Mbps-20MHz/2S",
+        "rx-rate": "130Mbps-20MHz/2S",
+        "tx-ccq": "90",
+        "rx-ccq": "90",
+        "current-distance": str(peer.distance_km),
+    }
+
+
+def _wifi(core: Core, item: Item, mine: Settings) -> _Row:
+    state = _state(core, item, mine)
+    words = {"running-ap": "running", "connected-to-ess": "connected", "searching-for-network": "searching"}
+    row = {"state": words.get(state.status, state.status)}
+    if state.peer is not None or state.status == "running-ap":
+        channel = mine.channel_mhz if state.peer is None else state.peer.channel_mhz
+        row["channel"] = f"{channel}/{mine.band.partition('-')[2] or 'ax'}"
+        row["tx-power"] = f"{mine.power_dbm:.0f}"
+    if mine.is_ap:
+        number = "0" if state.peer is None else "1"
+        row |= {"registered-peers": number, "authorized-peers": number}
+    return row
+
+
+_MONITORS = {LEGACY: _legacy, WIFI: _wifi}
+
+
+def registrations(core: Core, call: Call) -> list[_Row]:
+    """The rows of `registration-table`: whom each radio is connected to."""
+    menu = call.menu.removesuffix("/registration-table")
+    return [
+        {".id": id_text(number), **_REGISTRATIONS[menu](core, menu, item, mine, peer)}
+        for number, (item, mine) in enumerate(_radios(core, menu), start=1)
+        if (peer := _state(core, item, mine).peer) is not None
+    ]
+
+
+def _legacy_registration(core: Core, menu: str, item: Item, mine: Settings, peer: Peer) -> _Row:
+    protocol = mine.speaks if mine.is_ap else peer.settings.speaks
+    row = {
+        "interface": _names(core, menu, item)[1],
+        "radio-name": peer.settings.radio_name,
+        "mac-address": peer.settings.mac,
+        "ap": "true" if peer.settings.is_ap else "false",
+        "wds": "false",
+        "bridge": "true",
+        "rx-rate": "130Mbps-20MHz/2S",
+        "tx-rate": "130Mbps-20MHz/2S",
+        "uptime": _uptime(core, peer),
+        "last-activity": "0ms",
+        "signal-strength": f"{peer.signal_dbm:.0f}dBm@6Mbps",
+        "signal-to-noise": f"{peer.signal_dbm - NOISE_DBM:.0f}",
+        "tx-signal-strength": f"{peer.theirs_dbm:.0f}",
+        "tx-ccq": "90",
+        "rx-ccq": "90",
+        "p-throughput": "96000",
+        "distance": str(peer.distance_km),
+        "routeros-version": core.spec.version,
+        "last-ip": "",
+        "802.1x-port-enabled": "true",
+        "wmm-enabled": "false",
+    }
+    if protocol != "nv2" and mine.authentication:
+        row["authentication-type"] = min(mine.authentication & peer.settings.authentication, default="none")
+    return row
+
+
+def _wifi_registration(core: Core, menu: str, item: Item, mine: Settings, peer: Peer) -> _Row:
+    band = (mine if mine.is_ap else peer.settings).band or "5ghz-ax"
+    return {
+        "interface": _names(core, menu, item)[1],
+        "ssid": (mine if mine.is_ap else peer.settings).ssid,
+        "mac-address": peer.settings.mac,
+        "uptime": _uptime(core, peer),
+        "last-activity": "0ms",
+        "signal": f"{peer.signal_dbm:.0f}",
+        "auth-type": min(mine.authentication & peer.settings.authentication, default=""),
+        "band": band,
+        "tx-rate": "286.8Mbps-20MHz/2S",
+        "rx-rate": "286.8Mbps-20MHz/2S",
+        "authorized": "true",
+    }
+
+
+def _uptime(core: Core, peer: Peer) -> str:
+    return interval(max(0, int(core.now() - max(peer.since, core.started))))
+
+
+_REGISTRATIONS = {LEGACY: _legacy_registration, WIFI: _wifi_registration}
+
+
+def amounting(core: Core, menu: str, rows: list[_Row]) -> list[_Row]:
+    """Add what rows of the newer driver inherit: plain `print` shows it, `print config` does not (Manual, WiFi)."""
+    if menu not in (WIFI, f"{WIFI}/configuration"):
+        return rows
+    table = core.store.table(menu)
+    return [_with_inherited(core, table, row) for row in rows]
+
+
+def _with_inherited(core: Core, table: Table, row: _Row) -> _Row:
+    item = next((each for each in table.items if id_text(each.id) == row.get(".id")), None)
+    if item is None:
+        return row
+    own = {
+        name.removeprefix("configuration.") if table.menu.path != WIFI else name: value
+        for name, value in inherited(core.store, table, item).items()
+        if value is not None
+    }
+    shown = {name: table.args[name].kind.show(value) for name, value in own.items() if name in table.args}
+    return {**{name: value for name, value in shown.items() if not table.args[name].secret}, **row}

@@ -1,0 +1,179 @@
+"""print, getall, get, find: what a menu shows (Manual, API; Manual, Console)."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Category, Trap
+from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
+from atlantis_netcfg.emulator.routeros.commands.radio import amounting
+from atlantis_netcfg.emulator.routeros.console.where import Where, fits
+from atlantis_netcfg.emulator.routeros.menus import Shape
+from atlantis_netcfg.emulator.routeros.query import matches
+from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.views import rows, without_counters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.emulator.routeros.commands._call import Call
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["all_rows", "find", "get", "inspect", "print_", "select"]
+
+_GOING_ON = ("follow", "follow-only", "interval")
+_PROPLIST = (".proplist", "proplist")
+_ANY = {
+    *_PROPLIST,
+    "detail",
+    "stats",
+    "count-only",
+    "without-paging",
+    "terse",
+    "brief",
+    "value-list",
+    "show-ids",
+    "as-value",
+    "config",
+}
+
+
+def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
+    """Return the rows of the call's menu, as this session may see them."""
+    if call.menu in COMPUTED:
+        return COMPUTED[call.menu](core, call)
+    found = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
+    if call.menu == "/tool/netwatch" and core.deviates(Deviation.TIMES):
+        found = [{**row, "interval": "10000 ms"} for row in found]
+    return found if "config" in call.arguments else amounting(core, call.menu, found)
+
+
+def print_(core: Core, call: Call) -> Result:
+    """Show the rows that the queries let through."""
+    known = core.schema.arguments(call.menu, "print") | {".proplist"}
+    for name in (*call.arguments, *call.unset):
+        if name not in known and not (name in ("stats", "detail") and call.menu in COMPUTED):
+            raise unknown(name)
+        if name not in _ANY:
+            raise Trap(f"not rehearsed by the twin: {call.path} {name}")
+    found = [row for row in all_rows(core, call) if matches(call.queries, row)]
+    if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
+        return Result(ret=str(len(found)))
+    wanted = _proplist(call)
+    if wanted is None and "stats" not in call.arguments:
+        found = [without_counters(row) for row in found]
+    elif wanted is not None:
+        args = () if call.menu in COMPUTED else core.store.table(call.menu).args
+        there = {".id", *args, *(name for row in found for name in row)}
+        absent = next((name for name in wanted if name not in there), None)
+        if absent is not None and core.deviates(Deviation.PROPERTIES):
+            raise unknown(absent)
+        found = [{name: row[name] for name in wanted if name in row} for row in found]
+    return Result(rows=found, listing=True)
+
+
+def _proplist(call: Call) -> list[str] | None:
+    for name in _PROPLIST:
+        if name in call.arguments:
+            return list(dict.fromkeys(call.arguments[name].split(",")))
+    return None
+
+
+def select(core: Core, call: Call, where: Where) -> list[str]:
+    """Return the ids of the rows that `[find ...]` means."""
+    return [row[".id"] for row in all_rows(core, call) if ".id" in row and fits(row, where)]
+
+
+def find(core: Core, call: Call) -> Result:
+    """Return all ids of the menu, joined by `;`."""
+    for name in call.arguments:
+        if name not in core.schema.arguments(call.menu, "find"):
+            raise unknown(name)
+        raise Trap(f"not rehearsed by the twin: {call.path} {name}")
+    return Result(ret=";".join(row[".id"] for row in all_rows(core, call) if ".id" in row))
+
+
+def get(core: Core, call: Call) -> Result:
+    """Return one property of one row, or the whole row as `name=value;...`."""
+    known = core.schema.arguments(call.menu, "get") | {".id", "numbers"}
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
+    row = _one(core, call)
+    wanted = call.arguments.get("value-name")
+    if wanted is None:
+        return Result(ret=";".join(f"{key}={value}" for key, value in row.items()))
+    if wanted not in row and (call.menu in COMPUTED or wanted not in core.store.table(call.menu).args):
+        raise Trap("input does not match any value of value-name", Category.ARGUMENT)
+    return Result(ret=row.get(wanted, ""))
+
+
+def _one(core: Core, call: Call) -> dict[str, str]:
+    found = all_rows(core, call)
+    number = call.arguments.get(".id") or call.arguments.get("number") or call.arguments.get("numbers")
+    if not any(".id" in row for row in found) and _is_settings(core, call.menu):
+        return found[0]
+    if number is None:
+        raise MissingArgument(".id" if not call.console else "number")
+    called = core.store.table(call.menu).menu.called if call.menu not in COMPUTED else "name"
+    for row in found:
+        if number in (row.get(".id"), row.get(called)):
+            return row
+    raise no_such_item()
+
+
+def _is_settings(core: Core, menu: str) -> bool:
+    return menu in COMPUTED or core.store.table(menu).menu.shape is Shape.SETTINGS
+
+
+def inspect(core: Core, call: Call) -> Result:
+    """`/console/inspect`: what is below a path (`child`), and which values are offered for an argument (`completion`).
+
+    Paths are words with commas between them; slashes find nothing (tikoci/centrs, commands/api/AGENTS.md: CHR 7.23.1).
+    """
+    # Queries pick among the rows. Assumption: inspect-whole
+    # Other versions offer the same. Assumption: offered-values
+    requests: dict[str, Callable[[Core, Call], list[dict[str, str]]]] = {"child": _children, "completion": _offers}
+    request = call.arguments.get("request", "")
+    if request not in requests:
+        raise Trap(f"not rehearsed by the twin: {call.path} request={request}")
+    found = [row for row in requests[request](core, call) if matches(call.queries, row)]
+    wanted = _proplist(call)
+    return Result(
+        rows=found if wanted is None else [{name: row[name] for name in wanted if name in row} for row in found]
+    )
+
+
+def _walked(call: Call) -> list[str]:
+    path = call.arguments.get("path", "")
+    return [word for word in path.split(",") if word] if "/" not in path else ["/"]
+
+
+def _children(core: Core, call: Call) -> list[dict[str, str]]:
+    words = _walked(call)
+    menu, schema = "/" + "/".join(words), core.schema
+    kinds = dict.fromkeys(schema.submenus(menu), "dir") if schema.has_menu(menu) else {}
+    kinds |= dict.fromkeys(schema.commands(menu), "cmd")
+    if not kinds and words:
+        kinds = dict.fromkeys(schema.arguments("/" + "/".join(words[:-1]), words[-1]), "arg")
+    return [{"name": name, "node-type": kinds[name], "type": "child"} for name in sorted(kinds)]
+
+
+def _offers(core: Core, call: Call) -> list[dict[str, str]]:
+    """Values for the argument that the path names, or that the input ends with: `add action=`."""
+    typed = call.arguments.get("input", "")
+    words = [*_walked(call), *re.split(r"[/ =]+", typed.strip("/ ").rpartition("=")[0] if "=" in typed else typed)]
+    *path, argument = [word for word in words if word] or [""]
+    *menu, command = path or [""]
+    where = "/" + "/".join(menu)
+    if argument not in core.schema.arguments(where, command):
+        return []
+    started = typed.rpartition("=")[2] if "=" in typed else ""
+    return [
+        {"completion": value, "preference": "80", "show": "true", "style": "none", "text": ""}
+        for value in offered(where, argument)
+        if value.startswith(started)
+    ]

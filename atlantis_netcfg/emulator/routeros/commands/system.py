@@ -1,0 +1,147 @@
+"""Commands without a menu of rows: reboot, ping, log, device-mode, and rows of `/interface`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Category, Trap
+from atlantis_netcfg.emulator.routeros.commands import write
+from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.counting import count_echoes
+from atlantis_netcfg.emulator.routeros.devicemode import FEATURES
+from atlantis_netcfg.emulator.routeros.path import answers
+from atlantis_netcfg.emulator.routeros.spec import Mode
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["PING_FOREVER", "interface", "log", "logout", "ping", "poe", "reboot", "update_mode"]
+
+PING_FOREVER = "count"
+_PING_SIZE = "56"
+
+
+def reboot(core: Core, _call: Call) -> Result:
+    """Restart, as soon as whoever owns the sockets lets the router."""
+    core.wants_reboot = True
+    core.note("system,info", "router rebooted")
+    return Result()
+
+
+def ping(core: Core, call: Call) -> Result:
+    """Send echo requests; who answers is in the spec, whether they get there is in the configuration."""
+    known = core.schema.arguments(call.menu, call.command)
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
+    if "address" not in call.arguments:
+        raise MissingArgument("address")
+    target = _target(call.arguments["address"])
+    count = call.arguments.get("count", "1")
+    if not count.isdecimal() or int(count) < 1:
+        raise Trap("invalid value for argument count", Category.ARGUMENT)
+    source = call.arguments.get("src-address")
+    if call.arguments.get("arp-ping") == "yes":
+        # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
+        return Result(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.answering))
+    reachable = answers(core, target, source)
+    count_echoes(core, target, source, int(count), answered=reachable)
+    return Result(rows=_echoes(str(target), int(count), reachable=reachable))
+
+
+def _target(text: str) -> IPv4Address:
+    try:
+        return IPv4Address(text)
+    except ValueError as error:
+        raise Trap("failure: resolve failed" if text[:1].isalpha() else "invalid value for argument address") from error
+
+
+def _echoes(host: str, count: int, *, reachable: bool) -> list[dict[str, str]]:
+    rows = []
+    for number in range(count):
+        row = {"seq": str(number), "host": host}
+        row |= {"size": _PING_SIZE, "ttl": "64", "time": "1ms"} if reachable else {"status": "timeout"}
+        received = number + 1 if reachable else 0
+        row |= {"sent": str(number + 1), "received": str(received), "packet-loss": "0" if reachable else "100"}
+        if reachable:
+            row |= {"min-rtt": "1ms", "avg-rtt": "1ms", "max-rtt": "1ms"}
+        rows.append(row)
+    return rows
+
+
+def log(core: Core, call: Call) -> Result:
+    """Write a line to the log (`/log/info message=...`)."""
+    if "message" not in call.arguments:
+        raise MissingArgument("message")
+    core.note(f"script,{call.command}", call.arguments["message"])
+    return Result()
+
+
+def logout(core: Core, call: Call) -> Result:
+    """`/user/active/request-logout`, `remove` from 7.20: end another session, as if its client had closed it."""
+    numbers = {f"*{number:X}": number for number in core.sessions}
+    named = call.arguments.get(".id") or call.arguments.get("numbers") or ""
+    if named not in numbers:
+        raise no_such_item()
+    core.ended.add(numbers[named])
+    return Result()
+
+
+def update_mode(core: Core, call: Call) -> Result:
+    """Ask for a button press that no twin can give: nothing changes (Manual, Device-mode)."""
+    known = core.schema.arguments(call.menu, call.command)
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
+    mode = call.arguments.get("mode")
+    if mode is not None and mode not in list(Mode):
+        raise Trap("input does not match any value of mode", Category.ARGUMENT)
+    for name in call.arguments:
+        if name in FEATURES and call.arguments[name] not in ("yes", "no", "true", "false"):
+            raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)
+    window = call.arguments.get("activation-timeout", "5m")
+    text = f"turn off power or reboot by pressing reset or mode button in {window} to activate changes"
+    return Result(rows=[{"update": text}])
+
+
+def interface(core: Core, call: Call) -> Result:
+    """Change rows of `/interface` in the menu where they live."""
+    named = call.arguments.get(".id") or call.arguments.get("numbers")
+    if named is None:
+        raise MissingArgument(".id" if not call.console else "numbers")
+    if call.command not in _ROW_COMMANDS:
+        raise Trap(f"not rehearsed by the twin: {call.path}")
+    known = core.schema.arguments("/interface", call.command) | {".id"}
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
+    for part in named.split(","):
+        rest = {name: value for name, value in call.arguments.items() if name != "numbers"}
+        _ROW_COMMANDS[call.command](core, replace(call, menu=_home(core, part), arguments=rest | {".id": part}))
+    return Result()
+
+
+def _home(core: Core, named: str) -> str:
+    for table in core.store.space_tables("interface"):
+        if write.located(core, table, named) is not None:
+            return table.menu.path
+    raise no_such_item()
+
+
+_ROW_COMMANDS = {
+    "set": write.set_,
+    "enable": write.enable,
+    "disable": write.disable,
+    "comment": write.comment,
+}
+
+
+def poe(core: Core, call: Call) -> Result:
+    """`/interface/ethernet/poe` sets what `/interface/ethernet` has too."""
+    known = core.schema.arguments(call.menu, "set") | {".id"}
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
+    return write.set_(core, replace(call, menu="/interface/ethernet"))

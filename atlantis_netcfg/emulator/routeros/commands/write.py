@@ -1,0 +1,277 @@
+"""add, set, remove and their kin: every row changed is one action of the history; refusals in the router's words."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Category, Trap
+from atlantis_netcfg.emulator.routeros.commands import _undo
+from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.commands._checks import check, check_removal
+from atlantis_netcfg.emulator.routeros.commands._complete import complete
+from atlantis_netcfg.emulator.routeros.menus import Shape
+from atlantis_netcfg.emulator.routeros.schema import needed
+from atlantis_netcfg.emulator.routeros.values import BadValue, id_text, seconds
+from atlantis_netcfg.emulator.routeros.views import made_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from atlantis_netcfg.emulator.routeros.commands._call import Call
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.store import Item, Table
+
+__all__ = ["add", "check_needed", "comment", "disable", "enable", "located", "move", "remove", "set_", "unset"]
+
+_SELECTORS = (".id", "numbers", "number")
+_BUILTIN = "failure: cannot change builtin"
+_PLACEMENT = ("copy-from", "place-before")
+
+
+def add(core: Core, call: Call) -> Result:
+    """Add a row, at the end or before another; return its id."""
+    table = core.store.table(call.menu)
+    known = core.schema.arguments(call.menu, "add") & {*table.args, *_PLACEMENT}
+    values = _given(core, table, call, known)
+    if "copy-from" in call.arguments:
+        values = dict(_item(core, call, table, call.arguments["copy-from"]).values) | values
+    check_needed(core, call, values)
+    index = None
+    if "place-before" in call.arguments:
+        index = _index(core, call, table, call.arguments["place-before"])
+    complete(core, call.menu, values)
+    check(core, call.menu, values, None)
+    item = core.store.insert(call.menu, values, index)
+    _expire(core, call.menu, item)
+    _undo.added(core, call, item)
+    return Result(ret=id_text(item.id))
+
+
+def check_needed(core: Core, call: Call, values: Mapping[str, str]) -> None:
+    """Refuse a row that lacks what it must have: by the record of its menu, or by its model where there is none."""
+    table = core.store.table(call.menu)
+    names = needed(core.schema.version, call.menu)
+    if isinstance(names, str) and not values:
+        raise Trap(names)
+    if not names or isinstance(names, str):
+        names = tuple(arg.name for arg in table.args.values() if arg.required)
+    lacking = [name for name in names if name in table.args and name not in values]
+    if lacking:
+        raise MissingArgument(*lacking)
+
+
+def _index(core: Core, call: Call, table: Table, named: str) -> int:
+    """Return the position of a row; the console counts rows from 0."""
+    if call.console and named.isdecimal() and int(named) < len(table.items):
+        return int(named)
+    return table.items.index(_item(core, call, table, named))
+
+
+def _expire(core: Core, menu: str, item: Item) -> None:
+    """An address-list entry with a timeout is dynamic: it goes by itself and no export shows it."""
+    if menu == "/ip/firewall/address-list" and "timeout" in item.values:
+        item.dynamic = True
+        core.expires[item.id] = core.now() + (seconds(item.values["timeout"]) or 0)
+
+
+def set_(core: Core, call: Call) -> Result:
+    """Give rows new values; several rows at once are several actions."""
+    table = core.store.table(call.menu)
+    known = core.schema.arguments(call.menu, "set") & {*table.args}
+    change = _given(core, table, call, known)
+    items = _selected(core, call, table)
+    _may_change(items)
+    for item in items:
+        _set_one(core, call, item, change, unset=call.unset)
+    return Result()
+
+
+def _set_one(core: Core, call: Call, item: Item, change: Mapping[str, str], unset: Iterable[str] = ()) -> None:
+    values = {name: value for name, value in {**item.values, **change}.items() if name not in set(unset)}
+    if values == item.values:
+        return
+    complete(core, call.menu, values, changed=frozenset(change))
+    if values == item.values:
+        return
+    check(core, call.menu, values, item)
+    before = dict(item.values)
+    core.store.update(call.menu, item, values)
+    _undo.changed(core, call, item, before)
+
+
+def unset(core: Core, call: Call) -> Result:
+    """Take properties away from rows (`value-name=a,b`)."""
+    _only(core, call, {"value-name"})
+    table = core.store.table(call.menu)
+    if "value-name" not in call.arguments:
+        raise MissingArgument("value-name")
+    names = call.arguments["value-name"].split(",")
+    for name in names:
+        _check_unset(table, name)
+    items = _selected(core, call, table)
+    _may_change(items)
+    for item in items:
+        _set_one(core, call, item, {}, unset=names)
+    return Result()
+
+
+def enable(core: Core, call: Call) -> Result:
+    """Set `disabled=no`."""
+    return _able(core, call, "no")
+
+
+def disable(core: Core, call: Call) -> Result:
+    """Set `disabled=yes`."""
+    return _able(core, call, "yes")
+
+
+def _able(core: Core, call: Call, disabled: str) -> Result:
+    _only(core, call, set())
+    items = _selected(core, call, core.store.table(call.menu))
+    _may_change(items)
+    for item in items:
+        _set_one(core, call, item, {"disabled": disabled})
+    return Result()
+
+
+def comment(core: Core, call: Call) -> Result:
+    """Set a row's comment; an empty one takes it away."""
+    _only(core, call, {"comment"})
+    if "comment" not in call.arguments:
+        raise MissingArgument("comment")
+    items = _selected(core, call, core.store.table(call.menu))
+    _may_change(items)
+    text = call.arguments["comment"]
+    for item in items:
+        _set_one(core, call, item, {"comment": text} if text else {}, unset=() if text else ("comment",))
+    return Result()
+
+
+def remove(core: Core, call: Call) -> Result:
+    """Remove rows; nothing is removed if one of them must stay."""
+    _only(core, call, set())
+    table = core.store.table(call.menu)
+    items = _selected(core, call, table)
+    _may_change(items)
+    for item in items:
+        if item.factory is not None:
+            raise Trap("failure: cannot remove builtin")
+        check_removal(core, call.menu, item)
+    for item in items:
+        _undo.removed(core, call, item)
+    return Result()
+
+
+def move(core: Core, call: Call) -> Result:
+    """Put rows before the row `destination`, or at the end."""
+    _only(core, call, {"destination"})
+    table = core.store.table(call.menu)
+    items = _selected(core, call, table)
+    _may_change(items)
+    destination = call.arguments.get("destination")
+    target = _item(core, call, table, destination) if destination else None
+    if target in items:
+        return Result()
+    for item in items:
+        others = [other for other in table.items if other is not item]
+        index = others.index(target) if target is not None else len(others)
+        if table.items.index(item) != index:
+            _undo.moved(core, call, item, index)
+    return Result()
+
+
+# --- which rows ----------------------------------------------------------------------------------------------------
+
+
+def _only(core: Core, call: Call, names: set[str]) -> None:
+    known = core.schema.arguments(call.menu, call.command) | names | set(_SELECTORS)
+    for name in (*call.arguments, *call.unset):
+        if name not in known:
+            raise unknown(name)
+
+
+def _selected(core: Core, call: Call, table: Table) -> list[Item]:
+    """Return the rows that the call names; the one row of a settings menu needs no name."""
+    if table.menu.shape is Shape.SETTINGS:
+        if not table.items:
+            core.store.insert(call.menu, {})
+            core.store.changes.clear()
+        return table.items[:1]
+    named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if named is None:
+        raise MissingArgument(".id" if not call.console else "numbers")
+    found = [_item(core, call, table, part) for part in named.split(",") if part]
+    return list({item.id: item for item in found}.values())
+
+
+def _item(core: Core, call: Call, table: Table, named: str) -> Item:
+    item = located(core, table, named, console=call.console)
+    if item is None:
+        if any(row[".id"] == named for row in made_rows(core, call.menu)):
+            raise Trap(_BUILTIN)
+        raise no_such_item()
+    return item
+
+
+def located(core: Core, table: Table, named: str, *, console: bool = False) -> Item | None:
+    """Find a row by `*ID` or by what it is called; on the console also by number, as exports name builtin rows."""
+    if match := re.fullmatch(r"\*([0-9A-Fa-f]+)", named):
+        return table.find(int(match[1], 16))
+    if console and named.isdecimal() and any(item.factory is not None for item in table.items):
+        return table.items[int(named)] if int(named) < len(table.items) else None
+    return next((item for item in table.items if core.store.text(table, item, table.menu.called) == named), None)
+
+
+def _may_change(items: Iterable[Item]) -> None:
+    for item in items:
+        if item.dynamic and item.factory is not None:
+            raise Trap(_BUILTIN)
+
+
+# --- what they are given -------------------------------------------------------------------------------------------
+
+
+def _given(core: Core, table: Table, call: Call, known: Iterable[str]) -> dict[str, str]:
+    names = set(known)
+    values: dict[str, str] = {}
+    for name, text in call.arguments.items():
+        if call.command != "add" and _selects(table, name):
+            continue
+        if name not in names or _fixed_name(table, name):
+            raise unknown(name)
+        if name == "comment" and not text:
+            call.unset = (*call.unset, name)
+        elif name not in _PLACEMENT:
+            values[name] = _parsed(core, table, name, text)
+    for name in call.unset:
+        if name not in names:
+            raise unknown(name)
+        _check_unset(table, name)
+    return values
+
+
+def _selects(table: Table, name: str) -> bool:
+    """Settings are one row, which nobody has to name; `.id` is let through as for any row."""
+    return name == ".id" or (name in _SELECTORS and table.menu.shape is not Shape.SETTINGS)
+
+
+def _fixed_name(table: Table, name: str) -> bool:
+    """Names of services are not for setting, although rows are called by them."""
+    return table.menu.path == "/ip/service" and name == "name"
+
+
+def _parsed(core: Core, table: Table, name: str, text: str) -> str:
+    try:
+        return table.args[name].kind.parse(text, core.store)
+    except BadValue as error:
+        raise Trap(error.words.format(name), Category.ARGUMENT) from error
+
+
+def _check_unset(table: Table, name: str) -> None:
+    """Only what may be absent can be unset; in the menus of the routing process that is everything but the name."""
+    arg = table.args.get(name)
+    if arg is None:
+        raise unknown(name)
+    if arg.required or (arg.default is not None and not table.menu.sparse):
+        raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)

@@ -1,0 +1,442 @@
+"""Statements of the subset: `:put`, `:error`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus.
+
+A condition of `:if` compares a number with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
+`([:len [/ip route find disabled=no]] > 0)`, or a variable with a regular expression: `($v ~ "^ok")`.
+
+Besides, what hands texts to the device's own parser: `:put [:parse "..."]`, `:foreach` over texts, and `:local` with
+what a command returns, `[:execute script=(...) as-string]`.
+
+Names are looked up while parsing, as RouterOS does: a script with a misspelt menu, command or argument does not start.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.console._statements import (
+    Attempt,
+    Choice,
+    Command,
+    Each,
+    Failure,
+    Find,
+    Local,
+    Parse,
+    Put,
+    Statement,
+    Template,
+    Variable,
+)
+from atlantis_netcfg.emulator.routeros.console._text import ConsoleError
+from atlantis_netcfg.emulator.routeros.console.where import Condition
+from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from atlantis_netcfg.emulator.routeros.console._text import Text
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.menus import Arg
+
+__all__ = ["Parser"]
+
+_SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
+_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
+_UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
+_PUT = re.compile(r":put(?=\s)")
+_ERROR = re.compile(r":error(?=\s)")
+_DO = re.compile(r":do(?=\s|\{)")
+_DELAY = re.compile(r":delay[ \t]+\d+(?:ms|[smh])?(?![\w.])")
+"""What a device needs time for, the twin has done at once."""
+_IF = re.compile(r":if(?=\s|\()")
+_LEN = re.compile(r"\[:len\s+")
+_COMPARISON = re.compile(r"!=|<=|>=|[=<>~]")
+_FOREACH = re.compile(r":foreach[ \t]+([a-z]+),([a-z]+)[ \t]+in=\{")
+_LOCAL = re.compile(r":local[ \t]+([a-z]+)[ \t]+(?=\[)")
+_PARSE = re.compile(r"\[:parse(?=[\s\"$(])")
+_ROOT = re.compile(r":(?=execute\s)")
+_REST = re.compile(r"[^\n;\]}]*")
+_INTEGER = re.compile(r"\d+")
+_THEN, _ELSE = re.compile(r"do="), re.compile(r"else=")
+_PROPERTY = re.compile(r"\.?[A-Za-z0-9][A-Za-z0-9.-]*")
+_SIGN = re.compile(r"!=|[=~<>]")
+_JOINT = re.compile(r"(?:and|or)(?=\s)|&&|\|\|")
+_ON_ERROR = re.compile(r"on-error=")
+_POSITIONAL = {
+    "set": ("numbers",),
+    "remove": ("numbers",),
+    "enable": ("numbers",),
+    "disable": ("numbers",),
+    "unset": ("numbers", "value-name"),
+    "comment": ("numbers",),
+    "move": ("numbers", "destination"),
+    "monitor": ("numbers",),
+    "show-capabilities": ("number",),
+    "get": ("number", "value-name"),
+    "import": ("file-name",),
+    "sign": ("number",),
+    "ping": ("address",),
+}
+
+
+@dataclass(slots=True)
+class Parser:
+    """Reads statement after statement; a menu on a line of its own is the starting point of the lines below."""
+
+    core: Core
+    text: Text
+    menu: str = "/"
+    only_code: bool = False
+    """For `:parse`: nothing of it will run."""
+
+    def statements(self) -> Iterator[Statement]:
+        """Yield each statement. Raises ConsoleError."""
+        while self._next():
+            statement = self._statement()
+            if statement is not None:
+                yield statement
+            self.text.space()
+            if self.text.peek() not in ("\n", ";", ""):
+                raise self.text.error("expected end of command")
+
+    def _next(self) -> bool:
+        """Step to the next statement, over empty lines and comments."""
+        while True:
+            self.text.space()
+            if self.text.peek() == "#":
+                self.text.skip_line()
+            elif not (self.text.take("\n") or self.text.take(";")):
+                return bool(self.text.peek())
+
+    def _statement(self) -> Statement | None:
+        if self.text.match(_DELAY) is not None:
+            return None
+        word = self._scripting()
+        if word is not None:
+            return word
+        if self.text.peek() in tuple(":{}()[]$\\\"'"):
+            raise self.text.error("syntax error")
+        command = self._command()
+        if command.name:
+            return command
+        self.menu = command.menu
+        return None
+
+    def _scripting(self) -> Statement | None:
+        """Read a statement that is no command of a menu, if one comes."""
+        if self.text.match(_PUT) is not None:
+            self.text.space()
+            return Put(self._put())
+        if self.text.match(_DO) is not None:
+            return self._attempt()
+        if self.text.match(_IF) is not None:
+            return self._choice()
+        if self.text.match(_ERROR) is not None:
+            return self._failure()
+        if (local := self.text.match(_LOCAL)) is not None:
+            return Local(local.split()[1], self._bracket())
+        return self._each() if self.text.peek() == ":" else None
+
+    def _attempt(self) -> Attempt:
+        menu = self.menu
+        tried = self._block()
+        self.text.space()
+        if self.text.match(_ON_ERROR) is None:
+            raise self.text.error("syntax error")
+        attempt = Attempt(tried, self._block())
+        self.menu = menu
+        return attempt
+
+    def _choice(self) -> Choice:
+        menu = self.menu
+        self._expect("(")
+        left = self._counted()
+        self.text.space()
+        sign = self.text.match(_COMPARISON)
+        self.text.space()
+        pattern = sign == "~" and isinstance(left, Variable) and self.text.peek() == '"'
+        right = self.text.value() if pattern else self.text.match(_INTEGER)
+        if sign is None or right is None or (sign == "~" and not pattern):
+            raise self.text.error("syntax error")
+        self._expect(")")
+        self.text.space()
+        if self.text.match(_THEN) is None:
+            raise self.text.error("syntax error")
+        then = self._block()
+        self.text.space()
+        otherwise = self._block() if self.text.match(_ELSE) is not None else ()
+        self.menu = menu
+        return Choice(left, sign, right if pattern else int(right), then, otherwise)
+
+    def _each(self) -> Each | None:
+        names = _FOREACH.match(self.text.source, self.text.at)
+        if names is None:
+            return None
+        self.text.at = names.end()
+        menu = self.menu
+        texts: list[Template] = []
+        while not self.text.take("}"):
+            if texts and not self.text.take(";"):
+                raise self.text.error("syntax error")
+            if self.text.peek() != '"':
+                raise self.text.error("syntax error")
+            texts.append(self.text.template())
+        self.text.space()
+        if self.text.match(_THEN) is None:
+            raise self.text.error("syntax error")
+        body = self._block()
+        self.menu = menu
+        return Each(names[1], names[2], tuple(texts), body)
+
+    def _counted(self) -> Variable | Find:
+        self.text.space()
+        if self.text.peek() == "$":
+            return self.text.variable()
+        if self.text.match(_LEN) is None:
+            raise self.text.error("syntax error")
+        found = self._bracket()
+        self._expect("]")
+        if not isinstance(found, Find):
+            raise self.text.error("syntax error")
+        return found
+
+    def _expect(self, sign: str) -> None:
+        self.text.space()
+        if not self.text.take(sign):
+            raise self.text.error("syntax error")
+
+    def _block(self) -> tuple[Statement, ...]:
+        self.text.space()
+        if not self.text.take("{"):
+            raise self.text.error("syntax error")
+        inside: list[Statement] = []
+        while self._next() and self.text.peek() != "}":
+            statement = self._statement()
+            if statement is not None:
+                inside.append(statement)
+            self.text.space()
+            if self.text.peek() not in ("\n", ";", "}"):
+                raise self.text.error("expected end of command")
+        if not self.text.take("}"):
+            raise self.text.error("syntax error")
+        return tuple(inside)
+
+    def _put(self) -> Template | Command | Find | Parse:
+        if self.text.match(_PARSE) is not None:
+            self.text.space()
+            parse = Parse(self._template())
+            self._expect("]")
+            return parse
+        return self._bracket() if self.text.peek() == "[" else self._template()
+
+    def _template(self) -> Template:
+        """Read a text in quotes, a variable, or several of them in parentheses, joined by dots."""
+        if self.text.peek() == '"':
+            return self.text.template()
+        if self.text.peek() == "$":
+            return (self.text.variable(),)
+        if not self.text.take("("):
+            return (self.text.value(),)
+        pieces = list(self._template())
+        while self.text.take("."):
+            pieces += self._template()
+        if not self.text.take(")"):
+            raise self.text.error("syntax error")
+        return tuple(pieces)
+
+    def _failure(self) -> Failure:
+        line = self.text.line
+        self.text.space()
+        return Failure(self._template(), line)
+
+    # --- commands --------------------------------------------------------------------------------------------------
+
+    def _command(self) -> Command:
+        """Read path, command and arguments; a command without name is a path alone."""
+        place, line = self.text.at, self.text.line
+        menu = "/" if self.text.take("/") or self.text.match(_ROOT) is not None else self.menu
+        schema = self.core.schema
+        while True:
+            start = self.text.at
+            word = self.text.match(_SEGMENT)
+            if word is None:
+                return Command(menu, "", place=place, line=line)
+            word = self._whole(word, schema.submenus(menu) | schema.commands(menu))
+            below = f"{menu.rstrip('/')}/{word}"
+            if schema.has_menu(below):
+                menu = below
+                self._step()
+            elif schema.has_command(menu, word):
+                command = Command(menu, word, place=place, line=line)
+                self._arguments(command)
+                return command
+            else:
+                raise self._bad_command(word, start)
+
+    @staticmethod
+    def _whole(word: str, known: Collection[str]) -> str:
+        """Return the word that is meant: a name may be cut short while only one begins like it (7.23.3)."""
+        longer = [name for name in known if name.startswith(word)] if word not in known else []
+        return longer[0] if len(longer) == 1 else word
+
+    def _step(self) -> None:
+        """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.
+
+        Version 7 made them so (Manual, Changelog). Assumption: slash-words-6
+        """
+        if self.text.peek() == "/" and not self.core.schema.at_least("7.0"):
+            raise self.text.error("expected command name")
+        if not self.text.take("/"):
+            self.text.space()
+
+    def _bad_command(self, word: str, start: int) -> ConsoleError:
+        """`:parse` returns code that holds the mistake, with the words from there on."""
+        # On every version. Assumption: parse-words
+        words = self.text.placed(f"bad command name {word}", start)
+        rest = _REST.match(self.text.source, start)
+        return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
+
+    def _bad_parameter(self, command: Command, name: str, start: int) -> ConsoleError:
+        """From 7.23 the argument is named, and the column of a run is the one behind it."""
+        # Recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others answer as the next of these. Assumption: parse-words
+        if not self.core.schema.at_least("7.23beta1"):
+            return self.text.error("expected end of command", start)
+        words = self.text.placed(f"bad parameter {name}", start + len(name))
+        path = f"{command.menu.rstrip('/')}/{command.name}"
+        # Of a first argument the column is behind its name, of a later one before it, as in four records.
+        # Wherever there is no record: Assumption: parse-words
+        column = start if command.arguments else start + len(name)
+        return ConsoleError(words, f"(evl {self.text.placed(f'bad parameter {name}', column)} {path})")
+
+    def _arguments(self, command: Command) -> None:
+        """Read the rest of the command; brackets in it begin in the command's own menu."""
+        outer, self.menu = self.menu, command.menu
+        self.text.space()
+        if command.name == "find" and not self._where(command):
+            self._conditions(command)
+        self._plain_arguments(command)
+        self.menu = outer
+
+    def _plain_arguments(self, command: Command) -> None:
+        known = self._known(command)
+        positional = list(_POSITIONAL.get(command.name, ()))
+        if command.name == "get" and "number" not in self.core.schema.arguments(command.menu, "get"):
+            positional.remove("number")  # settings have no rows: `get name`
+        while self._more():
+            start = self.text.at
+            if (unset := self.text.match(_UNSET)) is not None:
+                self._check(command, unset[1:], known, start)
+                command.unset.append(unset[1:])
+            elif (name := self.text.match(_NAME)) is not None:
+                self._check(command, name, known, start)
+                command.arguments[name] = self._given(command, name)
+            elif command.name == "print" and self._where(command):
+                return
+            else:
+                self._positional(command, known, positional, start)
+
+    def _known(self, command: Command) -> frozenset[str]:
+        known = self.core.schema.arguments(command.menu, command.name)
+        if command.name in ("add", "set"):
+            table = self.core.store.table(command.menu)
+            known &= {*table.args, "numbers", "copy-from", "place-before"}
+        return known
+
+    def _more(self) -> bool:
+        self.text.space()
+        return self.text.peek() not in ("\n", ";", "]", "}", "")
+
+    def _check(self, command: Command, name: str, known: frozenset[str], start: int) -> None:
+        if name not in known:
+            raise self._bad_parameter(command, name, start)
+
+    def _given(self, command: Command, name: str) -> str | Template | Find | Command:
+        """Read `=value` behind a name. A flag takes none, which only a run says, not `:parse` (7.22.1, 7.23)."""
+        arg = self._arg(command, name)
+        if arg is not None and isinstance(arg.kind, Flag) and not self.only_code:
+            raise self.text.error("expected end of command")
+        self.text.at += 1
+        start = self.text.at
+        value = self._value()
+        if not isinstance(value, str) or arg is None:
+            return value
+        try:
+            typed = arg.kind.typed(value)
+            return arg.kind.code(typed) if self.only_code else typed
+        except BadValue as error:
+            raise self.text.error("syntax error", start) from error
+
+    def _arg(self, command: Command, name: str) -> Arg | None:
+        return self.core.store.table(command.menu).args.get(name) if command.name in ("add", "set") else None
+
+    def _positional(self, command: Command, known: frozenset[str], positional: list[str], start: int) -> None:
+        if positional:
+            command.arguments[positional.pop(0)] = self._value()
+            return
+        word = self.text.match(_SEGMENT)
+        if word is None:
+            raise self.text.error("syntax error", start)
+        self._check(command, word, known, start)
+        if self.text.peek() == "=":
+            raise self.text.error("syntax error")
+        command.arguments[word] = ""
+
+    def _value(self) -> str | Template | Find | Command:
+        if self.text.peek() == "[":
+            return self._bracket()
+        return self._template() if self.text.peek() in ("$", "(") else self.text.value()
+
+    # --- brackets --------------------------------------------------------------------------------------------------
+
+    def _bracket(self) -> Find | Command:
+        place = self.text.at
+        self.text.at += 1
+        self.text.space()
+        outer = self.menu
+        command = self._command()
+        self.menu = outer
+        self.text.space()
+        if not command.name or not self.text.take("]"):
+            raise self.text.error("syntax error")
+        if command.name == "find":
+            return self._find(command, place)
+        if command.name == "print" and not {"as-value", "count-only"} & set(command.arguments):
+            raise self.text.error("syntax error", place)
+        return command
+
+    def _find(self, command: Command, place: int) -> Find:
+        return Find(command.menu, command.where, place)
+
+    def _where(self, command: Command) -> bool:
+        """Read `where name=value ...`; `find` does not need the word."""
+        start = self.text.at
+        if self.text.match(_SEGMENT) != "where":
+            self.text.at = start
+            return False
+        self._conditions(command)
+        return True
+
+    def _conditions(self, command: Command) -> None:
+        alternatives: list[list[Condition]] = [[]]
+        while self._more():
+            word = self.text.match(_JOINT)
+            if word is None:
+                alternatives[-1].append(self._condition())
+            elif word in ("or", "||"):
+                alternatives.append([])
+        command.where = tuple(tuple(one) for one in alternatives if one)
+
+    def _condition(self) -> Condition:
+        start = self.text.at
+        negated = self.text.take("!")
+        name = self.text.match(_PROPERTY)
+        if name is None:
+            raise self.text.error("syntax error", start)
+        sign = self.text.match(_SIGN)
+        if sign is None:
+            return Condition(name, negated=negated)
+        quoted = self.text.peek() == '"'
+        value = self.text.value()
+        return Condition(name, sign, value, negated, possible=quoted or re.search("[/:]", value) is None)

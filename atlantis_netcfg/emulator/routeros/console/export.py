@@ -1,0 +1,134 @@
+"""`/export`: the configuration as text (grammar and wrapping are `rsc`'s)."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.devicemode import INACTIVE, allowed
+from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Select, Shape
+from atlantis_netcfg.emulator.routeros.values import Flag, id_text, spell
+from atlantis_netcfg.emulator.routeros.views import applies, factory_value
+from atlantis_netcfg.rsc import Export, Statement, print_export, print_statement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.menus import Arg
+    from atlantis_netcfg.emulator.routeros.store import Item, Table
+
+__all__ = ["Form", "export_text", "header"]
+
+Values = tuple[tuple[str, str | None], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """How an export is wanted: compact (what differs from the defaults) unless `verbose`."""
+
+    verbose: bool = False
+    terse: bool = False
+    show_sensitive: bool = False
+    header: bool = True
+
+
+def export_text(core: Core, menu: str, form: Form) -> str:
+    """Print a menu and everything below it."""
+    statements = tuple(
+        statement
+        for path in _paths(core, menu)
+        for statement in _section(core, path, verbose=form.verbose, sensitive=form.show_sensitive)
+    )
+    top = header(core) if form.header else ()
+    if not form.terse:
+        return print_export(Export(top, statements))
+    lines = [f"# {line}".rstrip() for line in top] + [print_statement(one, path=True) for one in statements]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def header(core: Core) -> tuple[str, ...]:
+    """Return the comment lines at the top, without `# `."""
+    spec = core.spec
+    digest = hashlib.sha256(spec.serial_number.encode()).hexdigest().upper()
+    software = f"{digest[:4]}-{digest[4:8]}"
+    return (
+        f"{core.stamp()} by RouterOS {spec.version}",
+        f"software id = {software}",
+        "",
+        f"model = {spec.board}",
+        f"serial number = {spec.serial_number}",
+    )
+
+
+def _paths(core: Core, menu: str) -> list[str]:
+    known = [path for path, table in core.store.tables.items() if table.menu.exported]
+    wanted = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
+    places = {path: place for place, path in enumerate(EXPORT_ORDER)}
+    return sorted(wanted, key=lambda path: (places.get(path, len(places)), path))
+
+
+def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterator[Statement]:
+    if not core.schema.has_menu(path):
+        return
+    table = core.store.table(path)
+    for position, item in enumerate(table.items):
+        if item.dynamic:
+            continue
+        values = tuple(_values(core, table, item, verbose=verbose, sensitive=sensitive))
+        if item.factory is None and table.menu.shape is Shape.LIST:
+            yield Statement(path, "add", values, comments=_comments(core, path))
+        elif values:
+            yield _set(table, item, position, values)
+
+
+def _set(table: Table, item: Item, position: int, values: Values) -> Statement:
+    path, factory = table.menu.path, item.factory or {}
+    if table.menu.shape is Shape.SETTINGS:
+        return Statement(path, "set", values)
+    select = table.menu.select
+    if select is Select.DEFAULT_NAME:
+        return Statement(path, "set", values, find=(("default-name", factory["name"]),))
+    if select is Select.FIND_NAME:
+        return Statement(path, "set", values, find=(("name", factory["name"]),))
+    if select is Select.NAME:
+        return Statement(path, "set", values, target=factory["name"])
+    return Statement(path, "set", values, target=str(position) if item.factory is not None else id_text(item.id))
+
+
+def _comments(core: Core, path: str) -> tuple[str, ...]:
+    return (INACTIVE,) if path == "/system/scheduler" and not allowed(core.spec, "scheduler") else ()
+
+
+def _values(
+    core: Core, table: Table, item: Item, *, verbose: bool, sensitive: bool
+) -> Iterator[tuple[str, str | None]]:
+    """Yield names and values in alphabetical order; None is `!name`."""
+    for name, arg in sorted(table.args.items()):
+        if not arg.exported or arg.never or (arg.secret and not sensitive):
+            continue
+        if not applies(core.store, table, item, arg):
+            continue
+        stored = item.values.get(name)
+        value = spell(stored, core.store) if stored is not None else arg.default
+        if verbose or _differs(table, item, arg, value):
+            yield from _shown(arg, value, item)
+
+
+def _differs(table: Table, item: Item, arg: Arg, value: str | None) -> bool:
+    if table.menu.sparse and item.factory is None:
+        return arg.name in item.values
+    always = arg.always and item.factory is None and value is not None
+    usual = arg.default if table.menu.shape is Shape.SETTINGS else factory_value(item, arg)
+    return always or value != usual
+
+
+def _shown(arg: Arg, value: str | None, item: Item) -> Iterator[tuple[str, str | None]]:
+    if value is not None:
+        yield arg.name, arg.kind.exported(value)
+    elif arg.name == "comment":
+        if item.factory is not None and "comment" in item.factory:
+            yield arg.name, ""
+    elif not isinstance(arg.kind, Flag):
+        yield arg.name, None

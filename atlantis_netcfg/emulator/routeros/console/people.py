@@ -1,0 +1,231 @@
+"""`print` as people read it: values under each other, a table, `detail`, `terse` (Manual, Console: General commands).
+
+Layouts follow public transcripts (networktocode/ntc-templates, ytti/oxidized): version 7 names the flags and columns
+that occur and puts remarks above their row, version 6 names all flags and puts remarks behind the number.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.console.columns import COLUMNS, DETAILED, FLAGS, QUOTED, flag_letters
+from atlantis_netcfg.emulator.routeros.menus import Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["View", "columns_of", "reported", "shown", "summed"]
+
+Row = dict[str, str]
+
+_WIDEST = 4
+_KILO = 4096
+_SIZES = frozenset({"free-hdd-space", "free-memory", "size", "total-hdd-space", "total-memory"})
+_UNITS = {"cpu-frequency": "MHz", "cpu-load": "%"}
+_WIDE = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What was asked for: the menu, the words after `print`, the properties named by `proplist`."""
+
+    menu: str
+    words: frozenset[str]
+    wanted: tuple[str, ...] = ()
+    width: int | None = None
+
+
+def shown(core: Core, view: View, rows: Sequence[Row]) -> list[str]:
+    """The lines of a print."""
+    v7 = core.schema.at_least("7.0")
+    if _single(core, view.menu):
+        return _values(rows[0] if rows else {}, view, padded=core.schema.at_least("7.18"))
+    if view.menu == "/log" and not view.words & {"detail", "terse"}:
+        return [f" {row['time'].rpartition(' ')[2]} {row['topics']} {row['message']} " for row in rows]
+    flags = tuple(name for name in FLAGS if any(row.get(name) in ("true", "false") for row in rows))
+    if "terse" in view.words:
+        return [_terse(number, row, flags, view) for number, row in enumerate(rows)]
+    if "detail" in view.words or (view.menu in DETAILED and "brief" not in view.words):
+        return [*_legend(rows, flags, upper=False, all_flags=True), *_details(rows, flags, view)]
+    table = _table7 if v7 else _table6
+    return table(rows, flags, view, columns_of(core, view.menu) if not view.wanted else view.wanted)
+
+
+def summed(core: Core, view: View, rows: Sequence[Row]) -> list[Row]:
+    """The properties that `as-value` returns: those named, or with `detail` all, or what a table shows."""
+    if view.wanted:
+        return [{name: value for name, value in row.items() if name in (".id", *view.wanted)} for row in rows]
+    if view.words & {"detail", "stats"} or _single(core, view.menu):
+        return list(rows)
+    names = (".id", *columns_of(core, view.menu), "comment")
+    return [{name: row[name] for name in names if name in row} for row in rows]
+
+
+def reported(command: str, rows: Sequence[Row]) -> list[str]:
+    """What a command that is no print shows of its rows: a line for each echo, else values under each other."""
+    if command == "ping" and rows:
+        return _echoes(rows)
+    view = View("", frozenset())
+    return [line for row in rows for line in _values(row, view, padded=False)]
+
+
+def _echoes(rows: Sequence[Row]) -> list[str]:
+    lines = ["  SEQ HOST                                     SIZE TTL TIME       STATUS"]
+    for row in rows:
+        start = f"{row['seq']:>5} {row['host']:<40} {row.get('size', ''):>4} {row.get('ttl', ''):>3}"
+        lines.append(f"{start} {row.get('time', ''):<10} {row.get('status', '')}".rstrip())
+    last = rows[-1]
+    rtt = "".join(f" {name}={last[name]}" for name in ("min-rtt", "avg-rtt", "max-rtt") if name in last)
+    total = f"    sent={last['sent']} received={last['received']} packet-loss={last['packet-loss']}%{rtt}"
+    return [*lines, total]
+
+
+def columns_of(core: Core, menu: str) -> tuple[str, ...]:
+    """What a table shows without being asked for more."""
+    if menu in COLUMNS:
+        return COLUMNS[menu]
+    names = list(core.store.table(menu).args) if menu in core.store.tables else []
+    known = [name for name in names if name not in ("comment", "disabled")]
+    return tuple(dict.fromkeys([*(("name",) if "name" in known else ()), *known]))[:_WIDEST]
+
+
+def _single(core: Core, menu: str) -> bool:
+    from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED  # noqa: PLC0415 - that module reads the console's files
+
+    if menu in COMPUTED:
+        return menu not in COLUMNS
+    return core.store.table(menu).menu.shape is Shape.SETTINGS
+
+
+# --- values --------------------------------------------------------------------------------------------------------
+
+
+def _spelled(name: str, value: str) -> str:
+    """A value as a person reads it."""
+    if value in ("true", "false"):
+        return "yes" if value == "true" else "no"
+    if name in _SIZES and value.isdecimal():
+        return _size(int(value))
+    return value + _UNITS.get(name, "") if value.isdecimal() else value
+
+
+def _size(number: float) -> str:
+    for unit in ("", "KiB", "MiB"):
+        if number <= _KILO or unit == "MiB":
+            return f"{number:.1f}{unit}" if unit else f"{int(number)}"
+        number /= 1024
+    return ""
+
+
+def _values(row: Row, view: View, *, padded: bool) -> list[str]:
+    """Settings: names flush right, and from 7.18 values of one width and an empty line below."""
+    pairs = [(name, _spelled(name, value)) for name, value in row.items() if not view.wanted or name in view.wanted]
+    width = max((len(name) for name, _ in pairs), default=0) + 2
+    longest = max((len(value) for _, value in pairs), default=0) if padded else 0
+    lines = [f"{name:>{width}}: {value:<{longest}}" for name, value in pairs]
+    return [*lines, ""] if padded else lines
+
+
+# --- rows ----------------------------------------------------------------------------------------------------------
+
+
+def _legend(rows: Sequence[Row], flags: tuple[str, ...], *, upper: bool, all_flags: bool) -> list[str]:
+    named = [name for name in flags if all_flags or any(row.get(name) == "true" for row in rows)]
+    if not named:
+        return []
+    return ["Flags: " + ", ".join(f"{FLAGS[name]} - {name.upper() if upper else name}" for name in named)]
+
+
+def _properties(row: Row, flags: tuple[str, ...], view: View) -> Iterator[tuple[str, str]]:
+    for name, value in row.items():
+        if name in flags or name in (".id", "comment", ".about") or (view.wanted and name not in view.wanted):
+            continue
+        yield name, _spelled(name, value)
+
+
+def _terse(number: int, row: Row, flags: tuple[str, ...], view: View) -> str:
+    marks = f"{flag_letters(row, flags):<3}"
+    comment = [f"comment={row['comment']}"] if row.get("comment") else []
+    pairs = [*comment, *(f"{name}={value}" for name, value in _properties(row, flags, view))]
+    return f"{number:>2} {marks} {' '.join(pairs)} "
+
+
+def _details(rows: Sequence[Row], flags: tuple[str, ...], view: View) -> list[str]:
+    """A paragraph for each row; its marks have as many columns as the menu has kinds of them."""
+    most = 0 if not flags else 2 if set(flags) <= {"disabled", "dynamic", "invalid"} else 3
+    lines: list[str] = []
+    for number, row in enumerate(rows):
+        head = f"{number:>2} {flag_letters(row, flags):<{most}} " if most else f"{number:>2} "
+        text = " ".join(f"{name}={_quoted(name, value)}" for name, value in _properties(row, flags, view))
+        if row.get("comment"):
+            lines.append(f"{head};;; {row['comment']}")
+            head = " " * len(head)
+        lines += _wrapped(head, text, view.width or _WIDE)
+        lines.append("")
+    return lines
+
+
+def _quoted(name: str, value: str) -> str:
+    return f'"{value}"' if name in QUOTED or " " in value else value
+
+
+def _wrapped(head: str, text: str, width: int) -> list[str]:
+    folded = textwrap.wrap(
+        text,
+        max(width - 1, len(head) + 8),
+        initial_indent=head,
+        subsequent_indent=" " * len(head),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return folded or [head]
+
+
+def _cells(rows: Sequence[Row], names: Sequence[str]) -> list[list[str]]:
+    return [[_spelled(name, row.get(name, "")) for name in names] for row in rows]
+
+
+def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: View, columns: Sequence[str]) -> list[str]:
+    """Only flags and columns that occur."""
+    del view
+    names = [name for name in columns if any(row.get(name) for row in rows) and name not in flags]
+    marks = [flag_letters(row, flags) for row in rows]
+    most = max((len(mark) for mark in marks), default=0)
+    lines = _legend(rows, flags, upper=True, all_flags=False)
+    if not rows:
+        return lines
+    lines.append("Columns: " + ", ".join(name.upper() for name in names))
+    digits = len(str(len(rows) - 1))
+    cells = _cells(rows, names)
+    widths = [max(len(name), *(len(line[at]) for line in cells)) for at, name in enumerate(names)]
+    head = "#".ljust(digits) + " " + (" " * (most + 1) if most else "")
+    lines.append(head + "  ".join(name.upper().ljust(width) for name, width in zip(names, widths, strict=True)))
+    for number, (row, mark, line) in enumerate(zip(rows, marks, cells, strict=True)):
+        if row.get("comment"):
+            lines.append(f";;; {row['comment']}")
+        start = f"{number:<{digits}} " + (f"{mark:<{most}} " if most else "")
+        lines.append(start + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
+    return lines
+
+
+def _table6(rows: Sequence[Row], flags: tuple[str, ...], view: View, columns: Sequence[str]) -> list[str]:
+    """All flags and columns, remarks behind the number."""
+    del view
+    names = [name for name in columns if name not in flags]
+    lines = [f"{line} " for line in _legend(rows, flags, upper=False, all_flags=True)]
+    cells = _cells(rows, names)
+    widths = [max(len(name), *(len(line[at]) for line in cells), 1) for at, name in enumerate(names)]
+    most = max(1, *(len(flag_letters(row, flags)) for row in rows)) if rows else 1
+    space = " " * (most + 1) if flags else ""
+    lines.append(" # " + space + " ".join(name.upper().ljust(width) for name, width in zip(names, widths, strict=True)))
+    for number, (row, line) in enumerate(zip(rows, cells, strict=True)):
+        start = f"{number:>2} " + (f"{flag_letters(row, flags):<{most}} " if flags else "")
+        if row.get("comment"):
+            lines.append(f"{start}{';;; ' + row['comment']}")
+            start = " " * len(start)
+        lines.append(start + " ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
+    return lines

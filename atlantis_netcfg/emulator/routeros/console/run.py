@@ -1,0 +1,342 @@
+"""Scripts of `/execute`, files of `/import`, events of the scheduler.
+
+A script is parsed as a whole before its first command runs, a file statement by statement: that is why an import with
+a mistake in its last line has changed the router by then. Both stop at the first error and undo nothing.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument
+from atlantis_netcfg.emulator.routeros.commands.read import all_rows, select
+from atlantis_netcfg.emulator.routeros.console._parse import Parser
+from atlantis_netcfg.emulator.routeros.console._statements import (
+    Attempt,
+    Choice,
+    Command,
+    Each,
+    Failure,
+    Find,
+    Local,
+    Parse,
+    Put,
+    Statement,
+    Template,
+    Variable,
+)
+from atlantis_netcfg.emulator.routeros.console._text import ConsoleError, Text
+from atlantis_netcfg.emulator.routeros.console.people import View, reported, shown, summed
+from atlantis_netcfg.emulator.routeros.console.where import Where, fits
+from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.views import without_counters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from atlantis_netcfg.emulator.routeros.answers import Caller
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["Outcome", "check_syntax", "run_file", "run_line", "run_script"]
+
+_COMPARE: dict[str, Callable[[int, int], bool]] = {
+    "=": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    ">": operator.gt,
+    "<=": operator.le,
+    ">=": operator.ge,
+}
+_NUMBERS = frozenset({"destination", "number", "numbers"})
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What a script printed, and the words at which it stopped."""
+
+    lines: list[str] = field(default_factory=list)
+    error: str | None = None
+    paged: bool = False
+    """A screen would hold it back page by page."""
+    returned: str | None = None
+    """The words of the error as `/execute as-string` returns them."""
+
+    @property
+    def output(self) -> str:
+        """Everything a person would see, the error last."""
+        return "\n".join(self.lines if self.error is None else [*self.lines, self.error])
+
+    @property
+    def as_string(self) -> str:
+        """What `/execute as-string` returns."""
+        return self.output if self.returned is None else "\n".join([*self.lines, self.returned])
+
+
+def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> Outcome:
+    """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
+    outcome = Outcome()
+    try:
+        statements = list(Parser(core, Text(script)).statements())
+    except ConsoleError as error:
+        outcome.error = str(error)
+        return outcome
+    runner = _run(core, caller, statements, outcome, variables=variables)
+    if outcome.error is not None and runner.failed is not None:
+        outcome.returned = _placed(core, outcome.error, runner.failed)
+    return outcome
+
+
+def _placed(core: Core, words: str, failed: Command) -> str:
+    """Add what a script's error says beside its words: command and line; before 7.22 not where a value is missing."""
+    missing = words.startswith("missing value(s)")
+    place = f" ({failed.menu.rstrip('/')}/{failed.name}; line {failed.line})"
+    return f"{'Script Error: ' if missing else ''}{words}{place if core.schema.at_least('7.22') or not missing else ''}"
+
+
+def run_line(core: Core, caller: Caller, line: str, menu: str, *, width: int | None = None) -> tuple[Outcome, str]:
+    """Run what was typed while the prompt stood at `menu`; the second value is where it stands now.
+
+    `width` is the screen's, in columns; None has no end.
+    """
+    outcome = Outcome()
+    parser = Parser(core, Text(line), menu)
+    try:
+        statements = list(parser.statements())
+    except ConsoleError as error:
+        outcome.error = str(error)
+        return outcome, menu
+    _run(core, caller, statements, outcome, width)
+    return outcome, parser.menu
+
+
+def run_file(core: Core, caller: Caller, text: str) -> Outcome:
+    """Run each statement as soon as it is parsed."""
+    outcome = Outcome()
+    source = Text(text)
+    try:
+        for statement in Parser(core, source).statements():
+            _run(core, caller, [statement], outcome)
+            if outcome.error is not None:
+                break
+    except ConsoleError as error:
+        outcome.error = str(error)
+    return outcome
+
+
+def check_syntax(core: Core, text: str) -> str | None:
+    """Return the first mistake that `import dry-run` finds."""
+    try:
+        list(Parser(core, Text(text)).statements())
+    except ConsoleError as error:
+        return str(error)
+    return None
+
+
+def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words go
+    core: Core,
+    caller: Caller,
+    statements: list[Statement],
+    outcome: Outcome,
+    width: int | None = None,
+    variables: Mapping[str, str] | None = None,
+) -> _Runner:
+    runner = _Runner(core, caller, width, dict(variables or {}))
+    for statement in statements:
+        try:
+            outcome.lines.extend(runner.run(statement))
+        except MissingArgument as error:
+            outcome.error = error.console
+        except Trap as error:
+            outcome.error = error.message
+        outcome.paged = runner.paged
+        if outcome.error is not None and not core.deviates(Deviation.SCRIPT_GOES_ON):
+            break
+    return runner
+
+
+@dataclass(slots=True)
+class _Runner:
+    core: Core
+    caller: Caller
+    width: int | None
+    variables: dict[str, str]
+    paged: bool = False
+    """Somebody may want to read it page by page."""
+    failed: Command | None = None
+    """The command that stopped it."""
+
+    def run(self, statement: Statement) -> list[str]:
+        if isinstance(statement, Attempt):
+            return self._attempt(statement)
+        if isinstance(statement, Choice):
+            chosen = statement.then if self._holds(statement) else statement.otherwise
+            return [line for inner in chosen for line in self.run(inner)]
+        if isinstance(statement, Local):
+            self.variables[statement.name] = self._returned(statement.value)
+            return []
+        if isinstance(statement, Each):
+            return self._each(statement)
+        if isinstance(statement, Failure):
+            self.failed = None
+            raise Trap(f"{self._filled(statement.text)} (:error; line {statement.line})")
+        if isinstance(statement, Put):
+            return self._put(statement.what)
+        return self._command(statement)[1]
+
+    def _put(self, what: Template | Command | Find | Parse) -> list[str]:
+        if isinstance(what, Parse):
+            return [_code(self.core, self._filled(what.text))]
+        return [self._filled(what) if isinstance(what, tuple) else self._returned(what)]
+
+    def _each(self, each: Each) -> list[str]:
+        lines: list[str] = []
+        for index, text in enumerate(each.texts):
+            self.variables |= {each.index: str(index), each.value: self._filled(text)}
+            for statement in each.body:
+                lines += self.run(statement)
+        return lines
+
+    def _filled(self, text: Template) -> str:
+        """Put in the variables; one that nobody has set is nothing."""
+        return "".join(self.variables.get(part.name, "") if isinstance(part, Variable) else part for part in text)
+
+    def _attempt(self, attempt: Attempt) -> list[str]:
+        """Run a block until a command fails, then the other one; what was done before the failure stays."""
+        lines: list[str] = []
+        try:
+            for statement in attempt.tried:
+                lines += self.run(statement)
+        except Trap:
+            for statement in attempt.rescue:
+                lines += self.run(statement)
+        return lines
+
+    def _holds(self, choice: Choice) -> bool:
+        """Compare numbers; a variable that nobody has set is no number, and nothing holds of it."""
+        if isinstance(choice.left, Find) and isinstance(choice.right, int):
+            return _COMPARE[choice.sign](len(self._found(choice.left)), choice.right)
+        value = self.variables.get(choice.left.name, "") if isinstance(choice.left, Variable) else ""
+        if isinstance(choice.right, str):
+            return re.search(choice.right, value) is not None
+        return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
+
+    def _returned(self, what: Command | Find) -> str:
+        """Return what stands for `[...]`: ids of rows, a property, a count."""
+        if isinstance(what, Find):
+            return ";".join(self._found(what))
+        return self._command(what)[0]
+
+    def _found(self, find: Find) -> list[str]:
+        call = Call(self.caller, find.menu, "find", console=True)
+        return select(self.core, call, find.where)
+
+    def _command(self, command: Command) -> tuple[str, list[str]]:
+        self.failed = None
+        try:
+            return self._done(command)
+        except Trap:
+            self.failed = self.failed or command
+            raise
+
+    def _done(self, command: Command) -> tuple[str, list[str]]:
+        from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch  # noqa: PLC0415 - scripts run commands that run scripts
+
+        arguments = {name: self._argument(value) for name, value in command.arguments.items()}
+        for name in _NUMBERS & set(arguments) if self.width is not None else ():
+            arguments[name] = self._numbered(command.menu, arguments[name])
+        call = Call(self.caller, command.menu, command.name, arguments, tuple(command.unset), console=True)
+        if command.name == "print":
+            return self._print(call, command.where)
+        result = dispatch(self.core, call)
+        if "as-value" in arguments:
+            return _as_value(result.rows), []
+        return result.ret or "", [*result.text.splitlines(), *reported(call.command, result.rows)]
+
+    def _numbered(self, menu: str, value: str) -> str:
+        """Ids for the row numbers that this session has seen; scripts know none (Manual, Console: Item numbers)."""
+        seen = self.core.numbered.get((self.caller.number, menu), [])
+        parts = value.split(",")
+        if not all(part.isdecimal() and int(part) < len(seen) for part in parts):
+            return value
+        return ",".join(seen[int(part)] for part in parts)
+
+    def _argument(self, value: str | Template | Find | Command) -> str:
+        if isinstance(value, str):
+            return value
+        if isinstance(value, tuple):
+            return self._filled(value)
+        if isinstance(value, Command):
+            return self._returned(value)
+        found = self._found(value)
+        if not found:
+            raise Trap("expected item id")
+        return ",".join(found)
+
+    def _print(self, call: Call, where: Where) -> tuple[str, list[str]]:
+        """What it returns within brackets, and what people see of it.
+
+        `as-value` shows nothing to people, and without `detail` it returns what a table shows (tik4net,
+        Docs/findings-cli.md).
+        """
+        found = [row for row in all_rows(self.core, call) if fits(row, where)]
+        words = frozenset(call.arguments)
+        if "count-only" in words:
+            return str(len(found)), [str(len(found))]
+        if "stats" not in words:
+            found = [without_counters(row) for row in found]
+        wanted = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
+        view = View(call.menu, words, wanted if wanted != ("",) else (), self.width)
+        if "as-value" in words:
+            return _as_value(summed(self.core, view, found)), []
+        if self.width is not None:
+            self.core.numbered[self.caller.number, call.menu] = [row.get(".id", "") for row in found]
+        self.paged = self.paged or "without-paging" not in words
+        return "", shown(self.core, view, found)
+
+
+def _as_value(rows: list[dict[str, str]]) -> str:
+    return ";".join(f"{name}={value}" for row in rows for name, value in row.items())
+
+
+def _code(core: Core, text: str) -> str:
+    """Return what `:put [:parse "..."]` prints: the code of the text, or why it is none; nothing of it is executed.
+
+    Recorded on 7.20.8 to 7.23.3 (tikoci/lsp-routeros-ts, docs/parseil-format.md; tikoci/centrs,
+    test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments stand within the code.
+    """
+    parser = Parser(core, Text(text), only_code=True)
+    codes: list[str] = []
+    try:
+        codes += (_code_of(statement) for statement in parser.statements())
+    except ConsoleError as error:
+        # What follows a mistake that stands within the code is left out. Assumption: parse-words
+        return ";".join([*codes, error.verdict]) if error.verdict.startswith("(") else error.verdict
+    return ";".join(codes) or ("/" if text else "")
+
+
+def _code_of(statement: Statement) -> str:
+    if isinstance(statement, Command):
+        path = f"{statement.menu.rstrip('/')}/{statement.name}"
+        return (
+            f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in sorted(statement.arguments.items()))})"
+        )
+    if isinstance(statement, Put):
+        return f"(evl /putmessage={_echo(statement.what)})"
+    # Of statements that hold others no code is recorded in full. Assumption: parse-words
+    return (
+        f"(evl /{ {Attempt: 'do', Choice: 'if', Local: 'local', Each: 'foreach', Failure: 'error'}[type(statement)] })"
+    )
+
+
+def _echo(value: str | Template | Command | Find | Parse) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, tuple):
+        return "".join(part if isinstance(part, str) else f"${part.name}" for part in value)
+    if isinstance(value, Command):
+        return _code_of(value)
+    return f"(evl {value.menu}/find)" if isinstance(value, Find) else f"(evl /parse{_echo(value.text)})"

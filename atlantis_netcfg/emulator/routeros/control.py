@@ -1,0 +1,177 @@
+"""What a rehearsal or a test may ask of running twins, as JSON: `{"twin": ..., "do": ..., argument: value, ...}`.
+
+The same words serve a twin in this process, in another thread, and in a process of its own.
+"""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.environment._shown import move
+from atlantis_netcfg.emulator.routeros.lte._modem import refit
+from atlantis_netcfg.emulator.routeros.site import describe
+from atlantis_netcfg.emulator.routeros.wire.faults import Fault
+from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+from atlantis_netcfg.emulator.routeros.wire.link import Link
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Mapping
+
+    from atlantis_netcfg.emulator.routeros.router import Router
+    from atlantis_netcfg.emulator.routeros.site import Site
+
+__all__ = ["COMMANDS", "TwinRefused", "obey"]
+
+
+_AIR = "air"
+"""The one command that is about two twins."""
+
+
+class TwinRefused(UsageError, ValueError):
+    """A command that twins do not know, or that makes no sense to them."""
+
+
+async def obey(site: Site, twin: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
+    """Carry out one command; the result is JSON-able. Raises TwinRefused."""
+    if twin not in site.routers:
+        raise TwinRefused(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
+    if do not in {*COMMANDS, _AIR}:
+        raise TwinRefused(f"twins do not know {do!r}", hint=f"they know: {', '.join(sorted([*COMMANDS, _AIR]))}")
+    try:
+        if do == _AIR:
+            return _air(site, twin, arguments)
+        bound = inspect.signature(COMMANDS[do]).bind(site.routers[twin], **arguments)
+        return await COMMANDS[do](*bound.args, **bound.kwargs)
+    except (LookupError, TypeError, ValidationError, Trap) as refused:
+        raise TwinRefused(f"{do}: {refused}") from refused
+
+
+def _air(site: Site, twin: str, changes: Mapping[str, Any]) -> None:
+    """Change what lies between an end of a radio link and the other one; what is not named stays."""
+    link = next((one for one in site.links if site.routers[twin] in {one.near.router, one.far.router}), None)
+    if link is None:
+        raise LookupError(f"{twin} is at no end of a radio link")
+    link.change(type(link.air).model_validate({**link.air.model_dump(), **changes}))
+
+
+async def _info(router: Router) -> dict[str, Any]:
+    return describe(router)
+
+
+async def _export(router: Router, **options: Any) -> str:  # noqa: ANN401 (passed on to export)
+    return router.export(**options)
+
+
+async def _counters(router: Router) -> dict[str, int]:
+    return asdict(router.counters())
+
+
+async def _connections(router: Router) -> list[dict[str, Any]]:
+    return [asdict(tally) for tally in router.connections()]
+
+
+async def _reset(router: Router) -> None:
+    router.reset_counters()
+
+
+async def _gap(router: Router, seconds: float) -> None:
+    router.gap(seconds)
+
+
+async def _silence(router: Router, addresses: list[str]) -> None:
+    router.silence(addresses)
+
+
+async def _modem(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by ModemSpec)
+    told = refit(router.device.core, changes)
+    router.spec = router.device.spec = router.device.core.spec
+    return told
+
+
+async def _around(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by Around)
+    told = move(router.device.core, changes)
+    router.spec = router.device.spec = router.device.core.spec
+    return told
+
+
+async def _drop(router: Router) -> None:
+    router.drop()
+
+
+async def _vanish(router: Router) -> None:
+    router.vanish()
+
+
+async def _reboot(router: Router, *, clean: bool = True) -> None:
+    router.reboot(clean=clean)
+
+
+async def _restart(router: Router) -> dict[str, Any]:
+    await router.restart()
+    return describe(router)
+
+
+async def _arm(router: Router, fault: dict[str, Any]) -> None:
+    router.arm(Fault.model_validate(fault))
+
+
+async def _disarm(router: Router) -> None:
+    router.disarm()
+
+
+async def _link(router: Router, **link: Any) -> None:  # noqa: ANN401 (validated by Link)
+    router.relink(Link.model_validate(link))
+
+
+async def _knobs(router: Router, **knobs: Any) -> None:  # noqa: ANN401 (validated by Knobs)
+    router.turn(Knobs.model_validate(knobs))
+
+
+async def _console(router: Router, words: list[str], user: str | None = None) -> list[list[str]]:
+    return [[answer.kind, *answer.words] for answer in await router.console(words, user=user)]
+
+
+async def _recertify(router: Router) -> str | None:
+    router.recertify()
+    return router.pin
+
+
+async def _rekey(router: Router) -> str:
+    router.rekey()
+    return router.host_key
+
+
+async def _wrapped(router: Router, interface: str) -> bool:
+    return router.device.wrapped(interface)
+
+
+COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
+    "around": _around,
+    "info": _info,
+    "export": _export,
+    "counters": _counters,
+    "connections": _connections,
+    "reset": _reset,
+    "gap": _gap,
+    "silence": _silence,
+    "modem": _modem,
+    "drop": _drop,
+    "vanish": _vanish,
+    "reboot": _reboot,
+    "restart": _restart,
+    "arm": _arm,
+    "disarm": _disarm,
+    "link": _link,
+    "knobs": _knobs,
+    "console": _console,
+    "recertify": _recertify,
+    "rekey": _rekey,
+    "wrapped": _wrapped,
+}
+"""What `do` may say; the function's parameters are the command's arguments."""

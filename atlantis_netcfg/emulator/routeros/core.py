@@ -1,0 +1,230 @@
+"""The inside of a router twin: rows, history, sessions, files, clock. `Device` drives it, commands change it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.environment._shown import connected
+from atlantis_netcfg.emulator.routeros.history import History
+from atlantis_netcfg.emulator.routeros.lte._state import SimState
+from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
+from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.store import Store
+from atlantis_netcfg.emulator.routeros.topology import Topology
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
+    from atlantis_netcfg.emulator.routeros.commands._call import Call
+    from atlantis_netcfg.emulator.routeros.radio._state import RadioState
+    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+
+__all__ = ["GREETINGS", "NETWATCH_GROUP", "Core", "File", "Gateway", "Listener", "Record", "Watch", "Watched"]
+
+_LOG_LINES = 1000
+NETWATCH_GROUP = "*netwatch"
+NETWATCH_POLICIES = frozenset({"read", "reboot", "test", "write"})
+"""What scripts of netwatch may do, whoever has written them (Manual, Netwatch)."""
+GREETINGS = ("licence", "default-configuration", "password")
+"""The questions of a first login, in their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file on the flash; contents are text. A folder holds nothing itself: it is part of other files' names."""
+
+    number: int
+    contents: str
+    modified: str
+    folder: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A line of `/log`."""
+
+    number: int
+    time: str
+    topics: str
+    message: str
+
+
+@dataclass(slots=True)
+class Listener:
+    """A `/listen` that goes on: which menu, and what it has shown already."""
+
+    caller: Caller
+    tag: str
+    call: Call
+    seen: dict[str, dict[str, str]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Watch:
+    """A row of `/tool/netwatch` at work: the test under way, and what the last ones have shown."""
+
+    values: dict[str, str]
+    """The row's own values when it began; others, and it begins anew."""
+    at: float
+    """When something is to be done for it: send a packet, or give up waiting."""
+    begun: float
+    """When its test began."""
+    sent: int = 0
+    answered: int = 0
+    waiting: bool = False
+    """Every packet is sent, and not every one answered."""
+    status: str = "unknown"
+    since: float = 0.0
+    done: int = 0
+    failed: int = 0
+    last: tuple[int, int] = (0, 0)
+    """Packets sent and answered in the last complete test."""
+
+
+@dataclass(slots=True)
+class Gateway:
+    """A next hop that `check-gateway` watches."""
+
+    at: float
+    missed: int = 0
+    waiting: bool = False
+
+
+@dataclass(slots=True)
+class Watched:
+    """What the router watches by itself."""
+
+    rows: dict[int, Watch] = field(default_factory=dict)
+    gateways: dict[IPv4Address, Gateway] = field(default_factory=dict)
+    revision: int | None = None
+    """Of the configuration when this was brought into line with it; None: the router has just started."""
+
+
+class Core:
+    """All state of one router."""
+
+    def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:  # noqa: PLR0915 - one line for each thing
+        self.spec = spec
+        self.now = now
+        self.started = now()
+        self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
+        self.store = Store(self.schema, reuses_ids=Deviation.IDS in spec.deviations)
+        self.octets: dict[str, tuple[int, int]] = {}
+        """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
+        self.met: dict[int, int] = {}  # rules of the filter to the packets that they have met: of its own pings only
+        self.history = History(spec.history_limit)
+        self.sessions: dict[int, Caller] = {}
+        self.listeners: list[Listener] = []
+        self.outbox: list[tuple[int, str, Answer]] = []
+        """Later answers: session, tag, answer."""
+        self.files: dict[str, File] = {}
+        self.log: list[Record] = []
+        self.wants_reboot = False
+        self.ended: set[int] = set()
+        """Sessions that somebody asked to end: whoever owns the sockets closes them."""
+        self.certificates: dict[str, dict[str, str]] = {}
+        """Properties of certificates that whoever made them knows: fingerprint, validity."""
+        self.keys: dict[int, str] = {}
+        """Key and certificate of rows of `/certificate`, as PEM text; a row without is a template still unsigned."""
+        self.wraps: dict[int, str] = {}
+        """Keys of tls-crypt, by interface: an import brings them, and no menu shows them."""
+        self.ran: dict[int, float] = {}
+        """When each job of the scheduler ran last."""
+        self.run_counts: dict[int, int] = {}
+        self.expires: dict[int, float] = {}
+        """When dynamic entries of address lists go."""
+        self.scheduled_since: dict[int, float] = {}
+        """When each job was seen first: what should have run before will not."""
+        self.menus: dict[int, str] = {}
+        """Where in the tree of menus each console session stands, if not at its root."""
+        self.numbered: dict[tuple[int, str], list[str]] = {}
+        """Ids by row number, as a console session has last seen a menu printed."""
+        self.notices: list[tuple[int, str]] = []
+        """What the console has to tell a session without being asked: session, text."""
+        self.greetings: tuple[str, ...] = GREETINGS if spec.factory else ()
+        """What the console still has to ask whoever logs in first."""
+        self.radios: dict[str, RadioState] = {}
+        """What each radio sees, by factory name; whoever emulates the air says so."""
+        self.linked: frozenset[int] = frozenset()
+        """Radios that are connected to another one, and a modem that is connected to its network."""
+        self.sim = SimState(spec.modem.sim.tries if spec.modem is not None and spec.modem.sim is not None else 0)
+        self.silent: frozenset[IPv4Address] = frozenset()
+        """Addresses from which no answer comes, whatever way a packet takes; whoever emulates the world says so."""
+        self.dead: frozenset[IPv4Address] = frozenset()
+        """Gateways that `check-gateway` has given up."""
+        self.watched = Watched()
+        self.boot_clock = spec.clock
+        self._topology: Topology | None = None
+        self._numbers = 0
+
+    def count(self, port: str, *, received: bool, size: int) -> None:
+        """Let the byte counter of a port rise."""
+        rx, tx = self.octets.get(port, (0, 0))
+        self.octets[port] = (rx + size, tx) if received else (rx, tx + size)
+
+    @property
+    def topology(self) -> Topology:
+        """The network that the configuration amounts to now."""
+        if self._topology is None or self._topology.revision != self.store.revision:
+            self._topology = Topology(self.store, self.linked | connected(self), self.dead)
+        return self._topology
+
+    def deviates(self, deviation: Deviation) -> bool:
+        """Whether this router does something otherwise than assumed."""
+        return deviation in self.spec.deviations
+
+    def number(self) -> int:
+        """Draw a number for things without a menu: sessions, files, log lines."""
+        self._numbers += 1
+        return self._numbers
+
+    def time(self) -> datetime:
+        """The router's own clock."""
+        return self.moment(self.now())
+
+    def moment(self, when: float) -> datetime:
+        """What the router's clock shows at a time of `now`."""
+        return self.boot_clock + timedelta(seconds=when - self.started)
+
+    def resume(self, before: Core) -> None:
+        """Go on with the clock of before a restart, and with the numbers of its sessions."""
+        self.boot_clock = before.time()
+        self.silent = before.silent
+        self._numbers = before.number()
+        self.sim = before.sim
+        self.sim.restart()
+
+    def set_clock(self, moment: datetime) -> None:
+        """Let the clock show `moment` now."""
+        self.boot_clock += moment - self.time()
+
+    def stamp(self, moment: datetime | None = None) -> str:
+        """Write a moment as this version does: `2026-01-31 12:00:00`, before 7.10 `jan/31/2026 12:00:00`."""
+        moment = moment or self.time()
+        new = self.schema.at_least("7.10")
+        return moment.strftime("%Y-%m-%d %H:%M:%S") if new else moment.strftime("%b/%d/%Y %H:%M:%S").lower()
+
+    def free_space(self, *, besides: str = "") -> int:
+        """Bytes that a file could take which replaces the one called `besides`."""
+        used = sum(len(file.contents) for name, file in self.files.items() if name != besides)
+        return max(0, self.spec.disk_bytes - used)
+
+    def note(self, topics: str, message: str) -> None:
+        """Write to the log."""
+        self.log.append(Record(self.number(), self.stamp(), topics, message))
+        del self.log[:-_LOG_LINES]
+
+    def policies(self, caller: Caller) -> frozenset[str]:
+        """What the session may do: the policies of its user's group."""
+        if caller.group == NETWATCH_GROUP:
+            return NETWATCH_POLICIES
+        groups = self.store.table("/user/group")
+        for item in groups.items:
+            if self.store.text(groups, item, "name") == caller.group:
+                granted = (self.store.text(groups, item, "policy") or "").split(",")
+                return frozenset(policy for policy in granted if not policy.startswith("!"))
+        return frozenset()

@@ -1,0 +1,345 @@
+"""One emulated router without sockets: sentences in, reply sentences out, time by the caller's clock."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.emulator.routeros.access import admit, authorized, by_password
+from atlantis_netcfg.emulator.routeros.answers import DONE, EMPTY, Answer, Caller, Category, Trap
+from atlantis_netcfg.emulator.routeros.boot import boot
+from atlantis_netcfg.emulator.routeros.commands._call import Call, Result
+from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
+from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
+from atlantis_netcfg.emulator.routeros.console.side import ConsoleSide
+from atlantis_netcfg.emulator.routeros.console.typed import Printed
+from atlantis_netcfg.emulator.routeros.core import Core, File
+from atlantis_netcfg.emulator.routeros.failover import next_watch, watch
+from atlantis_netcfg.emulator.routeros.listen import emit, listen
+from atlantis_netcfg.emulator.routeros.not_rehearsed import NOT_REHEARSED
+from atlantis_netcfg.emulator.routeros.path import path_open
+from atlantis_netcfg.emulator.routeros.scheduler import next_run, run_due
+from atlantis_netcfg.emulator.routeros.sentence import Sentence
+from atlantis_netcfg.emulator.routeros.services import Service, services_of
+from atlantis_netcfg.emulator.routeros.software import boot_with
+from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.storage import FileSide
+from atlantis_netcfg.emulator.routeros.store import Store
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+
+__all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
+
+
+class Device(ConsoleSide, FileSide):
+    """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
+
+    It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the
+    management path. It cannot stand for what NOT_REHEARSED lists.
+    """
+
+    def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:
+        """`now` is a monotonic clock in seconds, the one that `due()` speaks about. Raises SeedRefused."""
+        self.spec = spec
+        self._now = now
+        self._core = Core(spec, now)
+        boot(self._core)
+        self._unroll_at: float | None = None
+        self._lost: dict[int, float] = {}
+
+    @property
+    def core(self) -> Core:
+        """The inside, for what stands beside the device in the twin: the air between two radios."""
+        return self._core
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the configuration: whoever caches `path_open` or `services` looks here."""
+        return self._core.store.revision
+
+    @property
+    def wants_reboot(self) -> bool:
+        """Somebody asked for a reboot: whoever owns the sockets closes every one and calls `reboot()`."""
+        return self._core.wants_reboot
+
+    @property
+    def ended(self) -> frozenset[int]:
+        """Numbers of sessions that another session logged out: whoever owns their sockets closes them."""
+        return frozenset(self._core.ended)
+
+    # --- sessions --------------------------------------------------------------------------------------------------
+
+    def challenge(self) -> str:
+        """A fresh challenge for the login of before 6.43 (`/login` without a name)."""
+        return secrets.token_hex(16)
+
+    def login(self, user: str, password: str, *, via: str, address: str) -> Caller:
+        """Open a session over service `via`. Raises Trap in the router's words."""
+        return self._open(user, lambda known: hmac.compare_digest(known.encode(), password.encode()), via, address)
+
+    def login_by_key(self, user: str, key: bytes, *, via: str, address: str) -> Caller:
+        """Open a session for whoever holds the private half of a key. Raises Trap in the router's words."""
+        return self._open(user, lambda _password: authorized(self._core, user, key), via, address)
+
+    def login_response(self, user: str, challenge: str, response: str, *, via: str, address: str) -> Caller:
+        """The old login's second step: `response` is `00` + md5(0x00 + password + challenge) in hex."""
+
+        def right(known: str) -> bool:
+            digest = hashlib.md5(b"\0" + known.encode() + bytes.fromhex(challenge))  # noqa: S324 - RouterOS' protocol
+            return hmac.compare_digest(f"00{digest.hexdigest()}", response.lower())
+
+        try:
+            return self._open(user, right, via, address)
+        except Trap as refused:
+            raise Trap("cannot log in") from refused
+
+    def has_key(self, user: str, key: bytes) -> bool:
+        """Tell whether SSH lets this user in by a public key."""
+        return authorized(self._core, user, key)
+
+    def takes_password(self, user: str) -> bool:
+        """Tell whether SSH asks this user for a password: one with a key is not asked, as the settings stand."""
+        return by_password(self._core, user)
+
+    def _open(self, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
+        self.tick()
+        caller = admit(self._core, user, right, via, address)
+        self._core.sessions[caller.number] = caller
+        return caller
+
+    def logout(self, caller: Caller, *, clean: bool) -> None:
+        """The session is gone: closed by its client (`clean`), or silent (the router does not know it yet)."""
+        if clean:
+            self._forget(caller.number)
+        elif caller.number in self._core.sessions:
+            self._lost[caller.number] = self._now() + self.spec.silent_timeout_s
+
+    def _forget(self, number: int) -> None:
+        """Drop a session; if it holds safe mode, its changes are undone a little later."""
+        core = self._core
+        core.sessions.pop(number, None)
+        core.menus.pop(number, None)
+        core.numbered = {key: ids for key, ids in core.numbered.items() if key[0] != number}
+        core.ended.discard(number)
+        core.listeners = [one for one in core.listeners if one.caller.number != number]
+        self._lost.pop(number, None)
+        if core.history.holder is not None and core.history.holder.number == number:
+            self._unroll_at = self._now() + self.spec.unroll_delay_s
+
+    # --- sentences -------------------------------------------------------------------------------------------------
+
+    def run(self, caller: Caller, words: Sequence[str]) -> list[Answer]:
+        """Answer one sentence, without tags.
+
+        If the last answer is not `last`, the sentence goes on under its `.tag` (`/listen`), and `pending` brings the
+        rest. `/quit` ends with `!fatal`: the wire closes then.
+        """
+        self.tick()
+        try:
+            sentence = Sentence.read(words)
+            answers = self._answer(caller, sentence)
+        except Trap as refusal:
+            answers = [refusal.answer(), DONE]
+        emit(self._core)
+        next_watch(self._core)  # what is new begins now
+        return answers
+
+    def _answer(self, caller: Caller, sentence: Sentence) -> list[Answer]:
+        if sentence.path == "/quit":
+            return [Answer.fatal("session terminated on request")]
+        if sentence.path == "/cancel":
+            return self._cancel(caller, sentence)
+        if sentence.path == "/login":
+            given = sentence.arguments
+            self.login(given.get("name", ""), given.get("password", ""), via=caller.via, address=caller.address)
+            return [DONE]
+        call = Call(
+            caller,
+            sentence.menu,
+            sentence.command,
+            sentence.arguments,
+            tuple(sentence.unset),
+            tuple(sentence.queries),
+        )
+        if sentence.command == "listen":
+            return listen(self._core, call, sentence.tag)
+        return self._spoken(dispatch(self._core, call), call)
+
+    def _spoken(self, result: Result, call: Call) -> list[Answer]:
+        rows = [Answer.row(row) for row in result.rows]
+        if call.path in ("/ping", "/tool/ping") and "count" not in call.arguments:
+            return rows
+        if result.listing and not rows and self._core.schema.at_least("7.18"):
+            rows = [EMPTY]
+        return [*rows, Answer.done(result.ret)]
+
+    def _cancel(self, caller: Caller, sentence: Sentence) -> list[Answer]:
+        wanted = sentence.arguments.get("tag")
+        stopped = [
+            one for one in self._core.listeners if one.caller.number == caller.number and wanted in (None, one.tag)
+        ]
+        for one in stopped:
+            self._core.listeners.remove(one)
+            interrupted = Trap("interrupted", Category.INTERRUPTED).answer()
+            self._core.outbox += [(caller.number, one.tag, interrupted), (caller.number, one.tag, DONE)]
+        return [DONE]
+
+    def pending(self, caller: Caller) -> list[tuple[str, Answer]]:
+        """Later answers of sentences that went on, with the tag of their sentence; each is handed out once."""
+        own = [(tag, answer) for number, tag, answer in self._core.outbox if number == caller.number]
+        self._core.outbox = [one for one in self._core.outbox if one[0] != caller.number]
+        return own
+
+    # --- time ------------------------------------------------------------------------------------------------------
+
+    def due(self) -> float | None:
+        """When, on the `now` clock, `tick` has something to do; None if nothing is scheduled."""
+        own = (self._unroll_at, next_run(self._core), next_watch(self._core))
+        moments = [*self._lost.values(), *self._core.expires.values(), *own]
+        return min((moment for moment in moments if moment is not None), default=None)
+
+    def tick(self) -> None:
+        """Do what has become due: notice dead sessions, undo their safe mode, run schedulers."""
+        now = self._now()
+        for number in [number for number, when in self._lost.items() if when <= now]:
+            self._forget(number)
+        if self._unroll_at is not None and self._unroll_at <= now:
+            self._unroll_at = None
+            holder = self._core.history.holder
+            if holder is not None and holder.number not in self._core.sessions:
+                self._core.history.unroll(self._core.store)
+                self._core.note("system,info", f"safe mode of {holder.user} undone")
+        self._expire(now)
+        run_due(self._core)
+        watch(self._core)
+        emit(self._core)
+
+    def silence(self, addresses: Iterable[str]) -> None:
+        """Let no answer come from these addresses, and from all others again."""
+        self.tick()
+        self._core.silent = frozenset(IPv4Address(address) for address in addresses)
+
+    def _expire(self, now: float) -> None:
+        """Let entries of address lists go whose time is over; that is no action of the history."""
+        core, path = self._core, "/ip/firewall/address-list"
+        for number in [number for number, when in core.expires.items() if when <= now]:
+            del core.expires[number]
+            if (item := core.store.table(path).find(number)) is not None:
+                core.store.remove(path, item)
+                core.store.changes.clear()
+
+    def reboot(self, *, clean: bool = True) -> None:
+        """Restart: all sessions and safe mode end (with undo), history is empty, the rest stays as on flash.
+
+        Without `clean` the power was cut: nobody undoes anything, and the flash decides.
+
+        Assumption: safe-mode-power-loss
+        """
+        if clean and self._core.history.holder is not None:
+            self._core.history.unroll(self._core.store)
+        flash = self.snapshot()
+        self.restore(flash)
+
+    # --- what others look at ---------------------------------------------------------------------------------------
+
+    def path_open(
+        self, caller: str, local: str, service: str, *, established: bool = False, plug: str | None = None
+    ) -> bool:
+        """Would a packet from the technician's address `caller` reach `service` at `local`, and the answer come back.
+
+        `established`: for a session that exists already (its connection is tracked). `plug`: factory name of the port
+        that the technician's cable is in; the management port if left out.
+        """
+        return path_open(self._core, caller, local, service, established=established, plug=plug)
+
+    def certificate(self, name: str) -> str | None:
+        """Key and certificate of a row of `/certificate` as PEM text; None for a template that nobody has signed."""
+        number = self._core.store.id_of("certificate", name)
+        return None if number is None else self._core.keys.get(number)
+
+    def wrapped(self, interface: str) -> bool:
+        """Whether an interface of OpenVPN wraps its control channel by tls-crypt; no menu tells."""
+        return self._core.store.id_of("interface", interface) in self._core.wraps
+
+    def give_certificate(self, name: str, pem: str) -> None:
+        """Put key and certificate of a row on the flash, as its maker has done. LookupError without a row."""
+        number = self._core.store.id_of("certificate", name)
+        if number is None:
+            raise LookupError(name)
+        self._core.keys[number] = pem
+
+    def services(self) -> Mapping[str, Service]:
+        """The services by name, as they are configured now."""
+        return services_of(self._core)
+
+    def export(
+        self,
+        *,
+        verbose: bool = False,
+        terse: bool = False,
+        show_sensitive: bool = False,
+        menu: str = "/",
+        header: bool = True,
+    ) -> str:
+        """What `/export` prints; `header=False` leaves out the lines with the clock, to compare two exports."""
+        form = Form(verbose=verbose, terse=terse, show_sensitive=show_sensitive, header=header)
+        return export_text(self._core, menu, form)
+
+    # --- flash -----------------------------------------------------------------------------------------------------
+
+    def snapshot(self) -> dict[str, Any]:
+        """The flash as JSON-able data: the configuration with the changes of an open safe mode undone.
+
+        With `Deviation.POWER_LOSS` they are in it.
+        """
+        core = self._core
+        store = core.store
+        floating = [entry for entry in core.history.entries if entry.floating and not entry.undone]
+        if floating and Deviation.POWER_LOSS not in self.spec.deviations:
+            store = Store(core.schema)
+            store.load(core.store.dump())
+            for entry in reversed(floating):
+                for change in reversed(entry.changes):
+                    store.put_back(change)
+        files = {name: [file.number, file.contents, file.modified, file.folder] for name, file in core.files.items()}
+        software = {"version": core.spec.version, "packages": list(core.spec.packages)}
+        keys = {str(number): pem for number, pem in core.keys.items()}
+        wraps = {str(number): key for number, key in core.wraps.items()}
+        flash = {"configuration": store.dump(), "files": files, "software": software, "keys": keys, "wraps": wraps}
+        sim = {} if self.spec.modem is None else {"tries_left": core.sim.tries_left}
+        return flash | sim | {"greetings": list(core.greetings)}
+
+    def restore(self, flash: Mapping[str, Any]) -> None:
+        """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
+        revision = self._core.store.revision
+        files = {name: File(*parts) for name, parts in flash["files"].items()}
+        found = boot_with(self.spec.model_copy(update=_software(flash)), files)
+        upgraded = found.spec.version != flash.get("software", {}).get("version", self.spec.version)
+        before, self._core = self._core, Core(found.spec, self._now)
+        self._core.resume(before)
+        if upgraded:
+            boot(self._core)
+        self._core.store.load(flash["configuration"], upgraded=upgraded)
+        self._core.store.revision = revision + 1
+        self._core.files = dict(found.files)
+        self._core.keys = {int(number): pem for number, pem in flash.get("keys", {}).items()}
+        self._core.wraps = {int(number): key for number, key in flash.get("wraps", {}).items()}
+        self._core.greetings = tuple(flash.get("greetings", self._core.greetings))
+        self._core.sim.tries_left = flash.get("tries_left", self._core.sim.tries_left)
+        self.spec = found.spec
+        for topics, message in found.log:
+            self._core.note(topics, message)
+        self._unroll_at = None
+        self._lost.clear()
+
+
+def _software(flash: Mapping[str, Any]) -> dict[str, Any]:
+    """What was installed when the flash was written."""
+    software = flash.get("software")
+    return {} if software is None else {"version": software["version"], "packages": tuple(software["packages"])}

@@ -1,0 +1,53 @@
+"""The table of menus that the twin models in depth, and how it treats all the others.
+
+A menu of the command tree that has no row here takes and prints every argument as text, yes/no arguments excepted:
+names are checked by the tree, values hardly. `Menu.modelled` says which case it is.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.emulator.routeros.menus import (
+    _firewall,
+    _interface,
+    _ip,
+    _lte,
+    _netwatch,
+    _routing,
+    _services,
+    _system,
+    _wifi,
+    _wireless,
+)
+from atlantis_netcfg.emulator.routeros.menus._generic import generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus._model import Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._order import EXPORT_ORDER
+from atlantis_netcfg.emulator.routeros.menus._system import POLICIES
+
+__all__ = [
+    "EXPORT_ORDER",
+    "INTERFACES",
+    "MODELLED",
+    "POLICIES",
+    "Arg",
+    "Menu",
+    "Select",
+    "Shape",
+    "Unique",
+    "generic",
+    "unmodelled",
+]
+
+MODELLED: dict[str, Menu] = {
+    menu.path: menu
+    for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system, _netwatch)
+    for menu in module.MENUS
+}
+INTERFACES = (
+    "/interface/ethernet",
+    "/interface/bridge",
+    "/interface/ovpn-client",
+    "/interface/wireless",
+    "/interface/wifi",
+    "/interface/lte",
+)
+"""Modelled menus whose rows are interfaces and also show under `/interface`."""

@@ -1,0 +1,225 @@
+"""Interfaces: Ethernet ports, bridges and their ports, interface lists, the OpenVPN client.
+
+Values and defaults: Manual, CLI reference of each menu; Manual, Bridging and Switching; Manual, Ethernet; Manual,
+PoE-Out; Manual, OpenVPN; verbose exports of RouterOS 7.19.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.values import Address, Bool, Choice, Choices, Int, Mac, Ref, Refs, Text, Time
+
+__all__ = ["MENUS"]
+
+_TAKEN = Unique(("name",), "failure: already have interface with such name")
+_ARP = Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only"))
+_FRAMES = Choice(("admit-all", "admit-only-untagged-and-priority-tagged", "admit-only-vlan-tagged"))
+_ROUTER = Choice(("disabled", "permanent", "temporary-query"))
+_VLAN = ("vlan-filtering", "yes")
+_IGMP = ("igmp-snooping", "yes")
+_FLOW = Choice(("auto", "off", "on"))
+_RATES = "10M-baseT-half,10M-baseT-full,100M-baseT-half,100M-baseT-full,1G-baseT-half,1G-baseT-full"
+
+_BRIDGE = Menu(
+    "/interface/bridge",
+    Shape.LIST,
+    (
+        Arg("name", Text(empty=False), ""),
+        Arg("add-dhcp-option82", Bool(), "no", shown_if=("dhcp-snooping", "yes")),
+        Arg("admin-mac", Mac()),
+        Arg("ageing-time", Time(10, 1005400), "5m"),
+        Arg("arp", _ARP, "enabled"),
+        Arg("arp-timeout", Time(words=("auto",)), "auto"),
+        Arg("auto-mac", Bool(), "yes"),
+        COMMENT,
+        Arg("dhcp-snooping", Bool(), "no"),
+        DISABLED,
+        Arg("ether-type", Choice(("0x8100", "0x88a8", "0x9100")), "0x8100", shown_if=_VLAN),
+        Arg("fast-forward", Bool(), "yes"),
+        Arg("forward-delay", Time(4, 30), "15s"),
+        Arg("forward-reserved-addresses", Bool(), "no", shown_if=("protocol-mode", "none")),
+        Arg("frame-types", _FRAMES, "admit-all", shown_if=_VLAN),
+        Arg("igmp-snooping", Bool(), "no"),
+        Arg("igmp-version", Choice(("2", "3")), "2", shown_if=_IGMP),
+        Arg("ingress-filtering", Bool(), "yes", shown_if=_VLAN),
+        Arg("last-member-interval", Time(), "1s", shown_if=_IGMP),
+        Arg("last-member-query-count", Int(), "2", shown_if=_IGMP),
+        Arg("max-hops", Int(6, 40), "20", shown_if=("protocol-mode", "mstp")),
+        Arg("max-learned-entries", Int(words=("auto", "unlimited")), "auto"),
+        Arg("max-message-age", Time(6, 40), "20s"),
+        Arg("membership-interval", Time(), "4m20s", shown_if=_IGMP),
+        Arg("mld-version", Choice(("1", "2")), "1", shown_if=_IGMP),
+        Arg("mtu", Int(68, 65535, words=("auto",)), "auto"),
+        Arg("multicast-querier", Bool(), "no", shown_if=_IGMP),
+        Arg("multicast-router", _ROUTER, "temporary-query", shown_if=_IGMP),
+        Arg("mvrp", Bool(), "no"),
+        Arg("port-cost-mode", Choice(("long", "short")), "long"),
+        Arg("priority", Int(0, 65535, hexadecimal=True), "0x8000"),
+        Arg("protocol-mode", Choice(("mstp", "none", "rstp", "stp")), "rstp"),
+        Arg("pvid", Int(1, 4094), "1", shown_if=_VLAN),
+        Arg("querier-interval", Time(), "4m15s", shown_if=_IGMP),
+        Arg("query-interval", Time(), "2m5s", shown_if=_IGMP),
+        Arg("query-response-interval", Time(), "10s", shown_if=_IGMP),
+        Arg("region-name", Text(), "", shown_if=("protocol-mode", "mstp")),
+        Arg("region-revision", Int(0, 65535), "0", shown_if=("protocol-mode", "mstp")),
+        Arg("startup-query-count", Int(), "2", shown_if=_IGMP),
+        Arg("startup-query-interval", Time(), "31s250ms", shown_if=_IGMP),
+        Arg("transmit-hold-count", Int(1, 10), "6"),
+        Arg("vlan-filtering", Bool(), "no"),
+    ),
+    noun="device",
+    space="interface",
+    unique=(_TAKEN,),
+    flags=("dynamic", "running"),
+)
+
+_PORT = Menu(
+    "/interface/bridge/port",
+    Shape.LIST,
+    (
+        Arg("auto-isolate", Bool(), "no"),
+        Arg("bpdu-guard", Bool(), "no"),
+        Arg("bridge", Ref(("bridge",)), required=True, always=True),
+        Arg("broadcast-flood", Bool(), "yes"),
+        COMMENT,
+        DISABLED,
+        Arg("edge", Choice(("auto", "no", "no-discover", "yes", "yes-discover")), "auto"),
+        Arg("fast-leave", Bool(), "no"),
+        Arg("frame-types", _FRAMES, "admit-all"),
+        Arg("horizon", Int(0, 429496729, words=("none",)), "none"),
+        Arg("hw", Bool(), "yes"),
+        Arg("ingress-filtering", Bool(), "yes"),
+        Arg("interface", Ref(("interface", "list")), required=True, always=True),
+        Arg("internal-path-cost", Int(0, 200000000)),
+        Arg("learn", Choice(("auto", "no", "yes")), "auto"),
+        Arg("multicast-router", _ROUTER, "temporary-query"),
+        Arg("mvrp-applicant-state", Choice(("non-participant", "normal-participant")), "normal-participant"),
+        Arg("mvrp-registrar-state", Choice(("fixed", "normal")), "normal"),
+        Arg("path-cost", Int(0, 200000000)),
+        Arg("point-to-point", Choice(("auto", "no", "yes")), "auto"),
+        Arg("priority", Int(0, 240, hexadecimal=True), "0x80"),
+        Arg("pvid", Int(1, 4094), "1"),
+        Arg("restricted-role", Bool(), "no"),
+        Arg("restricted-tcn", Bool(), "no"),
+        Arg("tag-stacking", Bool(), "no"),
+        Arg("trusted", Bool(), "no"),
+        Arg("unknown-multicast-flood", Bool(), "yes"),
+        Arg("unknown-unicast-flood", Bool(), "yes"),
+    ),
+    noun="bridge port",
+    called="interface",
+    unique=(Unique(("interface",), "failure: device already added as bridge port"),),
+    flags=("dynamic", "inactive"),
+    first_id=0,
+)
+
+_ETHERNET = Menu(
+    "/interface/ethernet",
+    Shape.FIXED,
+    (
+        # Rows refer to a port by its id. Assumption: port-new-name
+        Arg("name", Text(empty=False), ""),
+        Arg("advertise", Choices(offered("/interface/ethernet", "advertise"), ordered=False), _RATES),
+        Arg("arp", _ARP, "enabled"),
+        Arg("arp-timeout", Time(words=("auto",)), "auto"),
+        Arg("auto-negotiation", Bool(), "yes"),
+        COMMENT,
+        DISABLED,
+        Arg("l2mtu", Int(0, 65535), "1598"),
+        Arg("loop-protect", Choice(("default", "off", "on")), "default"),
+        Arg("loop-protect-disable-time", Time(), "5m"),
+        Arg("loop-protect-send-interval", Time(1), "5s"),
+        Arg("mac-address", Mac(), ""),
+        Arg("mtu", Int(68, 65535), "1500"),
+        Arg("orig-mac-address", Mac(), ""),
+        Arg("rx-flow-control", _FLOW, "off"),
+        Arg("speed", Choice(offered("/interface/ethernet", "speed"))),
+        Arg("tx-flow-control", _FLOW, "off"),
+        Arg("poe-out", Choice(("auto-on", "forced-on", "off")), "auto-on"),
+        Arg("poe-priority", Int(0, 99), "10"),
+        Arg("poe-voltage", Choice(("auto", "high", "low")), "auto"),
+        Arg("power-cycle-interval", Time(words=("none",)), "none"),
+        Arg("power-cycle-ping-address", Address()),
+        Arg("power-cycle-ping-enabled", Bool(), "no"),
+        Arg("power-cycle-ping-timeout", Time()),
+    ),
+    noun="device",
+    space="interface",
+    unique=(_TAKEN,),
+    flags=("running", "slave"),
+    select=Select.DEFAULT_NAME,
+)
+
+_LIST = Menu(
+    "/interface/list",
+    Shape.LIST,
+    (
+        Arg("name", Text(empty=False), required=True),
+        COMMENT,
+        Arg("exclude", Refs(Ref(("list",))), ""),
+        Arg("include", Refs(Ref(("list",))), ""),
+    ),
+    noun="interface list",
+    space="list",
+    unique=(Unique(("name",), "failure: already have such name"),),
+    factory=(
+        {"name": "all", "comment": "contains all interfaces"},
+        {"name": "none", "comment": "contains no interfaces"},
+        {"name": "dynamic", "comment": "contains dynamic interfaces"},
+        {"name": "static", "comment": "contains static interfaces"},
+    ),
+    flags=("dynamic",),
+    builtin_flag="builtin",
+    select=Select.FIND_NAME,
+    first_id=0x2000000,
+)
+
+_MEMBER = Menu(
+    "/interface/list/member",
+    Shape.LIST,
+    (
+        COMMENT,
+        DISABLED,
+        Arg("interface", Ref(("interface",)), required=True, always=True),
+        Arg("list", Ref(("list",)), required=True, always=True),
+    ),
+    noun="interface list member",
+    unique=(Unique(("interface", "list"), "failure: already have such entry"),),
+    flags=("dynamic",),
+)
+
+_CIPHERS = Choice(offered("/interface/ovpn-client", "cipher"))
+_OVPN = Menu(
+    "/interface/ovpn-client",
+    Shape.LIST,
+    (
+        Arg("name", Text(empty=False), ""),
+        Arg("add-default-route", Bool(), "no"),
+        Arg("auth", Choice(("md5", "null", "sha1", "sha256", "sha384", "sha512")), "sha1"),
+        Arg("certificate", Ref(("certificate",), ("none",)), "none"),
+        Arg("cipher", _CIPHERS, "blowfish128"),
+        COMMENT,
+        Arg("connect-to", Address(dns=True), required=True),
+        Arg("disabled", Bool(), "yes"),
+        Arg("disconnect-notify", Bool(), "yes", shown_if=("protocol", "udp")),
+        Arg("mac-address", Mac(), ""),
+        Arg("max-mtu", Int(64, 65535), "1500"),
+        Arg("mode", Choice(("ethernet", "ip")), "ip"),
+        Arg("password", Text(longest=1000), "", secret=True),
+        Arg("port", Int(1, 65535), "1194"),
+        Arg("profile", Choice(("default", "default-encryption")), "default"),
+        Arg("protocol", Choice(("tcp", "udp")), "tcp"),
+        Arg("route-nopull", Bool(), "no"),
+        Arg("tls-version", Choice(("any", "only-1.2")), "any"),
+        Arg("use-peer-dns", Choice(("exclusively", "no", "yes")), "yes"),
+        Arg("user", Text(longest=27, empty=False), required=True),
+        Arg("verify-server-certificate", Bool(), "no"),
+    ),
+    noun="device",
+    space="interface",
+    unique=(_TAKEN,),
+    flags=("running", "hw-crypto"),
+)
+
+MENUS = (_BRIDGE, _PORT, _ETHERNET, _LIST, _MEMBER, _OVPN)

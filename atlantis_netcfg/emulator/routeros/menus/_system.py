@@ -1,0 +1,261 @@
+"""The system's own settings, logging, scheduler, users.
+
+Values and defaults: Manual, CLI reference of each menu; Manual, Log; Manual, NTP; Manual, User; Manual, Scheduler;
+verbose exports of RouterOS 7.19.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.values import (
+    Address,
+    Addresses,
+    Bool,
+    Choice,
+    Choices,
+    Granted,
+    Int,
+    Moment,
+    Prefixes,
+    Ref,
+    Text,
+    Time,
+    Topics,
+)
+
+__all__ = ["MENUS", "POLICIES"]
+
+POLICIES = (
+    "local",
+    "telnet",
+    "ssh",
+    "ftp",
+    "reboot",
+    "read",
+    "write",
+    "policy",
+    "test",
+    "winbox",
+    "password",
+    "web",
+    "sniff",
+    "sensitive",
+    "api",
+    "romon",
+    "rest-api",
+)
+"""What a group may do, in the order in which RouterOS prints it."""
+
+_VRF = Arg("vrf", Ref(("table",)), "main")
+_HOST = Address(dns=True)
+_DISK = ("target", "disk")
+_REMOTE = ("target", "remote")
+_MEMORY = ("target", "memory")
+_EMAIL = ("target", "email")
+_TAKEN = Unique(("name",), "failure: item with such name already exists")
+
+_LOGGING = Menu(
+    "/system/logging",
+    Shape.LIST,
+    (
+        Arg("action", Ref(("action",)), "memory", always=True),
+        DISABLED,
+        Arg("prefix", Text(), ""),
+        Arg("regex", Text(), ""),
+        Arg("topics", Topics(offered("/system/logging", "topics")), "info", always=True),
+    ),
+    noun="logging rule",
+    factory=(
+        {"topics": "info", "action": "memory"},
+        {"topics": "error", "action": "memory"},
+        {"topics": "warning", "action": "memory"},
+        {"topics": "critical", "action": "echo"},
+    ),
+    flags=("invalid",),
+    builtin_flag="default",
+)
+
+_ACTION = Menu(
+    "/system/logging/action",
+    Shape.LIST,
+    (
+        Arg("bsd-syslog", Bool(), "no", shown_if=_REMOTE),
+        Arg("cef-event-delimiter", Text(), "\\r\\n", shown_if=("remote-log-format", "cef")),
+        COMMENT,
+        Arg("disk-file-count", Int(1, 65535), "2", shown_if=_DISK),
+        Arg("disk-file-name", Text(), "log", shown_if=_DISK),
+        Arg("disk-lines-per-file", Int(1, 65535), "1000", shown_if=_DISK),
+        Arg("disk-stop-on-full", Bool(), "no", shown_if=_DISK),
+        Arg("email-start-tls", Bool(), "no", shown_if=_EMAIL),
+        Arg("email-to", Text(), "", shown_if=_EMAIL),
+        Arg("memory-lines", Int(1, 65535), "1000", shown_if=_MEMORY),
+        Arg("memory-stop-on-full", Bool(), "no", shown_if=_MEMORY),
+        Arg("name", Text(empty=False), required=True),
+        Arg("remember", Bool(), "yes", shown_if=("target", "echo")),
+        Arg("remote", _HOST, "0.0.0.0", shown_if=_REMOTE),  # noqa: S104 - RouterOS' default, not a bind address
+        Arg("remote-log-format", Choice(("cef", "default", "syslog")), "default", shown_if=_REMOTE),
+        Arg("remote-port", Int(1, 65535), "514", shown_if=_REMOTE),
+        Arg("remote-protocol", Choice(("tcp", "udp")), "udp", shown_if=_REMOTE),
+        Arg("src-address", Address(), "0.0.0.0", shown_if=_REMOTE),  # noqa: S104 - RouterOS' default
+        Arg(
+            "syslog-facility", Choice(offered("/system/logging/action", "syslog-facility")), "daemon", shown_if=_REMOTE
+        ),
+        Arg("syslog-severity", Choice(offered("/system/logging/action", "syslog-severity")), "auto", shown_if=_REMOTE),
+        Arg("syslog-time-format", Choice(("bsd-syslog", "iso8601")), "bsd-syslog", shown_if=_REMOTE),
+        Arg("target", Choice(("disk", "echo", "email", "memory", "remote")), required=True, always=True),
+        Arg("vrf", Ref(("table",)), "main", shown_if=_REMOTE),
+    ),
+    noun="logging action",
+    space="action",
+    unique=(_TAKEN,),
+    factory=(
+        {"name": "memory", "target": "memory"},
+        {"name": "disk", "target": "disk"},
+        {"name": "echo", "target": "echo"},
+        {"name": "remote", "target": "remote"},
+    ),
+    builtin_flag="default",
+    first_id=0,
+)
+
+_SCHEDULER = Menu(
+    "/system/scheduler",
+    Shape.LIST,
+    (
+        COMMENT,
+        DISABLED,
+        Arg("interval", Time(), "0s"),
+        Arg("name", Text(empty=False), ""),
+        Arg("on-event", Text(), ""),
+        Arg("policy", Choices(POLICIES), "", always=True),
+        Arg("start-date", Moment()),
+        Arg("start-time", Moment(words=("startup",)), always=True),
+    ),
+    noun="schedule",
+    unique=(_TAKEN,),
+)
+
+_USER = Menu(
+    "/user",
+    Shape.LIST,
+    (
+        Arg("address", Prefixes(many=True), ""),
+        COMMENT,
+        DISABLED,
+        Arg("group", Ref(("group",)), required=True),
+        Arg("inactivity-policy", Choice(("lockscreen", "logout", "none")), "none"),
+        Arg("inactivity-timeout", Time(60, 86400), "10m"),
+        Arg("name", Text(empty=False), required=True),
+        Arg("password", Text(), "", never=True),
+    ),
+    noun="user",
+    unique=(Unique(("name",), "failure: user with the same name already exists"),),
+    flags=("expired",),
+    exported=False,
+)
+
+_READ = "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
+_WRITE = "local,telnet,ssh,reboot,read,write,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
+_NOTHING = ",".join(f"!{policy}" for policy in POLICIES)
+_GROUP = Menu(
+    "/user/group",
+    Shape.LIST,
+    (
+        COMMENT,
+        Arg("name", Text(empty=False), ""),
+        Arg("policy", Granted(POLICIES), _NOTHING),
+        Arg("skin", Text(), "default"),
+    ),
+    noun="user group",
+    space="group",
+    unique=(_TAKEN,),
+    factory=(
+        {"name": "read", "policy": _READ},
+        {"name": "write", "policy": _WRITE},
+        {"name": "full", "policy": ",".join(POLICIES)},
+    ),
+    select=Select.NAME,
+)
+
+_CERTIFICATE = Menu(
+    "/certificate",
+    Shape.LIST,
+    (
+        Arg("common-name", Text(), ""),
+        Arg("country", Text(), ""),
+        Arg("days-valid", Int(), "365"),
+        Arg("digest-algorithm", Choice(("md5", "sha1", "sha256", "sha384", "sha512")), "sha256"),
+        Arg("key-size", Text(), "2048"),
+        Arg("key-usage", Text(), ""),
+        Arg("locality", Text(), ""),
+        Arg("name", Text(empty=False), ""),
+        Arg("organization", Text(), ""),
+        Arg("state", Text(), ""),
+        Arg("subject-alt-name", Text(), ""),
+        Arg("trust-store", Text(), "all"),
+        Arg("trusted", Bool(), "no"),
+        Arg("unit", Text(), ""),
+    ),
+    noun="certificate",
+    space="certificate",
+    unique=(_TAKEN,),
+    flags=("authority", "crl", "expired", "private-key"),
+    exported=False,
+)
+
+_SETTINGS = (
+    Menu("/system/identity", Shape.SETTINGS, (Arg("name", Text(empty=False), "MikroTik"),), noun="system identity"),
+    Menu(
+        "/system/clock",
+        Shape.SETTINGS,
+        (
+            Arg("date", Moment(), never=True, exported=False),
+            Arg("time", Moment(), never=True, exported=False),
+            Arg("time-zone-autodetect", Bool(), "yes"),
+            Arg("time-zone-name", Choice(("manual", *offered("/system/clock", "time-zone-name"))), "manual"),
+        ),
+        noun="clock settings",
+    ),
+    Menu(
+        "/system/ntp/client",
+        Shape.SETTINGS,
+        (
+            Arg("enabled", Bool(), "no"),
+            Arg("mode", Choice(("broadcast", "manycast", "multicast", "unicast")), "unicast"),
+            Arg("servers", Addresses(_HOST), "", exported=False),
+            _VRF,
+        ),
+        noun="ntp client",
+    ),
+    Menu(
+        "/system/ntp/client/servers",
+        Shape.LIST,
+        (
+            Arg("address", _HOST, required=True, always=True),
+            Arg("auth-key", Text(), "none"),
+            COMMENT,
+            DISABLED,
+            Arg("iburst", Bool(), "yes"),
+            Arg("max-poll", Int(3, 17), "10"),
+            Arg("min-poll", Int(3, 17), "6"),
+        ),
+        noun="ntp server",
+        called="address",
+        unique=(Unique(("address",), "failure: already have such entry"),),
+        flags=("dynamic",),
+    ),
+    Menu(
+        "/system/note",
+        Shape.SETTINGS,
+        (
+            Arg("note", Text(), ""),
+            Arg("show-at-cli-login", Bool(), "no"),
+            Arg("show-at-login", Bool(), "yes"),
+        ),
+        noun="system note",
+        factory=({"show-at-login": "no"},),
+    ),
+)
+
+MENUS = (*_SETTINGS, _ACTION, _LOGGING, _SCHEDULER, _USER, _GROUP, _CERTIFICATE)

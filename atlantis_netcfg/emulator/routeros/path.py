@@ -1,0 +1,181 @@
+"""The management path: does a packet from the technician still arrive, and does the answer come back.
+
+The walk is the router's, not the planner's: written from the packet flow of the manual (Manual, Packet Flow), so that
+what the planner believes about a plan is judged by somebody else. It is cautious: an address on a port that has become
+a bridge's slave does not answer, and NAT rules that would take the packet elsewhere close the path.
+"""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Address, IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
+from atlantis_netcfg.emulator.routeros.topology import MAIN
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.topology import Topology
+
+__all__ = ["answers", "heard", "path_open", "route_to"]
+
+_CLIENT_PORT = 50000
+_FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"
+
+
+def path_open(  # noqa: PLR0913 - one packet's two ends
+    core: Core, caller: str, local: str, service: str, *, established: bool, plug: str | None = None
+) -> bool:
+    """Walk a packet in and its answer out; for a new session the connection's later packets have to pass as well.
+
+    `plug`: factory name of the port that the caller's cable is in; the management port if left out.
+    """
+    topology = core.topology
+    port = _service_port(core, service)
+    entry = _port(core, plug or core.spec.management.port)
+    if port is None or entry is None or not topology.up(entry):
+        return False
+    interface = topology.interfaces[entry].master or entry
+    src, dst = IPv4Address(caller), IPv4Address(local)
+    if not established and not _on(core, service):
+        return False
+    if not _receives(core, entry, interface, dst):
+        return False
+    states = ("established",) if established else ("new", "established")
+    return all(
+        _round_trip(
+            topology,
+            Packet(src, dst, state, src_port=_CLIENT_PORT, dst_port=port, in_interface=interface, in_port=entry),
+        )
+        for state in states
+    )
+
+
+def _port(core: Core, plug: str) -> int | None:
+    """Return the interface of a socket or radio by its factory name, however it is called now."""
+    found = core.topology.factory(plug)
+    return None if found is None else found.id
+
+
+def _service_port(core: Core, service: str) -> int | None:
+    table = core.store.table("/ip/service")
+    for item in table.items:
+        if core.store.text(table, item, "name") == service:
+            return int(core.store.text(table, item, "port") or 0)
+    return None
+
+
+def _on(core: Core, service: str) -> bool:
+    """Tell whether the service is on: whom its `address=` turns away is told so after the packet has arrived."""
+    table = core.store.table("/ip/service")
+    item = next(item for item in table.items if core.store.text(table, item, "name") == service)
+    return core.store.text(table, item, "disabled") != "yes" and core.store.target(table, item, "vrf") in (None, MAIN)
+
+
+def _receives(core: Core, entry: int, interface: int, dst: IPv4Address) -> bool:
+    """Tell whether the router has the address where the packet comes in, and answers ARP for it there."""
+    topology = core.topology
+    here = [local for local in topology.locals if local.works and local.address.ip == dst and local.on == interface]
+    return bool(here) and _arp(topology, interface) and (entry == interface or _bridged(core, entry, interface))
+
+
+def _arp(topology: Topology, interface: int) -> bool:
+    table = topology.store.table(topology.interfaces[interface].menu)
+    item = table.find(interface)
+    return item is not None and topology.store.text(table, item, "arp") in ("enabled", "proxy-arp", "local-proxy-arp")
+
+
+def _bridged(core: Core, entry: int, bridge: int) -> bool:
+    """Tell whether untagged frames get from the port to the bridge itself."""
+    store = core.store
+    bridges = store.table("/interface/bridge")
+    bridge_item = bridges.find(bridge)
+    if bridge_item is None or store.text(bridges, bridge_item, "vlan-filtering") != "yes":
+        return True
+    ports = store.table("/interface/bridge/port")
+    port = next((item for item in ports.items if entry in core.topology.port_members(item)), None)
+    if port is None or store.text(ports, port, "frame-types") == "admit-only-vlan-tagged":
+        return False
+    return store.text(ports, port, "pvid") == store.text(bridges, bridge_item, "pvid")
+
+
+def _round_trip(topology: Topology, packet: Packet) -> bool:
+    if walk(topology, _RAW, "prerouting", packet) is Verdict.DROP:
+        return False
+    if packet.state == "new" and _hijacked(topology, packet):
+        return False
+    if walk(topology, _FILTER, "input", packet) is Verdict.DROP:
+        return False
+    way = route_to(topology, packet.src, packet.dst)
+    if way != packet.in_interface:
+        return False
+    answer = Packet(
+        packet.dst,
+        packet.src,
+        "established",
+        src_port=packet.dst_port,
+        dst_port=packet.src_port,
+        out_interface=way,
+        out_port=packet.in_port,
+    )
+    return all(walk(topology, table, "output", answer) is not Verdict.DROP for table in (_RAW, _FILTER))
+
+
+def _hijacked(topology: Topology, packet: Packet) -> bool:
+    """Tell whether dstnat would send the first packet somewhere else."""
+    return walk(topology, _NAT, "dstnat", packet) is Verdict.DROP
+
+
+def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> int | None:
+    """Return the interface by which the router itself sends to `dst`, by routing rules and tables; None: no way."""
+    rules = topology.store.table("/routing/rule")
+    for item in rules.items:
+        if not _rule_applies(topology, rules, item, dst, src):
+            continue
+        action = topology.store.text(rules, item, "action")
+        if action in ("drop", "unreachable"):
+            return None
+        table = topology.store.target(rules, item, "table")
+        least = topology.store.text(rules, item, "min-prefix")
+        way = _first_hop(topology, dst, MAIN if table is None else table, -1 if least is None else int(least))
+        if way is not None or action == "lookup-only-in-table":
+            return way
+    return _first_hop(topology, dst, MAIN, -1)
+
+
+def _rule_applies(topology: Topology, rules: Table, item: Item, dst: IPv4Address, src: IPv4Address | None) -> bool:
+    store = topology.store
+    if store.text(rules, item, "disabled") == "yes" or "interface" in item.values or "routing-mark" in item.values:
+        return False
+    wanted_src, wanted_dst = store.text(rules, item, "src-address"), store.text(rules, item, "dst-address")
+    src_fits = wanted_src is None or (src is not None and src in IPv4Network(wanted_src))
+    return src_fits and (wanted_dst is None or dst in IPv4Network(wanted_dst))
+
+
+def _first_hop(topology: Topology, dst: IPv4Address, table: int, least: int) -> int | None:
+    best = topology.lookup(dst, table, least_prefix=least)
+    return next((interface for route in best for _, interface in route.hops), None)
+
+
+def answers(core: Core, target: IPv4Address, source: str | None) -> bool:
+    """Tell whether an echo request of the router's reaches somebody who answers, and the answer is let in."""
+    if core.topology.is_local(target):
+        return True
+    return str(target) in core.spec.answering and heard(core, target, source)
+
+
+def heard(core: Core, target: IPv4Address, source: str | None) -> bool:
+    """Tell whether an echo request gets out and its answer in, taking it that whoever is not silent answers."""
+    topology = core.topology
+    if target in core.silent:
+        return False
+    src = IPv4Address(source) if source else None
+    way = route_to(topology, target, src)
+    if way is None:
+        return False
+    own = src or next((local.address.ip for local in topology.locals if local.works and local.actual == way), target)
+    request = Packet(own, target, "new", "icmp", out_interface=way)
+    reply = Packet(target, own, "established", "icmp", in_interface=way)
+    out = walk(topology, _FILTER, "output", request) is not Verdict.DROP
+    return out and walk(topology, _FILTER, "input", reply) is not Verdict.DROP

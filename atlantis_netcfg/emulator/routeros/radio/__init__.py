@@ -1,0 +1,16 @@
+"""The air between two router twins: what their radios are set to, whether they find each other, how strong they hear.
+
+What is modelled is what decides over a link: both radios on, one access point and one `station-bridge` of the same
+driver, protocol, network name, band and width, key, a channel that the country allows, DFS and association times, and
+the distance. Antennas that point elsewhere, rain, tide, interference and throughput are not.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.emulator.routeros.radio._agreement import why_not
+from atlantis_netcfg.emulator.routeros.radio._link import RadioLink
+from atlantis_netcfg.emulator.routeros.radio._read import settings_of
+from atlantis_netcfg.emulator.routeros.radio._settings import Driver, Settings
+from atlantis_netcfg.emulator.routeros.radio._spec import Air, RadioPair
+
+__all__ = ["Air", "Driver", "RadioLink", "RadioPair", "Settings", "settings_of", "why_not"]

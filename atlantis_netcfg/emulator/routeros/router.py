@@ -1,0 +1,304 @@
+"""One router twin on sockets.
+
+It cannot stand for: traffic (nothing is forwarded), radio, PoE power, CPU load, the time that real hardware takes
+to apply a change, or what no document of RouterOS tells; for the last there are knobs (`Knobs`, `Deviation`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.emulator.routeros.certificates import known
+from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.flash import Flash
+from atlantis_netcfg.emulator.routeros.shell.hostkey import fingerprint, host_key
+from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
+from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
+from atlantis_netcfg.emulator.routeros.wire.doors import HOST, Doors
+from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+from atlantis_netcfg.emulator.routeros.wire.link import Link
+from atlantis_netcfg.emulator.routeros.wire.switchboard import Switchboard
+from atlantis_netcfg.emulator.routeros.wire.tally import Counters, Tally
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+    from types import TracebackType
+
+    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
+    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+    from atlantis_netcfg.emulator.routeros.wire.faults import Fault
+    from atlantis_netcfg.emulator.routeros.wire.host import Host, Member
+    from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
+
+__all__ = ["Router"]
+
+
+class Router:
+    """A twin between `start()` and `stop()`, or inside `async with`; all methods belong to its event loop.
+
+    `ports` wishes loopback ports by service port, e.g. `{8729: 18729}`.
+    """
+
+    device: Device
+    _board: Switchboard
+
+    def __init__(
+        self,
+        spec: RouterSpec,
+        *,
+        state_dir: Path,
+        link: Link | None = None,
+        knobs: Knobs | None = None,
+        ports: Mapping[int, int] | None = None,
+    ) -> None:
+        self.spec = spec
+        self._link = link or Link()
+        self._knobs = knobs or Knobs()
+        self._flash = Flash(state_dir)
+        self._doors = Doors(self._visitor, ports or {})
+        self._side_doors = Doors(self._side_visitor, {})
+        self._tallies: list[Tally] = []
+        self._consoles: dict[str, Caller] = {}
+        self._serial: SerialLine | None = None
+        self._radio: Callable[[], None] | None = None
+        self._carried: Callable[[], bool] | None = None
+
+    async def start(self) -> None:
+        """Boot from the state directory and listen. Raises SeedRefused, or OSError if a port is taken."""
+        self.device = Device(self.spec, asyncio.get_running_loop().time)
+        flash = self._flash.load()
+        if flash is not None:
+            self.device.restore(flash)
+        self._issue()
+        self._board = Switchboard(
+            self.device,
+            changed=self._changed,
+            certificate=self._certificate,
+            tallies=self._tallies,
+            others={"ssh": self._shell},
+        )
+        self.relink(self._link)
+        self.turn(self._knobs)
+        self.on_radio(self._radio, self._carried)
+        self._consoles.clear()
+        if self.spec.serial:
+            self._serial = self._board.line = SerialLine(self._board, self.device)
+            self._serial.start()
+        try:
+            await self._board.start()
+        except OSError:
+            await self.stop()
+            raise
+
+    async def stop(self) -> None:
+        """Pull the plug: sockets close, the flash stays; raises what went wrong inside the twin meanwhile."""
+        self._doors.close()
+        self._side_doors.close()
+        self._flash.save(self.device.snapshot())
+        if self._serial is not None:
+            self._serial.close()
+            self._serial = None
+        self._board.stop()
+        await asyncio.sleep(0)
+        if self._board.failure is not None:
+            raise self._board.failure
+
+    async def restart(self) -> None:
+        """Stop, and start again from the flash on the same loopback ports."""
+        await self.stop()
+        await self.start()
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.stop()
+
+    # What a test or a rehearsal reads.
+
+    @property
+    def host(self) -> str:
+        """Where it listens."""
+        return HOST
+
+    @property
+    def ports(self) -> dict[str, int]:
+        """Loopback port of each emulated service that is enabled: `api`, `api-ssl`, `ssh`."""
+        return self._doors.ports
+
+    @property
+    def port_map(self) -> dict[int, int]:
+        """Loopback port by the port in `/ip/service`: to go from the declaration's port to the twin's."""
+        return self._doors.port_map
+
+    @property
+    def first_contact_ports(self) -> dict[int, int]:
+        """Loopback port by the port in `/ip/service`, for a laptop at the spec's `first_contact`."""
+        return self._side_doors.port_map
+
+    @property
+    def pin(self) -> str | None:
+        """SHA-256 of the certificate that api-ssl shows, in hex; None if it has none."""
+        service = self.device.services().get("api-ssl")
+        pem = None if service is None or service.certificate is None else self.device.certificate(service.certificate)
+        return None if pem is None else known(pem).fingerprint
+
+    @property
+    def serial(self) -> str | None:
+        """Path of the pty that stands for its serial line; None if it has none. Another one after every start."""
+        return None if self._serial is None else self._serial.path
+
+    @property
+    def host_key(self) -> str:
+        """Fingerprint of the SSH host key, `SHA256:...`."""
+        return fingerprint(self._flash.host_key)
+
+    def export(
+        self,
+        *,
+        verbose: bool = False,
+        terse: bool = False,
+        show_sensitive: bool = False,
+        menu: str = "/",
+        header: bool = True,
+    ) -> str:
+        """What `/export` prints, read beside all sessions; without `header` (it has the clock) for comparisons."""
+        return self.device.export(verbose=verbose, terse=terse, show_sensitive=show_sensitive, menu=menu, header=header)
+
+    def counters(self) -> Counters:
+        """Totals over all connections since the last reset."""
+        total = Counters()
+        for tally in self._tallies:
+            total = total.plus(tally.counters)
+        return total
+
+    def connections(self) -> tuple[Tally, ...]:
+        """Counters and sentences of each connection, in the order of their coming."""
+        return tuple(self._tallies)
+
+    def reset_counters(self) -> None:
+        """Count from zero; connections that are open go on counting."""
+        self._tallies[:] = [connection.tally for connection in self._board.connections]
+        for tally in self._tallies:
+            tally.counters = Counters()
+            tally.sentences = []
+
+    # What it does to the router.
+
+    async def console(self, words: Sequence[str], *, user: str | None = None) -> list[Answer]:
+        """Run a sentence as another admin, who keeps his session from call to call and needs no path.
+
+        `user` is one of the spec's, the first without. Raises LookupError, or Trap if the router does not let him in.
+        """
+        account = next((one for one in self.spec.users if user in (None, one.name)), None)
+        if account is None:
+            raise LookupError(f"{self.spec.name} has no user {user!r}")
+        if account.name not in self._consoles:
+            self._consoles[account.name] = self.device.login(
+                account.name, account.password, via="api", address=self.spec.management.technician
+            )
+        answers = self.device.run(self._consoles[account.name], words)
+        await self._board.settle()
+        self._board.tell()
+        return answers
+
+    def relink(self, link: Link) -> None:
+        """Another bearer for everything that is sent from now on."""
+        self._link = self._board.bearer.link = link
+
+    def turn(self, knobs: Knobs) -> None:
+        """Set the knobs."""
+        self._knobs = knobs
+        self._board.turn(knobs)
+
+    def arm(self, fault: Fault) -> None:
+        """Let a fault strike at a sentence to come."""
+        self._board.faults.arm(fault)
+
+    def disarm(self) -> None:
+        """Forget the faults that are armed."""
+        self._board.faults.disarm()
+
+    def gap(self, seconds: float) -> None:
+        """Let the bearer carry nothing for a while."""
+        self._board.gap(seconds)
+
+    def silence(self, addresses: Sequence[str]) -> None:
+        """Let no answer come from these addresses to what the router asks, and from all others again."""
+        self.device.silence(addresses)
+        self._board.tell()
+
+    def drop(self) -> None:
+        """Reset all connections under both ends."""
+        for connection in self._board.connections:
+            connection.drop()
+
+    def vanish(self) -> None:
+        """Silence all connections for good, without telling anybody."""
+        for connection in self._board.connections:
+            connection.vanish()
+
+    def reboot(self, *, clean: bool = True) -> None:
+        """Reboot, or lose power (`clean=False`: sockets are not closed first); back after `boot_s`."""
+        self._board.reboot(clean=clean)
+        self._consoles.clear()
+
+    def rekey(self) -> None:
+        """Replace the SSH host key, as a reset or an intruder would."""
+        self._flash.forget_host_key()
+
+    def recertify(self) -> None:
+        """Replace the certificates, as a reset or an intruder would."""
+        self._flash.forget_certificates()
+        self._issue(again=True)
+
+    # The air before its radios.
+
+    @property
+    def booting(self) -> bool:
+        """It is down, after a reboot or a power cut."""
+        return self._board.booting
+
+    def on_radio(self, changed: Callable[[], None] | None, carried: Callable[[], bool] | None) -> None:
+        """Who is told when this router changes; and, where it is reached by radio, who says whether packets come."""
+        self._radio, self._carried = changed, carried
+        self._board.radio, self._board.carried = changed, carried
+
+    def regate(self) -> None:
+        """Let what has happened in the air take effect on its connections."""
+        self._board.regate()
+
+    # Inside.
+
+    def _issue(self, *, again: bool = False) -> None:
+        """Let the certificates of the spec be those that an earlier start has made."""
+        for name in () if self.spec.factory else self.spec.certificates:
+            if again or self.device.certificate(name) is None:
+                pem = self._flash.certificate(name, common_name=self.spec.name, address=self.spec.management.local)
+                with suppress(LookupError):  # somebody has removed it
+                    self.device.give_certificate(name, pem.read_text(encoding="ascii"))
+
+    def _visitor(self, service: str) -> Pipe:
+        return self._board.visitor(service)
+
+    def _side_visitor(self, service: str) -> Pipe:
+        return self._board.visitor(service, self.spec.first_contact)
+
+    def _shell(self, host: Host, address: str) -> Member:
+        return SshConnection(host, self.device, address=address, key=lambda: host_key(self._flash.host_key))
+
+    async def _changed(self) -> None:
+        await self._doors.align(self.device.services())
+        if self.spec.first_contact is not None:
+            await self._side_doors.align(self.device.services())
+        self._flash.save(self.device.snapshot())
+
+    def _certificate(self, name: str) -> Path | None:
+        pem = self.device.certificate(name)
+        return None if pem is None else self._flash.keep(pem)

@@ -1,0 +1,164 @@
+"""Twins for callers that are not asyncio programs: in a thread of this process, or in a process of their own.
+
+Both are context managers with the same face: `ready` tells where the twins are, `do` commands them (see control.py).
+An emulated router is imported where it runs: who starts twins in a process of their own does not load it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import threading
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any, Self
+
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.emulator.routeros.wire import private
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import TracebackType
+
+    from atlantis_netcfg.emulator.routeros.spec import SiteSpec
+
+__all__ = ["RunningSite", "SpawnedSite", "TwinsFailed", "spawn"]
+
+_PATIENCE_S = 30.0
+
+
+class TwinsFailed(NetcfgError):
+    """The twins could not be started, or have died: a fault of ours, not of any device."""
+
+
+class RunningSite:
+    """The twins of `spec` in a thread with its own event loop."""
+
+    def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
+        from atlantis_netcfg.emulator.routeros.site import Site  # noqa: PLC0415 - see above
+
+        self.site = Site(spec, state_dir)
+        self.ready: dict[str, Any] = {}
+        self._started: Future[dict[str, Any]] = Future()
+        self._thread = threading.Thread(target=self._run, name=f"twins of {spec.name}", daemon=True)
+        self._loop: asyncio.AbstractEventLoop
+        self._end: asyncio.Event
+        self._failure: BaseException | None = None
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self.ready = self._started.result(_PATIENCE_S)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._loop.call_soon_threadsafe(self._end.set)
+        self._thread.join(_PATIENCE_S)
+        if self._failure is not None:
+            raise self._failure
+
+    def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
+        """Command one twin and wait for the result. Raises TwinRefused."""
+        from atlantis_netcfg.emulator.routeros.control import obey  # noqa: PLC0415 - see above
+
+        work = obey(self.site, twin, command, arguments)
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(_PATIENCE_S)
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._live())
+        except BaseException as failure:  # noqa: BLE001 (carried over to the thread that waits)
+            if self._started.done():
+                self._failure = failure
+            else:
+                self._started.set_exception(failure)
+
+    async def _live(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._end = asyncio.Event()
+        async with self.site:
+            self._started.set_result(self.site.describe())
+            await self._end.wait()
+
+
+class SpawnedSite:
+    """The twins of a site in a process of their own, which ends with us."""
+
+    def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
+        self._process = process
+        self._log = log
+        self._turn = threading.Lock()
+        self.ready: dict[str, Any] = self._start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
+        """Command one twin and wait for the result. Raises TwinRefused, or TwinsFailed if the process is gone."""
+        with self._turn:
+            self._say({"twin": twin, "do": command, **arguments})
+            answer = self._hear()
+        if not answer["ok"]:
+            from atlantis_netcfg.emulator.routeros.control import TwinRefused  # noqa: PLC0415 - see above
+
+            raise TwinRefused(answer["error"], hint=answer.get("hint"))
+        return answer["result"]
+
+    def close(self) -> None:
+        """Let the twins save their state and end."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        try:
+            self._process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def _start(self) -> dict[str, Any]:
+        heard = self._hear()
+        if not heard["ready"]:
+            self.close()
+            raise TwinsFailed(f"the twins of {heard['site']} do not start: {heard['error']}")
+        twins: dict[str, Any] = heard["twins"]
+        return twins
+
+    def _say(self, command: dict[str, Any]) -> None:
+        try:
+            print(json.dumps(command), file=self._process.stdin, flush=True)
+        except (OSError, ValueError) as gone:
+            raise TwinsFailed("the twins' process has ended", hint=f"see {self._log}") from gone
+
+    def _hear(self) -> dict[str, Any]:
+        line = self._process.stdout.readline() if self._process.stdout is not None else ""
+        if not line:
+            self.close()
+            raise TwinsFailed("the twins' process has ended", hint=f"see {self._log}")
+        heard: dict[str, Any] = json.loads(line)
+        return heard
+
+
+def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
+    """Start the twins of `spec` in a process of their own and wait until they listen."""
+    file, log = state_dir / "site.json", state_dir / "twins.log"
+    private.write(file, spec.model_dump_json(indent=1).encode())
+    twins = (sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file))
+    with log.open("ab") as errors:
+        process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)
+            (*twins, "--state", str(state_dir), "--owner", str(os.getpid())),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            start_new_session=True,
+        )
+    return SpawnedSite(process, log)

@@ -1,0 +1,234 @@
+"""The serial line of a twin: a pty, at whose other end a console waits for a login.
+
+Nothing that befalls the network reaches it, but a reboot does. It cannot stand for baud rates, parity, line noise or
+flow control; of the boot messages it has the outline only.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import tty
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
+from atlantis_netcfg.emulator.routeros.shell.flags import Screen, split_login
+from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard
+from atlantis_netcfg.emulator.routeros.shell.labour import Gone
+from atlantis_netcfg.emulator.routeros.shell.session import Session
+from atlantis_netcfg.emulator.routeros.shell.talk import DirectTalk
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.device import Device, Printed
+    from atlantis_netcfg.emulator.routeros.wire.host import Host
+
+__all__ = ["SerialLine"]
+
+_MOST = 65536
+_KEPT = 262144
+"""Bytes that wait for a listener; older ones are lost, as on a line that nobody listens to."""
+_FAILED = "Login failed, incorrect username or password"
+_GOING_DOWN = "\r\nRebooting...\r\n"
+_STARTING = "\r\nRouterBOOT booter {version}\r\n\r\n{board}\r\n\r\nloading kernel... OK\r\nStarting services...\r\n"
+
+
+class SerialLine:
+    """From plug to plug; `path` is where a client opens it."""
+
+    def __init__(self, host: Host, device: Device) -> None:
+        self._host = host
+        self._device = device
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.path = os.ttyname(self._slave)
+        self._typed: asyncio.Queue[bytes] = asyncio.Queue()
+        self._unsaid = bytearray()
+        self._caller: Caller | None = None
+        self._screen = Screen()
+        self._session: Session | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+
+    def start(self) -> None:
+        """Begin to listen."""
+        asyncio.get_running_loop().add_reader(self._master, self._heard)
+        self._begin()
+
+    def close(self) -> None:
+        """Pull the plug."""
+        loop = asyncio.get_running_loop()
+        loop.remove_reader(self._master)
+        loop.remove_writer(self._master)
+        self._end()
+        os.close(self._master)
+        os.close(self._slave)
+
+    def down(self, *, clean: bool) -> None:
+        """The router goes down."""
+        self._caller = self._session = None
+        self._end()
+        if clean:
+            self._say(_GOING_DOWN.encode())
+
+    def up(self) -> None:
+        """The router is back."""
+        spec = self._device.spec
+        self._say(_STARTING.format(version=spec.version, board=spec.board).encode())
+        self._begin()
+
+    def check(self) -> None:
+        """Log out if somebody has removed this session from `/user/active`."""
+        if self._caller is not None and self._caller.number in self._device.ended:
+            self._leave()
+            self._end()
+            self._begin()
+
+    def say_pending(self) -> None:
+        """Show what the router has to say unasked."""
+        if self._session is not None:
+            self._session.tell()
+
+    def speaks(self, caller: Caller) -> bool:
+        """Is it still this session that is logged in here."""
+        return self._caller is caller
+
+    # --- bytes -----------------------------------------------------------------------------------------------------
+
+    def _heard(self) -> None:
+        with contextlib.suppress(BlockingIOError, OSError):
+            self._typed.put_nowait(os.read(self._master, _MOST))
+
+    def _say(self, data: bytes) -> None:
+        self._unsaid += data
+        del self._unsaid[:-_KEPT]
+        self._flush()
+
+    def _flush(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while self._unsaid:
+                del self._unsaid[: os.write(self._master, self._unsaid)]
+        loop = asyncio.get_running_loop()
+        if self._unsaid:
+            loop.add_writer(self._master, self._flush)
+        else:
+            loop.remove_writer(self._master)
+
+    # --- the dialogue ----------------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        task = asyncio.create_task(self._serve())
+        self._tasks.append(task)
+        self._host.watch(task)
+
+    def _end(self) -> None:
+        for task in self._tasks:
+            if task is not asyncio.current_task():
+                task.cancel()
+        self._tasks.clear()
+
+    async def _serve(self) -> None:
+        """Login after login."""
+        while not self._typed.empty():
+            self._typed.get_nowait()
+        while True:
+            self._say(f"\r\n\r\nMikroTik {self._device.spec.version} (stable)\r\n".encode())
+            await self._admit()
+            try:
+                await self._converse()
+            except Gone:
+                return
+            self._leave()
+
+    async def _admit(self) -> None:
+        while self._caller is None:
+            self._say(b"Login: ")
+            name = await self._line(shown=True)
+            if not name:
+                continue
+            self._say(b"Password: ")
+            password = await self._line(shown=False)
+            try:
+                self._caller = self._device.login(split_login(name)[0], password, via="console", address="")
+            except Trap:
+                self._say(f"{_FAILED}\r\n\r\n".encode())
+            else:
+                self._screen = split_login(name)[1]
+
+    async def _line(self, *, shown: bool) -> str:
+        """A line typed without the console's editor."""
+        text, keys = "", Keyboard()
+        while True:
+            data = await self._typed.get()
+            for place, byte in enumerate(data):
+                for key in keys.feed(bytes([byte])):
+                    if key is Key.ENTER:
+                        self._say(b"\r\n")
+                        self._unread(data[place + 1 :])
+                        return text
+                    if key is Key.BACKSPACE and text:
+                        text = text[:-1]
+                        self._say(b"\b \b" if shown else b"")
+                    elif isinstance(key, str):
+                        text += key
+                        self._say(key.encode(errors="surrogateescape") if shown else b"")
+
+    def _unread(self, data: bytes) -> None:
+        """Put back what was typed ahead; the line feed of a CR LF is none."""
+        rest = [data.removeprefix(b"\n")]
+        while not self._typed.empty():
+            rest.append(self._typed.get_nowait())
+        if any(rest):
+            self._typed.put_nowait(b"".join(rest))
+
+    async def _converse(self) -> None:
+        if self._caller is None:
+            return
+        talk = _SettledTalk(self, self._host, self._device, self._caller)
+        self._session = session = Session(talk, self._screen, self._say, sized=False)
+        await session.start()
+        while not session.over:
+            patience = None if session.begun else self._host.knobs.probe_s
+            try:
+                async with asyncio.timeout(patience):
+                    data = await self._typed.get()
+            except TimeoutError:
+                await session.give_up()
+            else:
+                await session.feed(data)
+        if session.quitted:
+            self._device.keep(self._caller)
+
+    def _leave(self) -> None:
+        if self._caller is not None:
+            self._device.logout(self._caller, clean=True)
+            self._host.tell()
+        self._caller = self._session = None
+
+
+class _SettledTalk(DirectTalk):
+    """What was done takes effect on the router's network, too."""
+
+    def __init__(self, line: SerialLine, host: Host, device: Device, caller: Caller) -> None:
+        super().__init__(device, caller)
+        self._line = line
+        self._host = host
+
+    async def _settled(self, printed: Printed) -> Printed:
+        await self._host.settle()
+        self._host.tell()
+        if not self._line.speaks(self.caller):
+            raise Gone  # the router went down, or somebody has logged this session out
+        return printed
+
+    async def type(self, line: str, width: int | None) -> Printed:
+        """Run a line."""
+        return await self._settled(await super().type(line, width))
+
+    async def safe_key(self, choice: str) -> Printed:
+        """Press Ctrl+X, or answer its question."""
+        return await self._settled(await super().safe_key(choice))
+
+    async def confirm(self, line: str) -> Printed:
+        """Run a line whose question was answered with yes."""
+        return await self._settled(await super().confirm(line))

@@ -1,0 +1,255 @@
+"""One console session: keys in, text out; greeting, prompt, command, page, question."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.shell import words
+from atlantis_netcfg.emulator.routeros.shell.greeting import Greeting
+from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Position
+from atlantis_netcfg.emulator.routeros.shell.line import Line
+from atlantis_netcfg.emulator.routeros.shell.pages import Pages, folded
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+    from atlantis_netcfg.emulator.routeros.device import Printed
+    from atlantis_netcfg.emulator.routeros.shell.flags import Screen
+    from atlantis_netcfg.emulator.routeros.shell.talk import Talk
+
+__all__ = ["Session"]
+
+_PROBE = "\x1bZ\x1b[9999B\x1b[9999C\x1b[6n\r"
+"""What are you, and how far does your cursor go.
+
+tik4net, Docs/findings-cli.md; community.routeros answers the first.
+"""
+
+
+class Session:
+    """From login to logout. `write` takes bytes for the terminal; `over` says that the console has closed it.
+
+    A screen of unknown size is asked for it; `give_up()` says that no answer has come. Of a terminal without any size
+    the console then believes that it has no room: commands run, and nothing of their output is drawn (seen over
+    Telnet, tik4net, Docs/findings-cli.md).
+    """
+
+    def __init__(self, talk: Talk, screen: Screen, write: Callable[[bytes], None], *, sized: bool = True) -> None:
+        self.talk = talk
+        self.over = False
+        self.quitted = False
+        """It ended by `/quit`: what was done in safe mode stays."""
+        self._write = write
+        self._sized = sized or not screen.detect
+        self._keyboard = Keyboard()
+        self._line = Line(screen)
+        self._history: list[str] = []
+        self._recall = 0
+        self._mode: Callable[[str | Key], Awaitable[None]] = self._waiting
+        self._answer: Callable[[str], Awaitable[None]]
+        self._pages = Pages("", screen)
+        self.begun = False
+        """The terminal is known, or will not be."""
+
+    @property
+    def screen(self) -> Screen:
+        """What the console believes about the terminal."""
+        return self._line.screen
+
+    # --- what happens to it ----------------------------------------------------------------------------------------
+
+    async def start(self) -> None:
+        """Somebody has logged in."""
+        if self.screen.detect and not self.screen.dumb:
+            self.say(_PROBE)
+        else:
+            await self._begin()
+
+    async def give_up(self) -> None:
+        """The terminal has not said what it is."""
+        if not self.begun:
+            await self._begin()
+
+    async def feed(self, data: bytes) -> None:
+        """The terminal sends."""
+        for key in self._keyboard.feed(data):
+            if self.over:
+                return
+            if isinstance(key, Position):
+                self._measured(key)
+            if key is Key.IDENTIFIED or isinstance(key, Position):
+                await self.give_up()
+            else:
+                await self._mode(key)
+
+    def resize(self, width: int, height: int) -> None:
+        """The terminal has another size."""
+        self._line.screen = self.screen.sized(width, height)
+
+    def tell(self) -> None:
+        """Show what the router has to say unasked."""
+        for notice in self.talk.device.notices(self.talk.caller):
+            self.say(f"\r\n{notice}\r\n")
+            if self._mode == self._at_prompt:
+                self._line.prompt = self.talk.device.prompt(self.talk.caller)
+                self.say(self._line.afresh())
+
+    def say(self, text: str) -> None:
+        """Send to the terminal."""
+        if text:
+            self._write(text.encode(errors="surrogateescape"))
+
+    def lines(self, text: str) -> None:
+        """Show whole lines."""
+        if text and self._sized:
+            self.say("".join(f"{line}\r\n" for line in folded(text, self.screen.width)))
+
+    def ask(self, question: str, answer: Callable[[str], Awaitable[None]]) -> None:
+        """Wait for one key after a question."""
+        self.say(question)
+        self._answer = answer
+        self._mode = self._at_question
+
+    def ask_secret(self, prompt: str, answer: Callable[[str], Awaitable[None]]) -> None:
+        """Wait for a line that is not shown; Ctrl+C answers with its own character."""
+        self.say(self._line.begin(prompt, secret=True))
+        self._answer = answer
+        self._mode = self._at_secret
+
+    # --- beginning -------------------------------------------------------------------------------------------------
+
+    def _measured(self, corner: Position) -> None:
+        self._sized = True
+        self._line.screen = self.screen.sized(corner.column, corner.row)
+
+    async def _waiting(self, key: str | Key) -> None:
+        """What is typed before the prompt is there is lost. Assumption: console-first-login."""
+
+    async def _begin(self) -> None:
+        self.begun = True
+        self.lines(words.banner(self.talk.device))
+        self.lines(words.note(self.talk.device))
+        await Greeting(self, self._prompted).next()
+
+    async def _prompted(self) -> None:
+        """The console waits for a command."""
+        self._mode = self._at_prompt
+        self._recall = len(self._history)
+        self.say(self._line.begin(self.talk.device.prompt(self.talk.caller)))
+
+    # --- at the prompt ---------------------------------------------------------------------------------------------
+
+    async def _at_prompt(self, key: str | Key) -> None:
+        if isinstance(key, str):
+            self.say(self._line.insert(key))
+        elif key is Key.ENTER:
+            await self._enter()
+        elif key is Key.SAFE:
+            self.say("\r\n")
+            await self._answered(await self.talk.safe_key(""), "")
+        elif key is Key.CANCEL:
+            self.say("\r\n")
+            await self._prompted()
+        elif key is Key.EOF and not self._line.text:
+            self.say("\r\x1b7\x1b8" if not self.screen.dumb else "\r\n")
+            self.over = True
+        elif key in (Key.UP, Key.DOWN):
+            self._remember(-1 if key is Key.UP else 1)
+        else:
+            self.say(self._edited(key))
+
+    def _edited(self, key: Key) -> str:
+        line = self._line
+        moves = {Key.LEFT: line.at - 1, Key.RIGHT: line.at + 1, Key.HOME: 0, Key.END: len(line.text)}
+        if key in moves:
+            return line.move(moves[key])
+        if key is Key.BACKSPACE:
+            return line.erase()
+        if key in (Key.DELETE, Key.EOF):
+            return line.erase(ahead=True)
+        if key is Key.KILL_LINE:
+            return line.replace("")
+        if key is Key.KILL_END:
+            return line.cut()
+        return line.repaint() if key is Key.REDRAW and not line.screen.dumb else ""
+
+    def _remember(self, step: int) -> None:
+        self._recall = min(max(self._recall + step, 0), len(self._history))
+        text = self._history[self._recall] if self._recall < len(self._history) else ""
+        self.say(self._line.replace(text))
+
+    async def _enter(self) -> None:
+        """Run the line; a terminal that can is shown it once more before its output."""
+        line = self._line.text
+        ahead = self._line.move(len(line))
+        again = ahead if self.screen.dumb or not line.strip() else self._line.repaint()
+        self.say(f"{again}\r\n")
+        if not line.strip():
+            await self._prompted()
+            return
+        self._history.append(line)
+        await self._answered(await self.talk.type(line, self.screen.width), line)
+
+    async def _answered(self, printed: Printed, line: str) -> None:
+        """Show what the console printed, and go on as it says."""
+        if printed.over:
+            self.lines(printed.text)
+            self.over = True
+            self.quitted = printed.quitted
+        elif printed.asks:
+            self.ask(printed.asks, lambda key: self._decided(key, line))
+        elif printed.paged and not self.screen.dumb and self._sized:
+            self._pages = Pages(printed.text, self.screen)
+            await self._page(self._pages.next())
+        else:
+            self.lines(printed.text)
+            await self._prompted()
+
+    async def _decided(self, key: str, line: str) -> None:
+        """The question of a command was answered: y for a command, u or r for safe mode; anything else is no."""
+        self.say(f"{key}\r\n" if key >= " " else "\r\n")
+        if not line:
+            await self._answered(await self.talk.safe_key(key.lower() if key >= " " else "d"), "")
+        elif key.lower() == "y":
+            await self._answered(await self.talk.confirm(line), line)
+        else:
+            await self._prompted()
+
+    # --- other than the prompt -------------------------------------------------------------------------------------
+
+    async def _at_question(self, key: str | Key) -> None:
+        if key is Key.FEED:
+            return
+        self._mode = self._waiting
+        await self._answer(key if isinstance(key, str) else "\x03" if key is Key.CANCEL else "\r")
+
+    async def _at_secret(self, key: str | Key) -> None:
+        if isinstance(key, str):
+            self.say(self._line.insert(key))
+        elif key is Key.BACKSPACE:
+            self.say(self._line.erase())
+        elif key in (Key.ENTER, Key.CANCEL):
+            text = self._line.text if key is Key.ENTER else "\x03"
+            self.say("\r\n")
+            await self._answer(text)
+        elif key is Key.EOF:
+            self.over = True
+
+    async def _at_pager(self, key: str | Key) -> None:
+        if key is Key.FEED:
+            return
+        self.say("\r\x1b[K")
+        if key in ("q", "Q", Key.CANCEL):
+            await self._prompted()
+        elif key in ("d", "D"):
+            await self._page(self._pages.rest())
+        else:
+            await self._page(self._pages.next(1 if key in (Key.DOWN, Key.ENTER) else None))
+
+    async def _page(self, shown: str) -> None:
+        self.say(shown)
+        if self._pages.done:
+            await self._prompted()
+        else:
+            self.say(words.pager(self.talk.device))
+            self._mode = self._at_pager

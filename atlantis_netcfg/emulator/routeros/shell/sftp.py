@@ -1,0 +1,193 @@
+"""Files of the router by SFTP and SCP: the same that `/file` shows; a folder is a row there, and part of names."""
+
+from __future__ import annotations
+
+import posixpath
+import stat
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import asyncssh
+
+from atlantis_netcfg.emulator.routeros.answers import Trap
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from atlantis_netcfg.emulator.routeros.device import Device
+    from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
+    from atlantis_netcfg.emulator.routeros.wire.faults import Fault
+
+__all__ = ["Sftp"]
+
+
+@dataclass(slots=True)
+class _Handle:
+    name: str
+    data: bytearray
+    faults: list[Fault]
+    writing: bool
+
+
+class Sftp(asyncssh.SFTPServer):
+    """One SFTP or SCP channel."""
+
+    def __init__(self, chan: asyncssh.SSHServerChannel[bytes], connection: SshConnection) -> None:
+        super().__init__(chan)
+        self._channel = chan
+        self._connection = connection
+        self._device: Device = connection.device
+        self._caller = self._connection.caller()
+
+    def exit(self) -> None:
+        """The channel is done with."""
+        if not self._channel.is_closing():
+            self._channel.exit(0)
+        self._connection.left(self._caller)
+
+    async def open(self, path: bytes, pflags: int, attrs: asyncssh.SFTPAttrs) -> _Handle:
+        """Open for reading, or for writing from the start."""
+        del attrs
+        name = _name(path)
+        files = self._files()
+        writing = bool(pflags & asyncssh.FXF_WRITE)
+        if (not writing and name not in files) or not self._is_folder(name.rpartition("/")[0]):
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
+        faults = await self._connection.labour.begin(f"sftp {'put' if writing else 'get'} {name}")
+        data = b"" if pflags & asyncssh.FXF_TRUNC else files.get(name, b"")
+        if writing:
+            self._store(name, data)
+        return _Handle(name, bytearray(data), faults, writing)
+
+    def read(self, file_obj: object, offset: int, size: int) -> bytes:
+        """A piece of the file."""
+        return bytes(_handle(file_obj).data[offset : offset + size])
+
+    def write(self, file_obj: object, offset: int, data: bytes) -> int:
+        """Put a piece into its place, if there is room for it."""
+        handle = _handle(file_obj)
+        grown = max(0, offset + len(data) - len(handle.data))
+        if grown and grown > self._device.free_space(besides=handle.name) - len(handle.data):
+            raise asyncssh.SFTPNoSpaceOnFilesystem("disk full")
+        handle.data.extend(bytes(max(0, offset - len(handle.data))))
+        handle.data[offset : offset + len(data)] = data
+        return len(data)
+
+    async def close(self, file_obj: object) -> None:
+        """The file is complete, as far as it came: a name that ends with `.auto.rsc` is run."""
+        handle = _handle(file_obj)
+        if handle.writing:
+            self._store(handle.name, bytes(handle.data))
+            if handle.name.endswith(".auto.rsc") and not self._connection.over:
+                self._device.run_upload(self._caller, handle.name)
+        await self._connection.labour.end(handle.faults)
+
+    def stat(self, path: bytes) -> asyncssh.SFTPAttrs:
+        """Size and time."""
+        name = _name(path)
+        files = self._files()
+        if self._is_folder(name):
+            return asyncssh.SFTPAttrs(type=asyncssh.FILEXFER_TYPE_DIRECTORY, permissions=stat.S_IFDIR | 0o755, size=0)
+        if name not in files:
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
+        return _attributes(files[name])
+
+    lstat = stat
+
+    def fstat(self, file_obj: object) -> asyncssh.SFTPAttrs:
+        """The same for an open file."""
+        return _attributes(bytes(_handle(file_obj).data))
+
+    def setstat(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
+        """Times and modes are not kept."""
+
+    def fsetstat(self, file_obj: object, attrs: asyncssh.SFTPAttrs) -> None:
+        """Cut a file at a size; times and modes are not kept."""
+        if attrs.size is not None:
+            del _handle(file_obj).data[attrs.size :]
+
+    def fsync(self, file_obj: object) -> None:
+        """Flash is always in sync."""
+
+    async def scandir(self, path: bytes) -> AsyncIterator[asyncssh.SFTPName]:
+        """What a folder holds; the root is one."""
+        folder, files = _name(path), self._files()
+        if not self._is_folder(folder):
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {folder}")
+        for name in sorted({*files, *self._device.folders}):
+            above, _, last = name.rpartition("/")
+            if above == folder:
+                yield asyncssh.SFTPName(last.encode(), attrs=self.stat(name.encode()))
+
+    def remove(self, path: bytes) -> None:
+        """Delete a file."""
+        name = _name(path)
+        if name not in self._files() or not self._device.drop_file(name):
+            raise asyncssh.SFTPNoSuchFile("no such file")
+
+    def rename(self, oldpath: bytes, newpath: bytes) -> None:
+        """Call a file something else."""
+        files = self._files()
+        if _name(oldpath) not in files:
+            raise asyncssh.SFTPNoSuchFile("no such file")
+        self._store(_name(newpath), files[_name(oldpath)])
+        self._device.drop_file(_name(oldpath))
+
+    posix_rename = rename
+
+    def realpath(self, path: bytes) -> bytes:
+        """A session begins in the root, so relative names are names from there."""
+        return b"/" + _name(path).encode()
+
+    def mkdir(self, path: bytes, attrs: asyncssh.SFTPAttrs) -> None:
+        """Make a folder in one that is there."""
+        del attrs
+        name = _name(path)
+        files = self._files()
+        if name in files or self._is_folder(name) or not self._is_folder(name.rpartition("/")[0]):
+            raise asyncssh.SFTPFailure(f"cannot make {name}")
+        try:
+            self._device.make_folder(self._caller, name)
+        except Trap as refused:
+            raise asyncssh.SFTPPermissionDenied(refused.message) from refused
+
+    def rmdir(self, path: bytes) -> None:
+        """Delete an empty folder."""
+        name = _name(path)
+        if any(other.startswith(f"{name}/") for other in (*self._files(), *self._device.folders)):
+            raise asyncssh.SFTPFailure(f"{name} is not empty")
+        if name not in self._device.folders or not self._device.drop_file(name):
+            raise asyncssh.SFTPNoSuchFile(f"no such file: {name}")
+
+    def _is_folder(self, name: str) -> bool:
+        return not name or name in self._device.folders
+
+    def _files(self) -> dict[str, bytes]:
+        try:
+            return self._device.file_data(self._caller)
+        except Trap as refused:
+            raise asyncssh.SFTPPermissionDenied(refused.message) from refused
+
+    def _store(self, name: str, data: bytes) -> None:
+        try:
+            self._device.store_file(self._caller, name, data)
+        except Trap as refused:
+            raise asyncssh.SFTPNoSpaceOnFilesystem(refused.message) from refused
+
+
+def _name(path: bytes) -> str:
+    text = path.decode(errors="surrogateescape")
+    return posixpath.normpath(f"/{text}").strip("/")
+
+
+def _handle(file_obj: object) -> _Handle:
+    if not isinstance(file_obj, _Handle):
+        raise asyncssh.SFTPFailure("not a file of ours")
+    return file_obj
+
+
+def _attributes(data: bytes) -> asyncssh.SFTPAttrs:
+    now = int(time.time())
+    kind, mode = asyncssh.FILEXFER_TYPE_REGULAR, stat.S_IFREG | 0o644
+    return asyncssh.SFTPAttrs(type=kind, size=len(data), permissions=mode, atime=now, mtime=now)

@@ -1,0 +1,94 @@
+"""The twins of a site together, from one specification that is plain JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+from atlantis_netcfg.emulator.routeros.radio import RadioLink
+from atlantis_netcfg.emulator.routeros.router import Router
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import TracebackType
+
+    from atlantis_netcfg.emulator.routeros.spec import SiteSpec
+
+__all__ = ["Site"]
+
+
+class Site:
+    """The twins of `spec`, each with its own folder below `state_dir`; `async with` starts and stops them."""
+
+    def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
+        self.spec = spec
+        self.routers = {
+            twin.router.name: Router(
+                twin.router,
+                state_dir=state_dir / twin.router.name,
+                link=twin.link,
+                knobs=twin.knobs,
+                ports=twin.ports,
+            )
+            for twin in spec.twins
+        }
+        self.links = tuple(RadioLink(pair, self.routers[pair.near], self.routers[pair.far]) for pair in spec.pairs)
+        self._running: list[Router] = []
+
+    async def start(self) -> None:
+        """Start all twins, or none."""
+        try:
+            for router in self.routers.values():
+                await router.start()
+                self._running.append(router)
+            for link in self.links:
+                link.start()
+        except BaseException:
+            await self.stop()
+            raise
+
+    async def stop(self) -> None:
+        """Stop all; what went wrong inside them is raised together."""
+        failures: list[Exception] = []
+        for link in self.links if len(self._running) == len(self.routers) else ():
+            link.stop()
+        while self._running:
+            try:
+                await self._running.pop().stop()
+            except Exception as failure:  # noqa: BLE001 (the other twins have to be stopped, too)
+                failures.append(failure)
+        if failures:
+            raise ExceptionGroup(f"twins of {self.spec.name}", failures)
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.stop()
+
+    def describe(self) -> dict[str, Any]:
+        """Where each twin is to be found, as JSON-able data."""
+        return {name: describe(router) for name, router in self.routers.items()}
+
+
+def describe(router: Router) -> dict[str, Any]:
+    """Where one twin is to be found; a service that does not listen is null."""
+    return {
+        "host": router.host,
+        "api": router.ports.get("api"),
+        "api_ssl": router.ports.get("api-ssl"),
+        "ssh": router.ports.get("ssh"),
+        "host_key": router.host_key,
+        "serial": router.serial,
+        "ports": {str(service): loopback for service, loopback in router.port_map.items()},
+        "pin": router.pin,
+        "address": router.spec.management.local,
+        "first_contact": None
+        if router.spec.first_contact is None
+        else {
+            "address": router.spec.first_contact.local,
+            "ports": {str(service): loopback for service, loopback in router.first_contact_ports.items()},
+        },
+    }

@@ -1,0 +1,111 @@
+"""Packages of a router twin: `.npk` files on its flash, and what a reboot makes of them (Manual, Packages; Upgrade).
+
+Nothing is unpacked and no signature is checked: name, version and architecture are read from the file's header (see
+repositories rsa9000/npk-tools and botlabsDev/npkpy), and a router boots with another version's command tree. The words
+in the log when a package is not taken are ours: the manual shows them in a picture only.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.emulator.routeros.core import File
+    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+
+__all__ = ["Boot", "PackageFile", "boot_with", "package_file"]
+
+_MAGIC = b"\x1e\xf1\xd0\xba"
+_SYSTEM, _MAIN = "system", "routeros"
+_INFO, _MULTIPLE, _ARCHITECTURE = 1, 18, 16
+_X86 = {"i386": "x86", "x86_64": "x86"}
+
+
+@dataclass(frozen=True, slots=True)
+class PackageFile:
+    """What `/file` tells of a package: `package-name`, `package-version`, `package-architecture`."""
+
+    name: str
+    version: str
+    architecture: str
+
+    @property
+    def package(self) -> str:
+        """The name in `/system/package`."""
+        return _MAIN if self.name == _SYSTEM or self.name.startswith(f"{_MAIN}-") else self.name
+
+
+def package_file(contents: str) -> PackageFile | None:
+    """Read the header; None for what is no whole package."""
+    data = contents.encode(errors="surrogateescape")
+    if data[:4] != _MAGIC or len(data) < 8 or int.from_bytes(data[4:8], "little") != len(data) - 8:  # noqa: PLR2004
+        return None
+    name = version = architecture = ""
+    place = 8
+    while place + 6 <= len(data):
+        kind, size = struct.unpack_from("<HI", data, place)
+        body = data[place + 6 : place + 6 + size]
+        place += 6 + size
+        if kind in (_INFO, _MULTIPLE) and not name and len(body) >= 20:  # noqa: PLR2004 - name and version
+            name = body[:16].rstrip(b"\0").decode("ascii", "replace")
+            patch, _, minor, major = body[16:20]
+            version = f"{major}.{minor}" + (f".{patch}" if patch else "")
+        if kind == _ARCHITECTURE:
+            architecture = body.decode("ascii", "replace")
+    return PackageFile(name, version, architecture) if place == len(data) and name and architecture else None
+
+
+@dataclass(frozen=True, slots=True)
+class Boot:
+    """What the router is after a boot: its spec, the files that are left, and what it wrote to its log."""
+
+    spec: RouterSpec
+    files: Mapping[str, File]
+    log: tuple[tuple[str, str], ...] = ()
+    """Topics and message."""
+
+
+def boot_with(spec: RouterSpec, files: Mapping[str, File]) -> Boot:
+    """Install the packages in the root folder: all of the new system's version, or those that are installed already."""
+    found = {
+        name: package
+        for name, file in files.items()
+        if name.endswith(".npk") and "/" not in name and (package := package_file(file.contents)) is not None
+    }
+    if not found:
+        return Boot(spec, files)
+    own = _X86.get(spec.architecture, spec.architecture)
+    right = {name: one for name, one in found.items() if _X86.get(one.architecture, one.architecture) == own}
+    log = [
+        ("system,error", f"can not install {one.package}-{one.version}: it is made for {one.architecture}, not {own}")
+        for name, one in found.items()
+        if name not in right
+    ]
+    after = _installed(spec, tuple(right.values()), log)
+    left = {name: file for name, file in files.items() if name not in found}
+    return Boot(after, left, tuple(log))
+
+
+def _installed(spec: RouterSpec, given: tuple[PackageFile, ...], log: list[tuple[str, str]]) -> RouterSpec:
+    system = next((one for one in given if one.package == _MAIN), None)
+    version = system.version if system is not None else spec.version
+    fit = [one.package for one in given if one.version == version]
+    log.extend(
+        ("system,error", f"can not install {one.package}-{one.version}: system-{one.version} is needed")
+        for one in given
+        if one.version != version
+    )
+    kept = spec.packages if version == spec.version else ()
+    if version != spec.version:
+        log.extend(
+            ("system,info", f"removed {name}-{spec.version}: it needs system-{spec.version}")
+            for name in spec.packages
+            if name not in fit
+        )
+    log.extend(("system,info", f"installed {name}-{version}") for name in fit)
+    packages = tuple(dict.fromkeys((*kept, *sorted(fit))))
+    return spec.model_copy(update={"version": version, "packages": packages})

@@ -1,0 +1,247 @@
+"""What twins are made of: the box, its version and device-mode, its users, the path by which we manage it; a site.
+
+Everything here is data that survives a round trip through JSON
+(`RouterSpec.model_validate_json(spec.model_dump_json())`).
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from enum import StrEnum
+from ipaddress import IPv4Address, IPv4Interface
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from atlantis_netcfg.emulator.routeros.environment._spec import Around
+from atlantis_netcfg.emulator.routeros.lte._spec import ModemSpec
+from atlantis_netcfg.emulator.routeros.radio._spec import RadioPair
+from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+from atlantis_netcfg.emulator.routeros.wire.link import Link
+
+__all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "SiteSpec", "TwinSpec", "User"]
+
+ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class User(_Spec):
+    """An account of the router; `group` names a row of `/user/group`."""
+
+    name: str
+    password: str = ""
+    group: str = "full"
+    disabled: bool = False
+    address: str = ""
+
+
+class Management(_Spec):
+    """The path by which the technician reaches the router: `technician` sends packets into `port` to `address`.
+
+    The port is a radio where the technician stands at the other end of a radio link.
+    """
+
+    address: str = "10.64.101.1/24"
+    port: str = "ether8"
+    technician: str = "10.64.101.10"
+
+    @property
+    def local(self) -> str:
+        """The router's own address, without its prefix length."""
+        return str(IPv4Interface(self.address).ip)
+
+    @property
+    def network(self) -> IPv4Address:
+        """The address of the network that the router and the technician share."""
+        return IPv4Interface(self.address).network.network_address
+
+    @model_validator(mode="after")
+    def _addresses(self) -> Self:
+        IPv4Interface(self.address)
+        IPv4Address(self.technician)
+        return self
+
+
+class Mode(StrEnum):
+    """Modes of `/system/device-mode` (Manual, Device-mode)."""
+
+    HOME = "home"
+    BASIC = "basic"
+    ADVANCED = "advanced"
+    ROSE = "rose"
+
+
+class DeviceMode(_Spec):
+    """`/system/device-mode`: a mode, features that were switched one by one (`{"scheduler": False}`), and the flag."""
+
+    mode: Mode = Mode.ADVANCED
+    features: dict[str, bool] = Field(default_factory=dict)
+    flagged: bool = False
+
+
+class Deviation(StrEnum):
+    """What a router may do otherwise than engine and twin assume: the id of each row of routeros/assumptions.py.
+
+    For others there are `Knobs`, `Execute`, `history_limit`, `unroll_delay_s` and `silent_timeout_s`.
+    """
+
+    COUNTS = "api-count-only"
+    """`count-only` prints the rows."""
+    NO_PING = "api-ping-path"
+    """There is no `/tool/ping`."""
+    HISTORY_NAMES = "history-names-ids"
+    """The history names rows by their number in a print."""
+    HISTORY_ORDER = "history-newest-first"
+    """The oldest entry comes first."""
+    IDS = "api-ids-grow"
+    """The `.id` of a row that was removed is used again."""
+    PIN_WORDS = "lte-pin-words"
+    """A driver of its own words."""
+    POWER_LOSS = "safe-mode-power-loss"
+    """What is in safe mode when the power fails is on the flash, and stays."""
+    PROPERTIES = "api-unknown-property"
+    """A property that no row has is refused."""
+    SCRIPT_ENTRIES = "safe-mode-counts-rows"
+    """A script is one entry of the history."""
+    SCRIPT_GOES_ON = "execute-stops"
+    """A script goes on after an error."""
+    SCRIPT_STAYS = "safe-mode-undoes-scripts"
+    """What a script has changed stays when safe mode is unrolled."""
+    SECOND_TAKER = "safe-mode-second-taker"
+    """Safe mode goes to whoever takes it last."""
+    SESSIONS = "api-sessions-newest-last"
+    """The newest session comes first."""
+    TIMES = "netwatch-values"
+    """Intervals of netwatch are numbers of milliseconds."""
+
+
+class Execute(StrEnum):
+    """What `/execute as-string` does when its script stops at an error, or that the router has no `/execute`.
+
+    Assumption: execute-error-text
+    """
+
+    OUTPUT = "output"
+    """The error's text is the last line of the output."""
+    TRAP = "trap"
+    """The output is lost and the error comes as `!trap`."""
+    NONE = "none"
+    """`no such command`."""
+
+
+class Radio(_Spec):
+    """A radio on the board; the package that is installed drives it: `wireless`, or one called `wifi-...`."""
+
+    name: str = "wlan1"
+    """Factory name: `wlan1` with the older driver, `wifi1` with the newer."""
+    power_dbm: float = 25.0
+    """The most that the card sends."""
+    gain_dbi: float = 16.0
+    """Of the antenna built into the box."""
+
+
+class RouterSpec(_Spec):
+    """One emulated router in its "adopted" state: the factory's rows without a default configuration, then `seed`."""
+
+    name: str
+    version: str = "7.18.2"
+    board: str = "RB5009UPr+S+"
+    architecture: str = "arm64"
+    serial_number: str = "HGX0A1B2C3D"
+    ports: tuple[str, ...] = ETHERNETS
+    poe_ports: tuple[str, ...] = ETHERNETS
+    radios: tuple[Radio, ...] = ()
+    modem: ModemSpec | None = None
+    device_mode: DeviceMode = DeviceMode()
+    packages: tuple[str, ...] = ("routeros",)
+    users: tuple[User, ...] = (User(name="provision"),)
+    management: Management = Management()
+    history_limit: int = Field(default=100, ge=1)
+    """Actions that `/system/history` keeps; one more in safe mode and the session leaves it without a word."""
+    unroll_delay_s: float = Field(default=2.15, ge=0)
+    """From a clean close of the session that holds safe mode until its changes are undone.
+
+    Assumption: safe-mode-close
+    """
+    silent_timeout_s: float = Field(default=540.0, ge=0)
+    """From a silent loss of that session until the router notices. Assumption: api-silent-session"""
+    deviations: tuple[Deviation, ...] = ()
+    """What it does otherwise than assumed."""
+    clock: datetime = datetime(2026, 1, 1, 8, 0, tzinfo=UTC)
+    """What the router's clock shows when the twin starts; a box without battery wakes up in 1970."""
+    seed: str = ""
+    """Export-style text that was applied when the router was adopted; not in the history."""
+    certificates: tuple[str, ...] = ("atlantis-api",)
+    neighbours: tuple[str, ...] = ()
+    """Addresses that answer `/ping` when a route leads to them."""
+    around: Around = Around()
+    """What else stands around it: cards, loads on PoE, the far end of a VPN, other DHCP servers."""
+    execute: Execute = Execute.OUTPUT
+    disk_bytes: int = Field(default=1041235968, ge=0)
+    """What its files may take together."""
+    serial: bool = False
+    """It has a serial line: a pty whose path the running twin tells."""
+    factory: bool = False
+    """As it comes out of its box: the console asks about licence, default configuration and password.
+
+    It has the default configuration and the users of the spec (name `admin`), no certificate and no management address.
+    """
+    first_contact: Management | None = None
+    """A second way in, beside `management`: a laptop on a port of the factory's network."""
+
+    @property
+    def answering(self) -> tuple[str, ...]:
+        """Every address that answers pings and ARP."""
+        return tuple(dict.fromkeys((*self.neighbours, *self.around.cards)))
+
+    @property
+    def paths(self) -> tuple[Management, ...]:
+        """Every place from which the router is managed, the declared one first."""
+        return (self.management,) if self.first_contact is None else (self.management, self.first_contact)
+
+    @model_validator(mode="after")
+    def _ports(self) -> Self:
+        there = {*self.ports, *(radio.name for radio in self.radios)}
+        unknown = {*(path.port for path in self.paths), *self.poe_ports} - there
+        if unknown:
+            raise ValueError(f"no such port on {self.name}: {', '.join(sorted(unknown))}")
+        return self
+
+
+class TwinSpec(_Spec):
+    """A router, the bearer that leads to it, and its moods."""
+
+    router: RouterSpec
+    link: Link = Link()
+    knobs: Knobs = Knobs()
+    ports: dict[int, int] = Field(default_factory=dict)
+    """Loopback ports wished for, by service port; the kernel chooses the others."""
+
+
+class SiteSpec(_Spec):
+    """All twins of a site."""
+
+    name: str
+    twins: tuple[TwinSpec, ...]
+    pairs: tuple[RadioPair, ...] = ()
+    """Radio links between them."""
+
+    @model_validator(mode="after")
+    def _ends(self) -> Self:
+        radios = {twin.router.name: [radio.name for radio in twin.router.radios] for twin in self.twins}
+        for pair in self.pairs:
+            for name, radio in ((pair.near, pair.near_radio), (pair.far, pair.far_radio)):
+                if radio not in radios.get(name, ()):
+                    raise ValueError(f"there is no radio {radio} on a twin called {name}")
+        return self
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = [twin.router.name for twin in self.twins]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"two twins are called {', '.join(twice)}")
+        return self

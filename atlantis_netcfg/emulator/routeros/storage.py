@@ -1,0 +1,76 @@
+"""The files of a device as a transfer sees them: bytes by name, a disk of limited size, rights."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Trap
+from atlantis_netcfg.emulator.routeros.console.run import run_file
+from atlantis_netcfg.emulator.routeros.core import File
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.answers import Caller
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+__all__ = ["FileSide"]
+
+_UPLOAD = ".auto.rsc"
+
+
+class FileSide:
+    """What `Device` adds for SFTP. Transfers need the policy `ftp` (Manual, User). Assumption: sftp-policy."""
+
+    _core: Core
+
+    def tick(self) -> None:
+        """Do what has become due."""
+        raise NotImplementedError
+
+    def file_data(self, caller: Caller) -> dict[str, bytes]:
+        """All files. Raises Trap."""
+        self.tick()
+        if not {"ftp", "read"} <= self._core.policies(caller):
+            raise Trap("not enough permissions (9)")
+        return {
+            name: file.contents.encode(errors="surrogateescape")
+            for name, file in self._core.files.items()
+            if not file.folder
+        }
+
+    @property
+    def folders(self) -> frozenset[str]:
+        """All folders but the root."""
+        return frozenset(name for name, file in self._core.files.items() if file.folder)
+
+    def make_folder(self, caller: Caller, name: str) -> None:
+        """Make an empty folder. Raises Trap."""
+        if not {"ftp", "write"} <= self._core.policies(caller):
+            raise Trap("not enough permissions (9)")
+        self._core.files[name] = File(self._core.number(), "", self._core.stamp(), folder=True)
+
+    def free_space(self, *, besides: str = "") -> int:
+        """Bytes that a file could take which replaces the one called `besides`."""
+        return self._core.free_space(besides=besides)
+
+    def store_file(self, caller: Caller, name: str, data: bytes) -> None:
+        """Write a file anew. Raises Trap."""
+        core = self._core
+        if not {"ftp", "write"} <= core.policies(caller):
+            raise Trap("not enough permissions (9)")
+        if len(data) > self.free_space(besides=name):
+            raise Trap(DISK_FULL)
+        number = core.files[name].number if name in core.files else core.number()
+        core.files[name] = File(number, data.decode(errors="surrogateescape"), core.stamp())
+
+    def drop_file(self, name: str) -> bool:
+        """Delete a file; False if there is none."""
+        return self._core.files.pop(name, None) is not None
+
+    def run_upload(self, caller: Caller, name: str) -> None:
+        """Run a file whose name ends with `.auto.rsc`, and leave `.auto.log` (Manual, Configuration Management)."""
+        core = self._core
+        outcome = run_file(core, caller, core.files[name].contents)
+        report = name.removesuffix(".rsc") + ".log"
+        self.store_file(
+            caller, report, (outcome.output + "\n" if outcome.output else "").encode(errors="surrogateescape")
+        )

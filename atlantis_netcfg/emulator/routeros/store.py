@@ -1,0 +1,241 @@
+"""The configuration: tables of rows, references by id, and every change as an exact pair of before and after."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Menu, Shape, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.values import reference, references, spell
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.emulator.routeros.menus import Arg
+    from atlantis_netcfg.emulator.routeros.schema import Schema
+
+__all__ = ["Change", "Item", "Placed", "Store", "Table"]
+
+_SPACE_MENUS = {"bridge": ("/interface/bridge",), "interface": INTERFACES}
+
+
+@dataclass(slots=True)
+class Item:
+    """One row. `values` holds what was given, in stored form; what is missing has its default."""
+
+    id: int
+    values: dict[str, str]
+    factory: dict[str, str] | None = None
+    """What the row held when the router left the factory; None: somebody added it."""
+    dynamic: bool = False
+
+
+class Placed(NamedTuple):
+    """The content of a row and its position."""
+
+    values: dict[str, str]
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One row before and after; None is "not there"."""
+
+    menu: str
+    id: int
+    before: Placed | None
+    after: Placed | None
+
+
+@dataclass(slots=True)
+class Table:
+    """The rows of one menu in their order."""
+
+    menu: Menu
+    args: dict[str, Arg]
+    """Arguments that the router's version and board have."""
+    items: list[Item] = field(default_factory=list)
+
+    def find(self, number: int) -> Item | None:
+        """Return the row with this id."""
+        return next((item for item in self.items if item.id == number), None)
+
+
+class Store:
+    """All tables of a router; the name space of references."""
+
+    def __init__(self, schema: Schema, *, reuses_ids: bool = False) -> None:
+        self.schema = schema
+        self._reuses_ids = reuses_ids
+        self.tables: dict[str, Table] = {}
+        self.counters: dict[str, int] = {}
+        self.revision = 0
+        self.changes: list[Change] = []
+        """Changes that no history entry holds yet."""
+        self._dynamic_ids: dict[tuple[str, str, int], int] = {}
+
+    def table(self, path: str) -> Table:
+        """Return the table of a menu that the schema has, an empty one at first use."""
+        if path not in self.tables:
+            menu = MODELLED.get(path) or generic(self.schema, path)
+            names = self.schema.arguments(path, "add") | self.schema.arguments(path, "set")
+            fixed = {menu.called} if menu.shape is Shape.FIXED else set()
+            known = [arg for arg in menu.args if arg.name in names | fixed]
+            rest = unmodelled(path, names - set(menu.by_name))
+            self.tables[path] = Table(menu, {arg.name: arg for arg in (*known, *rest)})
+        return self.tables[path]
+
+    # --- names -----------------------------------------------------------------------------------------------------
+
+    def space_tables(self, space: str) -> Iterator[Table]:
+        """Yield the tables whose rows a space holds."""
+        for path in _SPACE_MENUS.get(space, ()):
+            yield self.table(path)
+        for path, table in list(self.tables.items()):
+            if table.menu.space == space and path not in _SPACE_MENUS.get(space, ()):
+                yield table
+
+    def id_of(self, space: str, name: str) -> int | None:
+        """Return the id of the row of that name, None if there is none."""
+        for table in self.space_tables(space):
+            for item in table.items:
+                if self.text(table, item, "name") == name:
+                    return item.id
+        return None
+
+    def name_of(self, space: str, number: int) -> str | None:
+        """Return the name of the row, None if it has gone."""
+        for table in self.space_tables(space):
+            if (item := table.find(number)) is not None:
+                return self.text(table, item, "name")
+        return None
+
+    def text(self, table: Table, item: Item, name: str) -> str | None:
+        """Return a property as an export spells it; None: it is not set and has no default."""
+        if name in item.values:
+            return spell(item.values[name], self)
+        arg = table.args.get(name)
+        return arg.default if arg is not None else None
+
+    def target(self, table: Table, item: Item, name: str) -> int | None:
+        """Return the id of the row that a property refers to, also by its default."""
+        stored = item.values.get(name)
+        if stored is None and (arg := table.args.get(name)) is not None and arg.default is not None:
+            stored = arg.kind.parse(arg.default, self)
+        return next((number for _, number in references(stored or "")), None)
+
+    def refer(self, space: str, name: str) -> str:
+        """Make the stored form of a reference to a row that exists. Raises LookupError."""
+        number = self.id_of(space, name)
+        if number is None:
+            raise LookupError(f"no {space} called {name}")
+        return reference(space, number)
+
+    # --- ids -------------------------------------------------------------------------------------------------------
+
+    def new_id(self, path: str) -> int:
+        """Draw the next id of a menu; interfaces of all kinds share theirs. Assumption: api-ids-grow."""
+        menu = self.table(path).menu
+        if self._reuses_ids and menu.space != "interface":
+            taken = {item.id for item in self.table(path).items}
+            return next(number for number in itertools.count(menu.first_id) if number not in taken)
+        key = "interface" if menu.space == "interface" else path
+        number = self.counters.get(key, menu.first_id)
+        self.counters[key] = number + 1
+        return number
+
+    def dynamic_id(self, path: str, why: str, source: int) -> int:
+        """Return the lasting id of a row that the router makes by itself because of row `source`."""
+        key = (path, why, source)
+        if key not in self._dynamic_ids:
+            self._dynamic_ids[key] = self.new_id(path)
+        return self._dynamic_ids[key]
+
+    # --- changes ---------------------------------------------------------------------------------------------------
+
+    def place(self, path: str, number: int) -> Placed | None:
+        """Return a row's content and position as they are now."""
+        items = self.table(path).items
+        return next((Placed(dict(item.values), at) for at, item in enumerate(items) if item.id == number), None)
+
+    def insert(self, path: str, values: Mapping[str, str], index: int | None = None) -> Item:
+        """Add a row, at the end if no index is given."""
+        items = self.table(path).items
+        item = Item(self.new_id(path), dict(values))
+        items.insert(len(items) if index is None else index, item)
+        self._note(Change(path, item.id, None, self.place(path, item.id)))
+        return item
+
+    def update(self, path: str, item: Item, values: Mapping[str, str]) -> None:
+        """Give a row new content."""
+        before = self.place(path, item.id)
+        item.values = dict(values)
+        self._note(Change(path, item.id, before, self.place(path, item.id)))
+
+    def move(self, path: str, item: Item, index: int) -> None:
+        """Put a row at a position, counted without itself."""
+        before = self.place(path, item.id)
+        items = self.table(path).items
+        items.remove(item)
+        items.insert(index, item)
+        self._note(Change(path, item.id, before, self.place(path, item.id)))
+
+    def remove(self, path: str, item: Item) -> None:
+        """Take a row away."""
+        before = self.place(path, item.id)
+        self.table(path).items.remove(item)
+        self._note(Change(path, item.id, before, None))
+
+    def _note(self, change: Change) -> None:
+        self.revision += 1
+        self.changes.append(change)
+
+    def put_back(self, change: Change, *, forward: bool = False) -> None:
+        """Undo (or redo) one change: content, position and id."""
+        self.revision += 1
+        table = self.table(change.menu)
+        wanted = change.after if forward else change.before
+        item = table.find(change.id)
+        if item is not None:
+            table.items.remove(item)
+        if wanted is not None:
+            item = item or Item(change.id, {})
+            item.values = dict(wanted.values)
+            table.items.insert(wanted.position, item)
+
+    # --- flash -----------------------------------------------------------------------------------------------------
+
+    def dump(self) -> dict[str, Any]:
+        """Return everything as JSON-able data."""
+        return {
+            "counters": dict(self.counters),
+            "tables": {
+                path: [
+                    [item.id, dict(item.values), item.factory, item.dynamic]
+                    for item in table.items
+                    if not item.dynamic or item.factory is not None
+                ]
+                for path, table in sorted(self.tables.items())
+            },
+        }
+
+    def load(self, data: Mapping[str, Any], *, upgraded: bool = False) -> None:
+        """Replace everything by what `dump` returned.
+
+        `upgraded`: it was written by another version. What this one does not know is dropped, where a device converts
+        some of it; what it has beyond keeps the factory's rows.
+        """
+        self.counters = {**self.counters, **data["counters"]} if upgraded else dict(data["counters"])
+        if not upgraded:
+            self.tables.clear()
+        for path, rows in data["tables"].items():
+            if upgraded and not self.schema.has_menu(path):
+                continue
+            table = self.table(path)
+            table.items = [Item(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows]
+            for item in table.items if upgraded else ():
+                item.values = {name: value for name, value in item.values.items() if name in {*table.args, "name"}}
+        self.changes.clear()
+        self._dynamic_ids.clear()
+        self.revision += 1

@@ -1,0 +1,222 @@
+"""Addresses, prefixes, ranges, ports."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from ipaddress import (
+    AddressValueError,
+    IPv4Address,
+    IPv4Interface,
+    IPv4Network,
+    NetmaskValueError,
+    ip_address,
+    ip_network,
+)
+
+from atlantis_netcfg.emulator.routeros.values._base import INVALID, NOT_OFFERED, BadValue, Kind, Names, reference
+
+__all__ = ["Address", "Addresses", "Gateway", "HostPrefix", "Mac", "Matcher", "Ports", "Prefixes", "Ranges"]
+
+_HOST_NAME = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_-]{1,63})*\.?")
+_SHORT = re.compile(r"(?<![\w.:/-])(\d{1,3}(?:\.\d{1,3})?)\.(\d{1,3})(?![\w.:/-])")
+_LAST_PORT = 65535
+_WHOLE = 32
+
+
+def expanded(text: str) -> str:
+    """Return the address that the console makes of `2.2` (2.0.0.2) or `2.1.1` (2.1.0.1), in a list or range too."""
+    return _SHORT.sub(lambda found: f"{found[1]}{'.0' * (2 - found[1].count('.'))}.{found[2]}", text)
+
+
+def _address(text: str, *, v6: bool = True) -> str:
+    try:
+        return str(ip_address(text) if v6 else IPv4Address(text))
+    except ValueError as error:
+        raise BadValue from error
+
+
+@dataclass(frozen=True, slots=True)
+class Address(Kind):
+    """One IP address; `names`: or a DNS name; `v6=False`: IPv4 only; `empty`: or nothing."""
+
+    v6: bool = True
+    dns: bool = False
+    empty: bool = False
+    words: tuple[str, ...] = ()
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise the address."""
+        if (not text and self.empty) or text in self.words:
+            return text
+        looks_numeric = re.fullmatch(r"[\d.]+", text)
+        if self.dns and not looks_numeric and _HOST_NAME.fullmatch(text):
+            return text
+        return _address(text, v6=self.v6)
+
+    def typed(self, text: str) -> str:
+        """Take short forms."""
+        return expanded(text)
+
+
+@dataclass(frozen=True, slots=True)
+class Addresses(Kind):
+    """A list of addresses, perhaps empty."""
+
+    one: Address = Address()
+
+    def parse(self, text: str, names: Names) -> str:
+        """Normalise each."""
+        return ",".join(self.one.parse(part, names) for part in text.split(",")) if text else ""
+
+
+@dataclass(frozen=True, slots=True)
+class HostPrefix(Kind):
+    """An address with the length of its network, `10.0.0.1/24`; without a length it is a /32."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take `10.0.0.1/24` and `10.0.0.1/255.255.255.0`."""
+        try:
+            return str(IPv4Interface(text))
+        except (AddressValueError, NetmaskValueError) as error:
+            raise BadValue from error
+
+    def code(self, typed: str) -> str:
+        """Print what stands for the missing length too."""
+        return f"{typed};"
+
+    def exported(self, stored: str) -> str:
+        """Leave a /32 out, as the exports of many routers do."""
+        return stored.removesuffix(f"/{_WHOLE}")
+
+    def typed(self, text: str) -> str:
+        """Take short forms."""
+        return expanded(text)
+
+
+@dataclass(frozen=True, slots=True)
+class Prefixes(Kind):
+    """One network or (`many`) a list of them; host bits are cleared, as RouterOS does. A single address is a /32."""
+
+    many: bool = False
+    v6: bool = True
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise each network."""
+        parts = text.split(",") if self.many and text else [text] if text or not self.many else []
+        return ",".join(map(self._network, parts))
+
+    def _network(self, text: str) -> str:
+        try:
+            return str(ip_network(text, strict=False) if self.v6 else IPv4Network(text, strict=False))
+        except ValueError as error:
+            raise BadValue from error
+
+
+def _range(text: str) -> str:
+    first, dash, last = text.partition("-")
+    if dash:
+        if not last:
+            raise BadValue("value of range must have ip address after '-'")
+        low, high = _address(first, v6=False), _address(last, v6=False)
+        if IPv4Address(low) > IPv4Address(high):
+            raise BadValue
+        return f"{low}-{high}"
+    try:
+        network = IPv4Network(text, strict=False)
+    except ValueError as error:
+        raise BadValue from error
+    return str(network.network_address) if network.prefixlen == _WHOLE else str(network)
+
+
+@dataclass(frozen=True, slots=True)
+class Matcher(Kind):
+    """What a rule matches or an address list holds: address, network or range of IPv4; `dns`: or a DNS name."""
+
+    dns: bool = False
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise it; a /32 is printed as its address."""
+        if self.dns and re.search(r"[A-Za-z]", text) and _HOST_NAME.fullmatch(text):
+            return text
+        return _range(text)
+
+    def code(self, typed: str) -> str:
+        """Print what stands for the missing sign too."""
+        return f";{typed}"
+
+    def typed(self, text: str) -> str:
+        """Take short forms."""
+        return expanded(text)
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges(Kind):
+    """The ranges of a pool, separated by commas."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise each range."""
+        return ",".join(map(_range, text.split(",")))
+
+
+@dataclass(frozen=True, slots=True)
+class Mac(Kind):
+    """A MAC address, printed in capitals with colons."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take `:`, `-` and `.` between the bytes."""
+        if not re.fullmatch(r"[0-9A-Fa-f]{2}(?:([:.-])[0-9A-Fa-f]{2})(?:\1[0-9A-Fa-f]{2}){4}", text):
+            raise BadValue
+        return re.sub(r"[.-]", ":", text).upper()
+
+
+@dataclass(frozen=True, slots=True)
+class Ports(Kind):
+    """Ports and ranges of ports: `80,443,1000-2000`; `single`: one port or range only."""
+
+    single: bool = False
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Check every number."""
+        parts = text.split(",")
+        if self.single and len(parts) > 1:
+            raise BadValue
+        return ",".join(map(self._ports, parts))
+
+    @staticmethod
+    def _ports(text: str) -> str:
+        match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
+        if match is None:
+            raise BadValue
+        low, high = int(match[1]), int(match[2] or match[1])
+        if not low <= high <= _LAST_PORT:
+            raise BadValue
+        return str(low) if match[2] is None else f"{low}-{high}"
+
+
+@dataclass(frozen=True, slots=True)
+class Gateway(Kind):
+    """A next hop: address, interface, or both (`10.0.0.1%ether1`), perhaps looked up in a VRF (`10.0.0.1@main`)."""
+
+    def parse(self, text: str, names: Names) -> str:
+        """Turn interfaces and VRFs into references."""
+        hop, at, vrf = text.partition("@")
+        if at and (number := names.id_of("table", vrf)) is not None:
+            return self._hop(hop, names) + "@" + reference("table", number)
+        if at:
+            raise BadValue
+        return self._hop(hop, names)
+
+    @staticmethod
+    def _hop(text: str, names: Names) -> str:
+        address, percent, interface = text.partition("%")
+        if not percent:
+            try:
+                return str(ip_address(address))
+            except ValueError:
+                address, interface = "", text
+        number = names.id_of("interface", interface)
+        if number is None:
+            raise BadValue(NOT_OFFERED if percent or not interface[:1].isdecimal() else INVALID)
+        host = _address(address) + "%" if percent else ""
+        return host + reference("interface", number)

@@ -1,0 +1,289 @@
+"""Values that mean the same on every router: yes or no, numbers, words, times."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from atlantis_netcfg.emulator.routeros.values._base import NOT_OFFERED, BadValue, Kind, Names
+
+__all__ = [
+    "Bool",
+    "Choice",
+    "Choices",
+    "Flag",
+    "Int",
+    "Moment",
+    "Not",
+    "Pattern",
+    "Rate",
+    "Size",
+    "Text",
+    "Time",
+    "interval",
+    "seconds",
+]
+
+_UNITS = (("w", 604800), ("d", 86400), ("h", 3600), ("m", 60), ("s", 1))
+_UNIT_SECONDS = {**dict(_UNITS), "ms": 0.001}
+_SPAN = re.compile(r"(\d+)(ms|[wdhms])")
+_CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d ?)?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,3}))?)?")
+_FRACTION = re.compile(r"\d+\.\d{1,3}")
+_RATE_UNITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
+_YES = ("yes", "true")
+_NO = ("no", "false")
+
+
+@dataclass(frozen=True, slots=True)
+class Text(Kind):
+    """Any text, at most `longest` bytes; `empty=False`: at least one character."""
+
+    longest: int | None = None
+    empty: bool = True
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take the text as it is."""
+        too_long = self.longest is not None and len(text.encode(errors="surrogateescape")) > self.longest
+        if too_long or (not text and not self.empty):
+            raise BadValue
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Bool(Kind):
+    """A boolean: the console and exports say `yes`, the API says `true`."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take both spellings."""
+        if text not in _YES + _NO:
+            raise BadValue("value of {} must be either yes or no")
+        return "yes" if text in _YES else "no"
+
+    def typed(self, text: str) -> str:
+        """Take only the console's own words, bare or quoted (7.23.3)."""
+        if text not in (_YES[0], _NO[0]):
+            raise BadValue
+        return text
+
+    def show(self, stored: str) -> str:
+        """Spell it as the API does."""
+        return "true" if stored == "yes" else "false"
+
+
+@dataclass(frozen=True, slots=True)
+class Flag(Kind):
+    """An argument that is there or not, without value (`fib`, `blackhole`); `shown` is what the API prints."""
+
+    shown: str = ""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take the bare name, and what clients write in its place."""
+        if text not in ("", *_YES):
+            raise BadValue
+        return ""
+
+    def show(self, stored: str) -> str:  # noqa: ARG002 - it is there
+        """Say that it is there."""
+        return self.shown
+
+
+@dataclass(frozen=True, slots=True)
+class Int(Kind):
+    """A whole number, or one of `words`; `hexadecimal` numbers are printed as `0x8000`."""
+
+    least: int = 0
+    most: int = 4294967295
+    words: tuple[str, ...] = ()
+    hexadecimal: bool = False
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise the number."""
+        if text in self.words:
+            return text
+        match = re.fullmatch(r"(0x)?([0-9A-Fa-f]+)", text)
+        if match is None or not (match[1] or match[2].isdecimal()):
+            raise BadValue
+        number = int(match[2], 16 if match[1] else 10)
+        if not self.least <= number <= self.most:
+            raise BadValue("value of {} out of range " + f"({self.least}..{self.most})")
+        return f"0x{number:X}" if self.hexadecimal else str(number)
+
+
+@dataclass(frozen=True, slots=True)
+class Size(Kind):
+    """A size in KiB: exports say `2048KiB`, the API says `2048`."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take it with and without its unit."""
+        match = re.fullmatch(r"(\d+)(?:KiB)?", text)
+        if match is None:
+            raise BadValue
+        return f"{int(match[1])}KiB"
+
+    def show(self, stored: str) -> str:
+        """Leave the unit out, as the API does."""
+        return stored.removesuffix("KiB")
+
+
+@dataclass(frozen=True, slots=True)
+class Rate(Kind):
+    """Bits per second: `280k` and `280000` are the same, and exports say the shorter; the API says the number."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise it to the largest unit that leaves a whole number."""
+        match = re.fullmatch(r"(\d+)([kMG]?)", text)
+        if match is None:
+            raise BadValue
+        value = int(match[1]) * _RATE_UNITS[match[2]]
+        unit = next(unit for unit in ("G", "M", "k", "") if value % _RATE_UNITS[unit] == 0)
+        return f"{value // _RATE_UNITS[unit]}{unit}" if value else "0"
+
+    def show(self, stored: str) -> str:
+        """Spell it as the API does."""
+        return str(int(stored[:-1]) * _RATE_UNITS[stored[-1]]) if stored[-1:].isalpha() else stored
+
+
+@dataclass(frozen=True, slots=True)
+class Choice(Kind):
+    """One of a fixed set of words."""
+
+    words: tuple[str, ...]
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take no other word."""
+        if text not in self.words:
+            raise BadValue(NOT_OFFERED)
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Choices(Kind):
+    """Several of a fixed set of words; `ordered`: printed in the set's order, as RouterOS prints bits."""
+
+    words: tuple[str, ...]
+    ordered: bool = True
+    signed: bool = False
+    """Each word may have its own `!` (tcp-flags)."""
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take a comma-separated list; empty is the empty set."""
+        chosen = text.split(",") if text else []
+        plain = [word.removeprefix("!") if self.signed else word for word in chosen]
+        if any(word not in self.words for word in plain) or len(set(plain)) != len(plain):
+            raise BadValue(NOT_OFFERED)
+        if self.ordered:
+            chosen.sort(key=lambda word: self.words.index(word.removeprefix("!")))
+        return ",".join(chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class Not(Kind):
+    """A value with an optional `!` before it."""
+
+    kind: Kind
+
+    def parse(self, text: str, names: Names) -> str:
+        """Keep the sign, normalise the rest."""
+        sign = "!" if text.startswith("!") else ""
+        body = self.kind.parse(text.removeprefix("!"), names)
+        if sign and not body:
+            raise BadValue
+        return sign + body
+
+    def typed(self, text: str) -> str:
+        """Keep the sign."""
+        sign = "!" if text.startswith("!") else ""
+        return sign + self.kind.typed(text.removeprefix("!"))
+
+    def code(self, typed: str) -> str:
+        """Keep the sign."""
+        sign = "!" if typed.startswith("!") else ""
+        return sign + self.kind.code(typed.removeprefix("!"))
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern(Kind):
+    """A value with a small syntax of its own, given as a regular expression."""
+
+    expression: str
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take what fits."""
+        if re.fullmatch(self.expression, text) is None:
+            raise BadValue
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Time(Kind):
+    """A time interval, printed as `1d2h3m4s`; or one of `words`. Bounds are seconds."""
+
+    least: float = 0
+    most: float = 4294967295
+    words: tuple[str, ...] = ()
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Normalise `90`, `1m30s` and `00:01:30` to `1m30s`."""
+        if text in self.words:
+            return text
+        value = seconds(text)
+        if value is None:
+            raise BadValue
+        if not self.least <= value <= self.most:
+            raise BadValue("value of {} out of range " + f"({interval(self.least)}..{interval(self.most)})")
+        return interval(value)
+
+    def typed(self, text: str) -> str:
+        """Read `2.2` as seconds (7.23.3)."""
+        return interval(float(text)) if _FRACTION.fullmatch(text) else text
+
+    def code(self, typed: str) -> str:
+        """Spell it as a clock: `00:00:02.200`, `1w1d00:00:00`."""
+        value = seconds(typed)
+        return typed if value is None else _clock(round(value * 1000))
+
+
+@dataclass(frozen=True, slots=True)
+class Moment(Kind):
+    """A date (`2026-01-31`, before 7.10 `jan/31/2026`) or a time of day (`12:30:00`), or one of `words`."""
+
+    words: tuple[str, ...] = ()
+
+    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+        """Take the forms of any version; whoever uses the value knows which it is."""
+        if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|[a-z]{3}/\d{2}/\d{4}|\d{2}:\d{2}:\d{2}", text):
+            return text
+        raise BadValue
+
+
+def seconds(text: str) -> float | None:
+    """Read a time interval; None if it is none."""
+    if re.fullmatch(r"\d+", text):
+        return float(text)
+    if clock := _CLOCK.fullmatch(text):
+        weeks, days, hours, minutes, rest, fraction = clock.groups(default="0")
+        whole = int(weeks) * 604800 + int(days) * 86400 + int(hours) * 3600 + int(minutes) * 60 + int(rest)
+        return whole + int(fraction.ljust(3, "0")) / 1000
+    parts = _SPAN.findall(text)
+    if not parts or "".join(number + unit for number, unit in parts) != text:
+        return None
+    return float(sum(int(number) * _UNIT_SECONDS[unit] for number, unit in parts))
+
+
+def _clock(milliseconds: int) -> str:
+    whole, rest = divmod(milliseconds, 1000)
+    weeks, whole = divmod(whole, 604800)
+    days, whole = divmod(whole, 86400)
+    front = (f"{weeks}w" if weeks else "") + (f"{days}d" if days else "")
+    return f"{front}{whole // 3600:02}:{whole // 60 % 60:02}:{whole % 60:02}" + (f".{rest:03}" if rest else "")
+
+
+def interval(value: float) -> str:
+    """Write seconds as RouterOS prints an interval: `1w`, `10m`, `1s500ms`, `0s`."""
+    milliseconds = round(value * 1000)
+    whole, rest = divmod(milliseconds, 1000)
+    text = ""
+    for unit, size in _UNITS:
+        count, whole = divmod(whole, size)
+        text += f"{count}{unit}" if count else ""
+    return text + (f"{rest}ms" if rest else "") or "0s"

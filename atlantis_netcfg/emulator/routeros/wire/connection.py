@@ -1,0 +1,278 @@
+"""The router's end of one connection: bytes to sentences, sentences to answers, and the faults among them."""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.wire.codec import Decoder, ReservedLength, WordTooLong, encode_sentence
+from atlantis_netcfg.emulator.routeros.wire.dialogue import Reply, tag_of
+from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind, Faults
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End
+from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
+from atlantis_netcfg.emulator.routeros.wire.tally import Tally, masked
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.emulator.routeros.answers import Answer
+    from atlantis_netcfg.emulator.routeros.wire.host import Host
+    from atlantis_netcfg.emulator.routeros.wire.tls import Channel
+
+__all__ = ["Connection"]
+
+_LONGEST_WORD = 64 * 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """A sentence, and how many of its client's sentences had been answered when it was sent; no words: garbage."""
+
+    words: tuple[str, ...]
+    answered: int
+
+
+class Connection:
+    """One API session on its wire."""
+
+    def __init__(self, host: Host, service: str) -> None:
+        self.tally = Tally(service)
+        self.pipe = Pipe(host, service)
+        self.pipe.end = self
+        self._host = host
+        self._dialogue = host.dialogue(service)
+        self._decoder = Decoder(host.knobs.word_before_login)
+        self._channel: Channel
+        self._inbox: deque[_Heard] = deque()
+        self._news = asyncio.Event()
+        self._writes: list[bool] = []
+        """Of every sentence that came, whether it is no `print`."""
+        self._said = self._completed = 0
+        self._listened = -1
+        self._mute = False
+        """The router hangs: it hears and says nothing any more."""
+        self._closed = False
+
+    @property
+    def _over(self) -> bool:
+        return self._mute or self._closed or self.pipe.ended or self.pipe.lost
+
+    # What the pipe reports.
+
+    def accepted(self) -> None:
+        """The connection is there."""
+        self._channel = self._host.channel(self.pipe.service)
+
+    def arrived(self, chunk: Chunk) -> None:
+        """The client is heard."""
+        if chunk.end is not None:
+            self.hang_up()
+        elif not self._closed:
+            self._decrypt(chunk)
+
+    def gone(self) -> None:
+        """The router has learnt that the client is gone."""
+        self._dialogue.leave()
+        self._host.tell()
+
+    def check(self) -> None:
+        """Close if somebody has removed this session from `/user/active`."""
+        if self._dialogue.evicted:
+            self.hang_up()
+
+    # Faults that concern one connection only.
+
+    def drop(self) -> None:
+        """Reset under both ends at once; what was under way is lost."""
+        self.pipe.stop(reset=True)
+
+    def vanish(self) -> None:
+        """Silence for good, and neither end is told."""
+        self.pipe.vanish()
+
+    def rebooted(self, *, clean: bool) -> None:
+        """The router has lost its memory; `clean` if it closed its sockets first. A SYN under way finds it later."""
+        self._dialogue.forget()
+        self._inbox.clear()
+        if self.pipe.established and clean:
+            self.pipe.farewell()
+        elif self.pipe.established:
+            self.pipe.forget()
+
+    # Hearing.
+
+    def _decrypt(self, chunk: Chunk) -> None:
+        self.tally.counters.wire_in += len(chunk.data)
+        try:
+            plain = self._channel.receive(chunk.data)
+        except (EOFError, ssl.SSLError):
+            self.hang_up()
+            return
+        self._send(self._channel.flush())
+        if plain:
+            self._count_turn(chunk, len(plain))
+            self._listen(plain, chunk.answered)
+
+    def _count_turn(self, chunk: Chunk, size: int) -> None:
+        self.tally.counters.bytes_in += size
+        if chunk.heard > self._listened:
+            self.tally.counters.turns += 1
+            self._listened = chunk.heard
+
+    def _listen(self, plain: bytes, answered: int) -> None:
+        try:
+            for words in self._decoder.feed(plain):
+                self._writes.append(not (words and words[0].endswith("/print")))
+                knobs = self._host.knobs
+                waiting = self._writes[answered:]
+                hangs = knobs.hang_at is not None and len(waiting) >= knobs.hang_at
+                hangs_writing = knobs.hang_writes_at is not None and sum(waiting) >= knobs.hang_writes_at
+                self._mute = self._mute or hangs or hangs_writing
+                self._inbox.append(_Heard(words, answered))
+        except (ReservedLength, WordTooLong):
+            self._inbox.append(_Heard((), answered))
+        self._news.set()
+
+    # Working.
+
+    async def work(self) -> None:
+        """Answer what was heard, burst by burst."""
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            while self._inbox and not self._over:
+                await self._answer_burst(self._next_burst())
+                self._host.tell()
+
+    def _next_burst(self) -> list[_Heard]:
+        """The next sentence; or all tagged ones that wait in front, shuffled, if that is asked for."""
+        burst = [self._inbox.popleft()]
+        chance = self._host.chance
+        if chance is not None and tag_of(burst[0].words) is not None:
+            while self._inbox and tag_of(self._inbox[0].words) is not None:
+                burst.append(self._inbox.popleft())
+            chance.shuffle(burst)
+        return burst
+
+    async def _answer_burst(self, burst: Sequence[_Heard]) -> None:
+        answers = [await self._answer(sentence) for sentence in burst]
+        chance = self._host.chance
+        while chance is not None and any(answers):
+            answers = [replies for replies in answers if replies]
+            self.say([chance.choice(answers).pop(0)])
+        for replies in answers:
+            self.say(replies)
+
+    async def _answer(self, sentence: _Heard) -> list[Reply]:
+        """Run one sentence with the faults that were armed for it; what is left to be said."""
+        if self._over:
+            return []
+        if not sentence.words:
+            self.hang_up()
+            return []
+        self._note(sentence.words)
+        faults = self._host.upon(Faults.command(sentence.words))
+        self._suffer(faults, "before")
+        await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
+        if self._over:
+            return []
+        for fault in faults:
+            sentence = _Heard(fault.shorten(sentence.words), sentence.answered)
+        replies = self._run(sentence)
+        await self._host.settle()
+        self._suffer(faults, "after")
+        return self._spoil(faults, replies)
+
+    def _note(self, words: tuple[str, ...]) -> None:
+        self.tally.counters.sentences += 1
+        self.tally.sentences.append(masked(words))
+
+    def _run(self, sentence: _Heard) -> list[Reply]:
+        stranger = self._dialogue.caller is None
+        replies = self._dialogue.answer(sentence.words, sentence.answered, self._host.knobs)
+        if stranger and self._dialogue.caller is not None:
+            self.tally.counters.logins += 1
+            self._decoder.limit = _LONGEST_WORD
+        return replies
+
+    def _suffer(self, faults: Sequence[Fault], when: str) -> None:
+        for fault in faults:
+            if fault.when != when:
+                continue
+            if fault.do is FaultKind.DROP:
+                self.drop()
+            elif fault.do is FaultKind.VANISH:
+                self.vanish()
+            elif fault.do is FaultKind.HANG:
+                self._mute = True
+            else:
+                self._host.strike(fault)
+
+    def _spoil(self, faults: Sequence[Fault], replies: list[Reply]) -> list[Reply]:
+        """Say the answer cut off, or with garbage in it, if a fault wants it so."""
+        for fault in faults:
+            if fault.do is FaultKind.TRUNCATE:
+                whole = _encoded(replies)
+                self._speak(whole[: len(whole) // 2 if fault.offset is None else fault.offset], 0)
+                self.hang_up()
+                return []
+            if fault.do is FaultKind.GARBAGE:
+                whole, at = _encoded(replies), fault.offset or 0
+                self._speak(whole[:at] + bytes.fromhex(fault.data) + whole[at:], _completed(replies))
+                return []
+        return replies
+
+    # Saying.
+
+    def say_pending(self) -> None:
+        """Say what `/listen` has to tell."""
+        self.say(self._dialogue.pending())
+
+    def say(self, replies: Sequence[Reply]) -> None:
+        """Answer; `!fatal` is the last word."""
+        if replies:
+            self._speak(_encoded(replies), _completed(replies))
+        if any(answer.kind == "!fatal" for _, answer in replies):
+            self.hang_up()
+
+    def _speak(self, plain: bytes, completed: int) -> None:
+        if self._over or not plain:
+            return
+        self.tally.counters.bytes_out += len(plain)
+        self._said += 1
+        self._completed += completed
+        self._send(self._channel.send(plain))
+
+    def _send(self, wire: bytes) -> None:
+        if wire:
+            self.tally.counters.wire_out += len(wire)
+            self.pipe.depart(Chunk(wire, heard=self._said, answered=self._completed))
+
+    def hang_up(self) -> None:
+        """The router closes the connection in good order, and knows that it is closed."""
+        if self._closed:
+            return
+        self._closed = True
+        self._send(self._channel.flush() + self._channel.close())
+        self.pipe.depart(Chunk(end=End.FIN))
+        self.gone()
+
+
+def _completed(replies: Sequence[Reply]) -> int:
+    return sum(answer.last for _, answer in replies)
+
+
+def _encoded(replies: Sequence[Reply]) -> bytes:
+    return b"".join(encode_sentence(_words(tag, answer)) for tag, answer in replies)
+
+
+def _words(tag: str | None, answer: Answer) -> tuple[str, ...]:
+    """The tag stands right after the reply word: mikronode's grammar of tagged answers has it only there.
+
+    The examples of the manual (API, "/cancel, simultaneous commands") put it last, and leave the order open.
+    """
+    tagged = tag is not None and answer.kind != "!fatal"
+    return (answer.kind, *((f".tag={tag}",) if tagged else ()), *answer.words)

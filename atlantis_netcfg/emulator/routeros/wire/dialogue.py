@@ -1,0 +1,134 @@
+"""One API session in words: login first, then sentences with their tags; no bytes, no time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import DONE, Answer, Caller, Category, Trap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.emulator.routeros.device import Device
+    from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+
+__all__ = ["Dialogue", "Reply", "tag_of"]
+
+Reply = tuple[str | None, Answer]
+"""A reply sentence and the tag it carries."""
+
+_INTERRUPTED = Trap("interrupted", Category.INTERRUPTED).answer()
+
+
+def tag_of(words: Sequence[str]) -> str | None:
+    """The sentence's `.tag`, if it has one."""
+    return next((word.removeprefix(".tag=") for word in words if word.startswith(".tag=")), None)
+
+
+class Dialogue:
+    """What a session knows: who has logged in, which sentences go on."""
+
+    def __init__(self, device: Device, *, via: str, address: str) -> None:
+        self.caller: Caller | None = None
+        self._device = device
+        self._via = via
+        self._address = address
+        self._challenge: str | None = None
+        self._sentences = 0
+        self._completed = 0
+        self._greeted_at = 0
+        self._going_on: list[str | None] = []
+
+    def answer(self, words: Sequence[str], answered: int, knobs: Knobs) -> list[Reply]:
+        """Reply to a sentence that its client sent when it had seen `answered` sentences completed."""
+        self._sentences += 1
+        tag = tag_of(words)
+        command = words[0]
+        if self.caller is None:
+            answers = [(tag, answer) for answer in self._before_login(command, words, knobs)]
+        elif answered < self._greeted_at and not knobs.pipelined_login:
+            answers = [(None, Answer.fatal("not logged in"))]
+        elif command == "/cancel":
+            answers = self._cancel(self.caller, tag, words)
+        else:
+            answers = self._run(self.caller, tag, words)
+        return self._count(answers)
+
+    def pending(self) -> list[Reply]:
+        """Later replies of sentences that go on."""
+        if self.caller is None:
+            return []
+        return self._count(self._pending(self.caller))
+
+    @property
+    def evicted(self) -> bool:
+        """Somebody has removed this session from `/user/active`."""
+        return self.caller is not None and self.caller.number in self._device.ended
+
+    def leave(self) -> None:
+        """The session has ended and the router knows it."""
+        if self.caller is not None:
+            self._device.logout(self.caller, clean=True)
+            self.caller = None
+
+    def forget(self) -> None:
+        """The router has lost its memory."""
+        self.caller = None
+
+    def _before_login(self, command: str, words: Sequence[str], knobs: Knobs) -> list[Answer]:
+        if command == "/quit":
+            return [Answer.fatal("session terminated on request")]
+        if self._sentences > knobs.sentences_before_login:
+            return [Answer.fatal("too many commands before login")]
+        if command != "/login":
+            return [Answer.fatal("not logged in")]
+        try:
+            answer = self._login(words, knobs)
+        except Trap as refused:
+            return [refused.answer(), DONE]
+        if self.caller is not None:
+            self._greeted_at = self._completed + 1
+        return [answer]
+
+    def _login(self, words: Sequence[str], knobs: Knobs) -> Answer:
+        """Manual, API: since 6.43 name and password at once; before, a challenge and a response."""
+        given = dict(word[1:].partition("=")[::2] for word in words[1:] if word.startswith("="))
+        user = given.get("name", "")
+        if "response" in given:
+            challenge, self._challenge = self._challenge, None
+            if challenge is None:
+                raise Trap("cannot log in")
+            self.caller = self._device.login_response(
+                user, challenge, given["response"], via=self._via, address=self._address
+            )
+        elif knobs.old_login or "name" not in given:
+            self._challenge = self._device.challenge()
+            return Answer.done(self._challenge)
+        else:
+            self.caller = self._device.login(user, given.get("password", ""), via=self._via, address=self._address)
+        return DONE
+
+    def _run(self, caller: Caller, tag: str | None, words: Sequence[str]) -> list[Reply]:
+        answers = self._device.run(caller, words)
+        if not (answers and answers[-1].last):
+            self._going_on.append(tag)
+        return [(tag, answer) for answer in answers]
+
+    def _pending(self, caller: Caller) -> list[Reply]:
+        later = [(tag or None, answer) for tag, answer in self._device.pending(caller)]
+        return [reply for reply in later if reply[0] in self._going_on]
+
+    def _cancel(self, caller: Caller, tag: str | None, words: Sequence[str]) -> list[Reply]:
+        """End what goes on; the `!done` of `/cancel` comes before the victim's (Manual, API, its own example)."""
+        earlier = self._pending(caller)
+        named = [word.removeprefix("=tag=") for word in words if word.startswith("=tag=")]
+        victims = [other for other in self._going_on if not named or other in named]
+        self._going_on = [other for other in self._going_on if other not in victims]
+        self._device.run(caller, words)
+        others = self._pending(caller)
+        interrupted: Iterable[Reply] = ((victim, _INTERRUPTED) for victim in victims)
+        return [*earlier, *interrupted, (tag, DONE), *((victim, DONE) for victim in victims), *others]
+
+    def _count(self, replies: list[Reply]) -> list[Reply]:
+        self._completed += sum(answer.last for _, answer in replies)
+        return replies

@@ -1,0 +1,261 @@
+"""Everything of a running twin between its device and its sockets: who is connected, what is due, what has failed."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.wire.connection import Connection
+from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
+from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind, Faults
+from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs, Pace
+from atlantis_netcfg.emulator.routeros.wire.link import Bearer, Direction, Link
+from atlantis_netcfg.emulator.routeros.wire.tls import Channel, Plain, Tls, context
+from atlantis_netcfg.emulator.routeros.wire.way import Way
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Mapping
+    from pathlib import Path
+
+    from atlantis_netcfg.emulator.routeros.device import Device
+    from atlantis_netcfg.emulator.routeros.spec import Management
+    from atlantis_netcfg.emulator.routeros.wire.host import Host, Line, Member
+    from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
+    from atlantis_netcfg.emulator.routeros.wire.tally import Tally
+
+__all__ = ["Switchboard"]
+
+
+class Switchboard:
+    """The host of all connections of one router (see host.py), from its boot until its plug is pulled.
+
+    `changed` is awaited whenever the configuration is another one; `certificate` gives the PEM file by name;
+    `others` makes the router's end of services that do not speak the API, for a client at an address.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        *,
+        changed: Callable[[], Awaitable[None]],
+        certificate: Callable[[str], Path | None],
+        tallies: list[Tally],
+        others: Mapping[str, Callable[[Host, str], Member]],
+    ) -> None:
+        self.bearer = Bearer(Link())
+        self.air = asyncio.Event()
+        self.air.set()
+        self.pace = Pace()
+        self.faults = Faults()
+        self.knobs = Knobs()
+        self.chance: random.Random | None = None
+        self.booting = False
+        self.radio: Callable[[], None] | None = None
+        """Told when the configuration is another one, and when the router goes down or comes back."""
+        self.carried: Callable[[], bool] | None = None
+        """Whether what lies before the router lets packets through; None: a cable, which does."""
+        self.failure: BaseException | None = None
+        self._device = device
+        self.bearer.count = self._count
+        self._path = device.spec.management
+        self._changed = changed
+        self._certificate = certificate
+        self._tallies = tallies
+        self._others = others
+        self._connections: dict[Pipe, Member] = {}
+        self._revision: int | None = None
+        self._alarm = asyncio.Event()
+        self._settling = asyncio.Lock()
+        self._timers: list[asyncio.TimerHandle] = []
+        self.line: Line | None = None
+        """The serial line, beside the network."""
+        self._gap_until = 0.0
+        self._clock: asyncio.Task[None] | None = None
+
+    async def start(self) -> None:
+        """Let the router work."""
+        await self.settle()
+        self._clock = asyncio.create_task(self._run_clock())
+        self.watch(self._clock)
+
+    def stop(self) -> None:
+        """Pull the plug."""
+        for timer in self._timers:
+            timer.cancel()
+        if self._clock is not None:
+            self._clock.cancel()
+        for connection in self.connections:
+            connection.rebooted(clean=False)
+            connection.pipe.stop(reset=False)
+
+    @property
+    def connections(self) -> tuple[Member, ...]:
+        """Those that are there now."""
+        return tuple(self._connections.values())
+
+    def visitor(self, service: str, way: Management | None = None) -> Pipe:
+        """Make what serves a new client of `service`, who comes over the declared path or another `way`."""
+        host: Host = self if way is None else Way(self, self._device, way)
+        other = self._others.get(service)
+        connection = Connection(host, service) if other is None else other(host, (way or self._path).technician)
+        self._connections[connection.pipe] = connection
+        return connection.pipe
+
+    def turn(self, knobs: Knobs) -> None:
+        """Set the knobs; the shuffling begins anew."""
+        self.chance = None if knobs.shuffle is None else random.Random(knobs.shuffle)  # noqa: S311 (repeatable, no secret)
+        self.knobs = knobs
+
+    def _count(self, port: str | None, direction: Direction, size: int) -> None:
+        """The device forgets it when it restarts, as a router does."""
+        self._device.core.count(port or self._path.port, received=direction is Direction.UP, size=size)
+
+    # Faults.
+
+    def gap(self, seconds: float) -> None:
+        """Let the bearer carry nothing for a while."""
+        loop = asyncio.get_running_loop()
+        self._gap_until = max(self._gap_until, loop.time() + seconds)
+        self.air.clear()
+        self._timers.append(loop.call_at(self._gap_until, self._end_gap))
+        for pipe in tuple(self._connections):
+            pipe.note_silence()
+
+    def _end_gap(self) -> None:
+        if asyncio.get_running_loop().time() < self._gap_until:
+            return
+        self.air.set()
+        for pipe in tuple(self._connections):
+            pipe.note_silence()
+
+    def reboot(self, *, clean: bool) -> None:
+        """Go down, after closing the sockets if `clean`; back after `boot_s`."""
+        self.booting = True
+        for connection in self.connections:
+            connection.rebooted(clean=clean)
+        if self.line is not None:
+            self.line.down(clean=clean)
+        self._device.reboot(clean=clean)
+        self._touch_radio()
+        self.regate()
+        self._timers.append(asyncio.get_running_loop().call_later(self.knobs.boot_s, self._end_boot))
+        self._alarm.set()
+
+    def _end_boot(self) -> None:
+        self.booting = False
+        if self.line is not None:
+            self.line.up()
+        self._touch_radio()
+        self.regate()
+        self._alarm.set()
+
+    # What the connections ask.
+
+    @property
+    def silent_timeout_s(self) -> float:
+        """Until the router's TCP gives a silent peer up."""
+        return self._device.spec.silent_timeout_s
+
+    def dialogue(self, service: str) -> Dialogue:
+        """A session in which nobody has logged in."""
+        return Dialogue(self._device, via=service, address=self._path.technician)
+
+    def channel(self, service: str) -> Channel:
+        """TLS with the certificate of this moment, or plain."""
+        if service != "api-ssl":
+            return Plain()
+        row = self._device.services()[service]
+        pem = None if row.certificate is None else self._certificate(row.certificate)
+        return Tls(context(pem, newest="1.2" if row.tls_version == "only-1.2" else self.knobs.tls))
+
+    def admits(self, service: str, address: str | None = None) -> bool:
+        """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
+        row = self._device.services().get(service)
+        busy = sum(pipe.service == service and pipe.established and not pipe.lost for pipe in self._connections)
+        caller = address or self._path.technician
+        return row is not None and row.enabled and row.admits(caller) and busy <= row.max_sessions
+
+    def reaches(self, service: str, *, established: bool) -> bool:
+        """Do packets get through the router's own configuration, both ways."""
+        path = self._path
+        here = not self.booting and (self.carried is None or self.carried())
+        return here and self._device.path_open(path.technician, path.local, service, established=established)
+
+    def opened(self, pipe: Pipe) -> None:
+        """A client has connected."""
+        self._tallies.append(self._connections[pipe].tally)
+
+    def closed(self, pipe: Pipe) -> None:
+        """Neither end will be heard of again."""
+        self._connections.pop(pipe, None)
+
+    def upon(self, command: str) -> list[Fault]:
+        """Count a sentence; the faults that strike at it."""
+        return self.faults.upon(command)
+
+    def strike(self, fault: Fault) -> None:
+        """Let a fault happen that concerns more than one connection."""
+        if fault.do is FaultKind.GAP:
+            self.gap(fault.seconds)
+        elif fault.do in (FaultKind.REBOOT, FaultKind.POWER):
+            self.reboot(clean=fault.do is FaultKind.REBOOT)
+
+    async def settle(self) -> None:
+        """Let what has changed in the router take effect on its wire: reboot, listeners and flash, path."""
+        async with self._settling:
+            if self._device.wants_reboot:
+                self.reboot(clean=True)
+            for connection in self.connections:
+                connection.check()
+            if self.line is not None:
+                self.line.check()
+            if self._revision == self._device.revision:
+                return
+            self._revision = self._device.revision
+            await self._changed()
+            self._touch_radio()
+            self.regate()
+
+    def tell(self) -> None:
+        """Let all sessions say what their `/listen` has seen, and look at the clock again."""
+        for connection in self.connections:
+            connection.say_pending()
+        if self.line is not None:
+            self.line.say_pending()
+        self._alarm.set()
+
+    def watch(self, task: asyncio.Task[None]) -> None:
+        """Reset all connections if `task` fails, and keep why."""
+        task.add_done_callback(self._finished)
+
+    def _finished(self, task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (failure := task.exception()) is not None:
+            self.failure = self.failure or failure
+            for connection in self.connections:
+                connection.drop()
+
+    def _touch_radio(self) -> None:
+        if self.radio is not None:
+            self.radio()
+
+    def regate(self) -> None:
+        """Look again which connections get through, and do what the router's new state makes due."""
+        self._alarm.set()
+        for pipe in tuple(self._connections):
+            pipe.regate()
+
+    async def _run_clock(self) -> None:
+        """Let the device do what is due, as long as it is up."""
+        while True:
+            due = None if self.booting else self._device.due()
+            try:
+                # Not wait_for: in Python 3.11 it forgets that it was cancelled if the alarm comes in the same moment.
+                async with asyncio.timeout_at(due):
+                    await self._alarm.wait()
+            except TimeoutError:
+                self._device.tick()
+                for connection in self.connections:
+                    connection.say_pending()
+            self._alarm.clear()
+            await self.settle()

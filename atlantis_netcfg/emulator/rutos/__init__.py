@@ -1,0 +1,25 @@
+"""An emulated Teltonika RutOS unit: its HTTPS interface, ubus, and SSH with a small, strict `uci`.
+
+It stands for the protocol and the settings, not for radio: signal figures are constant. Only what our drivers use is
+there, and everything else is refused: the twin is a subset of the device and never laxer.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.lazy_imports import homes
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.rutos._spec import NOT_REHEARSED, RutosNetwork, RutosSim, RutosSpec
+    from atlantis_netcfg.emulator.rutos._unit import RunningRutos, Rutos
+
+__all__ = ["NOT_REHEARSED", "RunningRutos", "Rutos", "RutosNetwork", "RutosSim", "RutosSpec"]
+
+__getattr__ = homes(
+    __name__,
+    {
+        "_spec": ("NOT_REHEARSED", "RutosNetwork", "RutosSim", "RutosSpec"),
+        "_unit": ("RunningRutos", "Rutos"),
+    },
+)

@@ -1,0 +1,39 @@
+"""`provision prove`: what the satellite lets through, learned by probing it from the router of its own site.
+
+What RouterOS offers over its API decides what can be proved:
+
+- a target without a port is pinged from the link's own address, which a routing rule leads into the link's own table;
+- a UDP target is judged by the answers that the router's own filter counts for it, while the satellite carries the
+  traffic: the VPN's tunnel and the time client ask by themselves. Otherwise nothing asks, and nothing is concluded;
+- a TCP target is tried by a netwatch row, and a time server by a routing rule and the router's own time client; both
+  rows are on the router for a moment only, under safe mode, and only on a person's word (`/tool/fetch` speaks HTTP only
+  and is forbidden by device-mode on home routers);
+- the VPN's own address follows the best link (a routing rule of ours), so it is only tried while that is the satellite.
+"""
+
+from __future__ import annotations
+
+from atlantis_netcfg.operations.allow_list_test._errors import NothingToProve
+from atlantis_netcfg.operations.allow_list_test._names import named_targets, resolve
+from atlantis_netcfg.operations.allow_list_test._plan import BUDGET_BYTES, Task, tasks
+from atlantis_netcfg.operations.allow_list_test._proof import Proof
+from atlantis_netcfg.operations.allow_list_test._prove import Pace, Proving
+from atlantis_netcfg.operations.allow_list_test._site import Satellite, bills, names_of, previews, satellite_of, try_out
+
+__all__ = [
+    "BUDGET_BYTES",
+    "NothingToProve",
+    "Pace",
+    "Proof",
+    "Proving",
+    "Satellite",
+    "Task",
+    "bills",
+    "named_targets",
+    "names_of",
+    "previews",
+    "resolve",
+    "satellite_of",
+    "tasks",
+    "try_out",
+]

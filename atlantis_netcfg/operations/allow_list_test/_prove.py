@@ -1,0 +1,275 @@
+"""One proof, from the first reading of the counters to the last."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.policy import active_bearer
+from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe, judge_attempt, judge_factory_address
+from atlantis_netcfg.bearers.satellite.addresses import FACTORY_ADDRESSES
+from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
+from atlantis_netcfg.core.errors import complete
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.operations.allow_list_test._asking import RULES, STATUS, ask_now, connected, outcome, rows
+from atlantis_netcfg.operations.allow_list_test._opening import filter_rows, temporarily
+from atlantis_netcfg.operations.allow_list_test._plan import BUDGET_BYTES, HELD, expected_bytes, session_bytes, tasks
+from atlantis_netcfg.operations.allow_list_test._proof import Proof
+from atlantis_netcfg.operations.allow_list_test._reading import answered, factory_ping, ping, read, reads
+from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_wire
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
+
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration.model import Bearer, Pilot
+    from atlantis_netcfg.operations.allow_list_test._plan import Task
+    from atlantis_netcfg.operations.allow_list_test._reading import Reading
+    from atlantis_netcfg.routeros.api import Session
+
+__all__ = ["Pace", "Proving"]
+
+_COUNTED = (Probe.UDP_COUNTER, Probe.TUNNEL)
+_REFUSALS = 3
+"""Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How often and how long silence is asked again, in seconds; a window below 90 s proves nothing about silence."""
+
+    window_s: float = WINDOW_S
+    every_s: float = 5.0
+    sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
+
+    @property
+    def rounds(self) -> int:
+        """Turns of asking in a window; each asks once, and is over after `every_s`."""
+        return max(1, round(self.window_s / self.every_s))
+
+
+@dataclass(slots=True)
+class Proving:
+    """The satellite link of a site, and the session to its router."""
+
+    pilot: Pilot
+    site: str
+    bearer: Bearer
+    router: str
+    """Name of the router, for progress."""
+    port: str
+    ways: Sequence[Way]
+    terminal: str
+    """Name of the terminal, for findings."""
+    carrier: str
+    """The link that the session to the router goes over."""
+    open_filter: bool = False
+    try_all: bool = False
+    pace: Pace = Pace()
+    notify: Subscriber = lambda _event: None
+    _attempts: list[Attempt] = field(default_factory=list)
+    _start_bytes: int = 0
+    _opening_bytes: int = 0
+
+    @property
+    def expected_bytes(self) -> int:
+        """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        probes = expected_bytes(planned, self.pace.rounds)
+        if self.carrier != self.bearer.name:
+            return min(BUDGET_BYTES, probes)
+        always, by_turns = self._session()
+        return min(BUDGET_BYTES, probes + ceil((1 + HEADERS) * by_turns)) + on_the_wire(always + HANDSHAKE_BYTES, 1)
+
+    @property
+    def session_bytes(self) -> int:
+        """What the session to the router carries at most where it goes over another link."""
+        return on_the_wire(sum(self._session()) + HANDSHAKE_BYTES, 1)
+
+    def _session(self) -> tuple[int, int]:
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return session_bytes(planned, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts at most, about."""
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
+        held = any(task.probe in HELD for task in planned)
+        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + held)
+
+    async def run(self, session: Session) -> Proof:
+        """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
+        before = await self._read(session)
+        self._start_bytes = before.port_bytes
+        self._opening_bytes = session.traffic.bytes
+        active = active_bearer(before.routes, self.ways) == self.bearer.name
+        terminal = await self._terminal(session)
+        planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
+        for task in planned:
+            if task.probe is Probe.NONE:
+                self._attempts.append(_attempt(task, Outcome.NOT_TRIED, note=task.why_not))
+        alone = [task for task in planned if task.probe not in (Probe.NONE, *HELD)]
+        reached = [task for task in alone if task.expected is Expected.REACHED]
+        self._attempts += await self._reach(session, reached, before)
+        for task in planned:
+            if task.expected is Expected.REFUSED and task.probe is Probe.ICMP:
+                self._attempts.append(await self._refuse(session, task))
+                if self.open_filter:
+                    self._attempts.append(await self._beyond(session, task))
+        held = [task for task in planned if task.probe in HELD]
+        if held:
+            self._attempts += await self._ask(session, held, active=active)
+        after = await self._read(session)
+        proof = self._proof(before, after, terminal, active=active)
+        return replace(proof, session_bytes=session.traffic.bytes)
+
+    def _proof(self, before: Reading, after: Reading, terminal: Sequence[Finding], *, active: bool) -> Proof:
+        seen = any(one.expected is Expected.REACHED and one.outcome is Outcome.ANSWERED for one in self._attempts)
+        return Proof(
+            site=self.site,
+            bearer=self.bearer.name,
+            active=active,
+            judged=tuple((one, self._judged(one, link_seen=seen)) for one in self._attempts),
+            findings=tuple(terminal),
+            bytes_counted=after.port_bytes - before.port_bytes,
+            budget_bytes=BUDGET_BYTES,
+            kept_off=after.dropped(self._chains[0]),
+            turned_away=after.dropped(self._chains[1]),
+            carrier=self.carrier,
+            opening_bytes=self._opening_bytes,
+        )
+
+    def _judged(self, attempt: Attempt, *, link_seen: bool) -> Finding:
+        finding = judge_attempt(attempt, link_seen=link_seen)
+        return replace(finding, hint=finding.hint and complete(finding.hint, site=self.site))
+
+    @property
+    def _chains(self) -> tuple[str, str]:
+        return f"to-{self.bearer.name}", f"from-{self.bearer.name}"
+
+    async def _read(self, session: Session) -> Reading:
+        return read(self.port, await session.flight(reads(self.port, self._chains)))
+
+    async def _terminal(self, session: Session) -> tuple[Finding, ...]:
+        """Who answers on the port, on this side of the satellite: no airtime."""
+        self._say("who answers on the terminal's port")
+        there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
+        asked = [there, *(factory_ping(address, self.port) for address in FACTORY_ADDRESSES)]
+        own, *factory = await session.flight(asked)
+        strangers = [address for address, reply in zip(FACTORY_ADDRESSES, factory, strict=True) if answered(reply)]
+        return judge_factory_address(
+            self.terminal,
+            self.port,
+            str(self.bearer.gateway),
+            answers=answered(own),
+            answers_at_factory=strangers[0] if strangers else None,
+        )
+
+    async def _reach(self, session: Session, todo: Sequence[Task], before: Reading) -> list[Attempt]:
+        """Ask all of them in each round until each has answered, the window is over, or the budget is used up."""
+        answers: dict[Task, float] = {}
+        waited_s, now = 0.0, before
+        for turn in range(self.pace.rounds):
+            left = [task for task in todo if task not in answers]
+            if not left or (turn and await self._spent(session)):
+                break
+            self._say(f"{len(left)} allowed targets have not answered yet", turn, self.pace.rounds)
+            pings = [task for task in left if task.probe is Probe.ICMP]
+            replies = await session.flight([ping(task.address, str(self.bearer.address)) for task in pings])
+            answers.update({task: waited_s for task, reply in zip(pings, replies, strict=True) if answered(reply)})
+            now = await self._read(session) if len(pings) < len(left) else now
+            answers.update({task: waited_s for task in left if self._more(before, now, task)})
+            if len(answers) < len(todo):
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+        return [self._reached(task, answers.get(task), waited_s, before, now) for task in todo]
+
+    def _more(self, before: Reading, now: Reading, task: Task) -> bool:
+        chain = self._chains[1]
+        return task.probe in (*_COUNTED, Probe.TIME) and now.answers(chain, task) > before.answers(chain, task)
+
+    def _reached(self, task: Task, after_s: float | None, waited_s: float, before: Reading, now: Reading) -> Attempt:
+        if after_s is not None:
+            return replace(_attempt(task, Outcome.ANSWERED, window_s=waited_s), after_s=after_s)
+        if task.probe not in _COUNTED:
+            return _attempt(task, Outcome.SILENT, window_s=waited_s)
+        earlier = before.answers(self._chains[1], task)
+        note = f"no answer of it was counted in {waited_s:.0f} s, {earlier} before that"
+        if task.probe is Probe.TUNNEL and now.tunnel_up is not False:
+            # A tunnel that is up, or that hangs on another box, need not say anything for so long.
+            return replace(_attempt(task, Outcome.SILENT, window_s=waited_s, note=note), probe=Probe.UDP_COUNTER)
+        return _attempt(task, Outcome.SILENT, window_s=waited_s, note=note)
+
+    async def _refuse(self, session: Session, task: Task) -> Attempt:
+        """Ask with the filter closed: the router's own drop counter says that nothing was sent."""
+        self._say(f"{task.name}, which is to be refused")
+        before = await self._read(session)
+        reply = await session.command(ping(task.address, str(self.bearer.address), count=_REFUSALS))
+        after = await self._read(session)
+        if answered(reply):
+            return _attempt(task, Outcome.ANSWERED)
+        chain = self._chains[0]
+        if after.dropped(chain) - before.dropped(chain) >= _REFUSALS:
+            return _attempt(task, Outcome.REFUSED_HERE)
+        return _attempt(task, Outcome.SILENT, note="the router's drop counter did not count it")
+
+    async def _beyond(self, session: Session, task: Task) -> Attempt:
+        """Ask with the filter open for this one host: does the terminal, or the network behind it, enforce anything."""
+        self._say(f"{task.name}, with the router's filter open for it")
+        reading = await self._read(session)
+        waited_s, found = 0.0, False
+        async with temporarily(session, filter_rows(reading, self._chains, task.address)):
+            for turn in range(self.pace.rounds):
+                if turn and await self._spent(session):
+                    break
+                found = answered(await session.command(ping(task.address, str(self.bearer.address))))
+                if found:
+                    break
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+        outcome = Outcome.ANSWERED if found else Outcome.SILENT
+        attempt = _attempt(task, outcome, window_s=waited_s)
+        return replace(attempt, filter_open=True, after_s=waited_s if found else None)
+
+    async def _ask(self, session: Session, todo: Sequence[Task], *, active: bool) -> list[Attempt]:
+        """Ask what needs rows on the router, all in one window; who is to be refused is asked to its end."""
+        before = now = await self._read(session)
+        answers: dict[Task, float] = {}
+        waited_s = 0.0
+        added = rows(todo, self.bearer, await session.command(RULES), active=active)
+        async with temporarily(session, added):
+            if any(task.probe is Probe.TIME for task in todo):
+                await ask_now(session)
+            for turn in range(self.pace.rounds):
+                self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, self.pace.rounds)
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+                now = await self._read(session)
+                found = connected(todo, await session.command(STATUS))
+                found |= {task for task in todo if self._more(before, now, task)}
+                answers = dict.fromkeys(found, waited_s) | answers
+                if len(answers) == len(todo) or now.port_bytes - self._start_bytes >= BUDGET_BYTES:
+                    break
+        return [self._asked(task, answers, waited_s, before, now) for task in todo]
+
+    def _asked(
+        self, task: Task, answers: Mapping[Task, float], waited_s: float, before: Reading, now: Reading
+    ) -> Attempt:
+        found, note = outcome(task, answers, before, now, self._chains[0])
+        return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
+
+    async def _spent(self, session: Session) -> bool:
+        """Whether the satellite's port has carried the budget since the proof began, whoever has used it."""
+        return (await self._read(session)).port_bytes - self._start_bytes >= BUDGET_BYTES
+
+    def _say(self, message: str, done: int = 0, total: int = 0) -> None:
+        self.notify(Event(self.router, Stage.VERIFYING, message, done, total))
+
+
+def _attempt(task: Task, outcome: Outcome, *, window_s: float = 0.0, note: str = "") -> Attempt:
+    return Attempt(task.name, task.target, task.expected, task.probe, outcome, window_s=window_s, note=note)
