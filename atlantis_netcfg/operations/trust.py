@@ -75,7 +75,7 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
         address, key = (str(access.address), _SSH), access.host_key
     else:
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `has_identity` has said so
-        assert host.device.access is not None  # noqa: S101 - site/rules/lte.py
+        assert host.device.access is not None  # noqa: S101 - declaration/rules/lte.py
         unit = Unit(host, host.device, Store(request.state), ignore)
         declared = host.device.access.fingerprint
         certificate = rutos.certificate_of(unit.endpoint)

@@ -59,7 +59,7 @@ def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
 def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> EmulatedUnit:
     """As it comes from its box but for the declared users: nothing is set, and the SIM's PIN is the declared one."""
     access, sim = device.access, device.sim
-    assert access is not None  # noqa: S101 - site/rules/lte.py
+    assert access is not None  # noqa: S101 - declaration/rules/lte.py
     spec = rutos.RutosSpec(
         name=name,
         reader=access.user,

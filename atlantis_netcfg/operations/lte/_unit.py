@@ -114,7 +114,7 @@ class Unit:
 
     @property
     def _access(self) -> LteAccess:
-        assert self.device.access is not None  # noqa: S101 - site/rules/lte.py
+        assert self.device.access is not None  # noqa: S101 - declaration/rules/lte.py
         return self.device.access
 
     @property
@@ -169,7 +169,7 @@ class Unit:
 
     def _at(self) -> Look:
         port = self.target.serial if self.target is not None else self.device.serial
-        assert port is not None  # noqa: S101 - site/rules/lte.py; each emulated modem has one
+        assert port is not None  # noqa: S101 - declaration/rules/lte.py; each emulated modem has one
         found = at.read(port)
         return Look(found.reading, judge(found.reading, self.wanted), found.commands)
 

@@ -110,4 +110,4 @@ def test_it_imports_only_what_reads_and_checks_a_declaration() -> None:
     strangers = {"ansible", "asyncio", "cryptography", "jinja2", "librouteros", "netmiko", "paramiko", "rich", "ssl"}
     assert strangers.isdisjoint(name.partition(".")[0] for name in imported)
     packages = {name.split(".")[1] for name in imported if name.startswith("atlantis_netcfg.")}
-    assert packages <= {"cli", "errors", "lazy", "near", "paths", "printable", "secret", "site", "temporary"}
+    assert packages <= {"cli", "core", "declaration"}

@@ -19,7 +19,7 @@ OF_RUNS = (
     "cli/restore.py",
     "cli/backup.py",
     "journal/_runs.py",
-    "operations/restoring.py",
+    "operations/restore.py",
     "routeros/apply/_claim.py",
     "routeros/apply/_settle.py",
 )

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 OWNER = """\
 import signal, sys
 from pathlib import Path
-from atlantis_netcfg import temporary
+from atlantis_netcfg.core import temporary
 with temporary.folder("image", Path(sys.argv[1])) as folder:
     (folder / "deep").mkdir()
     (folder / "deep" / "image").write_bytes(b"gigabytes")

@@ -14,9 +14,7 @@ from atlantis_netcfg.routeros.verify import CHECKS, TRIES
 
 CHECKOUT = Path(__file__).parents[3]
 PACKAGE = CHECKOUT / "atlantis_netcfg"
-FOLDERS = ("routeros", "twin", "rsc", "firstcontact", "console")
-OTHER_DEVICES = ("twin/acoustic", "twin/rutos")
-"""Emulations of other makes: what is not known of those is no assumption about RouterOS."""
+FOLDERS = ("routeros", "emulator/routeros", "rsc", "bootstrap", "console")
 FACTS = CHECKOUT.parent / "shared" / "facts" / "routeros.md"
 IDS = [each.id for each in ASSUMPTIONS]
 NAMED = re.compile(r"Assumption: ([a-z0-9-]+)")
@@ -37,7 +35,7 @@ def sources() -> dict[str, str]:
     for folder in FOLDERS:
         for file in sorted((PACKAGE / folder).rglob("*.py")):
             name = file.relative_to(PACKAGE).as_posix()
-            if not name.startswith(OTHER_DEVICES) and name != "routeros/assumptions.py":
+            if name != "routeros/assumptions.py":
                 found[name] = file.read_text(encoding="utf-8")
     return found
 

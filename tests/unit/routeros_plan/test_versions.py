@@ -77,10 +77,10 @@ COMPARES = re.compile(
     r"[Vv]ersions? (?:[<>]=?|not in) |[<>]=? [\w.]*version\b|(?:if|while|and|or) not [\w.]*has_safe_mode"
 )
 REFUSALS = {
-    "firstcontact/_menus.py": "refuses nothing: it words a reset",
-    "firstcontact/_preflight.py": "tests/integration/adopt: every objection has a hint, which its class demands",
-    "firstcontact/_read.py": "refuses nothing: it words a question",
-    "firstcontact/_steps.py": "refuses nothing: it words a date",
+    "bootstrap/_menus.py": "refuses nothing: it words a reset",
+    "bootstrap/_preflight.py": "tests/integration/adopt: every objection has a hint, which its class demands",
+    "bootstrap/_read.py": "refuses nothing: it words a question",
+    "bootstrap/_steps.py": "refuses nothing: it words a date",
     "packages/plan.py": "one error with a hint for all of its reasons",
     "routeros/apply/_begin.py": "refuses nothing by version: an older device is saved in another way",
     "routeros/apply/_executor.py": "tests/integration/engine/test_refusals.py::test_a_device_without_any_protection",
@@ -102,7 +102,7 @@ def test_every_place_where_a_version_decides_is_looked_at() -> None:
     assert found == set(REFUSALS)
 
 
-OTHER_VERSIONS = ("twin", "bundle", "gateway", "ansible_collections", "dds", "image", "machine")
+OTHER_VERSIONS = ("emulator", "bundle", "gateway", "ansible_collections", "dds", "image")
 """The emulated devices, and parts that know versions of other things than RouterOS."""
 
 

@@ -1,4 +1,4 @@
-"""Netwatch, check-gateway and the scripts of netwatch, on a clock turned by hand; parity: see twin/failover.py."""
+"""Netwatch, check-gateway and scripts of netwatch, on a clock turned by hand (emulator/routeros/failover.py)."""
 
 from __future__ import annotations
 

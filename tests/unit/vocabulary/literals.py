@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 SPEAKERS = (
     "routeros",
     "console",
-    "firstcontact",
+    "bootstrap",
     "packages",
     "operations",
     "cli",
     "bearers",
-    "links",
-    "site",
+    "checklist/runner",
+    "declaration",
     "render",
 )
-"""Packages whose texts may reach a router; those that are not there yet are passed over."""
+"""Packages whose texts may reach a router."""
 OTHER_LANGUAGES = ("bearers/lte/at", "bearers/lte/modemmanager", "bearers/lte/rutos")
 """Parts of these that speak to devices of other makes: paths of a Linux host, of D-Bus, of RutOS' web interface."""
 _COMMAND = re.compile(r"^(?:/[a-z][a-z0-9-]*(?:[/ ].*)?|:[a-z]+ .*)$")

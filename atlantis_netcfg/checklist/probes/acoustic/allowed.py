@@ -153,7 +153,7 @@ def _unless(known: Command, data: bytes, *, active: bool) -> str | None:
 def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> Say:
     """Make the only kind of saying that a modem gets. Raises NeverSaid."""
     if reason := refused(data, active=active):
-        raise NeverSaid(reason, hint="a probe says what is on the lists of `probes/acoustic/allowed.py`, nothing else")
+        raise NeverSaid(reason, hint="a probe sends what `checklist/probes/acoustic/allowed.py` lists, nothing else")
     return Say(data, until, within_s)
 
 
