@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from atlantis_netcfg.checklist._canonical import content, parsed
 from atlantis_netcfg.checklist.report import Document, Item
-from atlantis_netcfg.journal import JournalFailed, translated, utc_now, write_all
+from atlantis_netcfg.core.eventlog import EventLog, split
+from atlantis_netcfg.journal import unwritable, utc_now
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -89,7 +90,7 @@ class Lines:
 def read(path: Path) -> Lines:
     """Every record up to the first line that is not as it was written."""
     try:
-        *lines, rest = content(path).split(b"\n")
+        lines, rest = split(content(path))
     except OSError as error:
         return Lines(damage=f"cannot be read: {error.strerror}")
     records: list[Recorded] = []
@@ -126,59 +127,24 @@ def replayed(lines: Lines) -> Document | None:
     return begun[-1].model_copy(update={"items": tuple(results.get(item.id, item) for item in begun[-1].items)})
 
 
-class Ledger:
+class Ledger(EventLog):
     """The log, open for appending. After a failed write it refuses every other one."""
 
     def __init__(self, path: Path, now: Callable[[], datetime] = utc_now) -> None:
         """Open it, or make it; a torn end is cut off. Damage is for the caller to look for before."""
-        self._path = path
-        self._now = now
-        self._failure: JournalFailed | None = None
         lines = read(path) if path.exists() else Lines()
+        self._now = now
         self._last = lines.last
-        with translated("the checklist", path):
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
-            os.ftruncate(self._descriptor, lines.good)
-            os.fsync(self._descriptor)
+        super().__init__(path, partial(unwritable, "the checklist", path))
+        self.cut(lines.good)
 
     def write(self, record: Begun | GoneOn | Result | Superseded) -> None:
         """Put a record on disk. Raises JournalFailed, and from then on always."""
-        if self._failure is not None:
-            raise self._failure
         line = self._line(record)
-        size, last = os.fstat(self._descriptor).st_size, self._last
-        try:
-            with translated("the checklist", self._path):
-                write_all(self._descriptor, line + b"\n")
-                os.fsync(self._descriptor)
-            self._last = hashlib.sha256(line).hexdigest()
-        except BaseException as error:
-            # Ctrl+C as well: a record of which nobody knows would break the chain for the next one.
-            self._last = last
-            self._failure = error if isinstance(error, JournalFailed) else None
-            self._take_back(size, error)
-            raise
+        self.append(line + b"\n")
+        self._last = hashlib.sha256(line).hexdigest()
 
     def _line(self, record: Begun | GoneOn | Result | Superseded) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
-
-    def _take_back(self, size: int, failure: BaseException) -> None:
-        """Half a record is worse than none; if even this fails, reading cuts the torn line off."""
-        try:
-            os.ftruncate(self._descriptor, size)
-        except OSError as second:
-            failure.add_note(f"nor could the half record be removed: {second}")
-
-    def close(self) -> None:
-        """Close the file; nothing is pending."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

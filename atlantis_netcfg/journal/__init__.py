@@ -21,7 +21,7 @@ from atlantis_netcfg.journal._files import (
     run_order,
     sync_directory,
     translated,
-    write_all,
+    unwritable,
     write_atomically,
 )
 from atlantis_netcfg.journal._lock import Holder, SiteLock
@@ -132,7 +132,7 @@ __all__ = [
     "translated",
     "unfinished",
     "unrecorded",
+    "unwritable",
     "utc_now",
-    "write_all",
     "write_atomically",
 ]

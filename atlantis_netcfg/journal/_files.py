@@ -7,6 +7,7 @@ import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.eventlog import write_all
 from atlantis_netcfg.journal._errors import JournalFailed
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ __all__ = [
     "translated",
     "unwritable",
     "vanished",
-    "write_all",
     "write_atomically",
 ]
 
@@ -83,13 +83,6 @@ def run_order(name: str) -> tuple[str, int]:
     """Sort runs by time, and those of one time by number."""
     stamp, _, number = name.partition("-")
     return stamp, int(number) if number.isdecimal() else 1
-
-
-def write_all(descriptor: int, data: bytes) -> None:
-    """Write every byte or raise OSError; a full disk first shows as a short write."""
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(descriptor, rest) :]
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -11,8 +11,9 @@ import time
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Self
 
+from atlantis_netcfg.core.eventlog import write_all
 from atlantis_netcfg.journal._errors import SiteBusy
-from atlantis_netcfg.journal._files import make_private, translated, write_all
+from atlantis_netcfg.journal._files import make_private, translated
 from atlantis_netcfg.journal._writer import utc_now
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from atlantis_netcfg.core.eventlog import split
 from atlantis_netcfg.journal.records import Record
 
 if TYPE_CHECKING:
@@ -48,8 +49,7 @@ def line(entry: Entry) -> bytes:
 
 def read(path: Path) -> Log:
     """Every record that can be read. A last line without its end was being written when the process was killed."""
-    lines = path.read_bytes().split(b"\n")
-    torn = lines.pop()
+    lines, torn = split(path.read_bytes())
     entries: list[Entry] = []
     damage: list[str] = []
     for number, text in enumerate(lines, start=1):

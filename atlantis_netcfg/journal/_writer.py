@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from dataclasses import Field, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
+from atlantis_netcfg.core.eventlog import EventLog
 from atlantis_netcfg.journal._errors import JournalFailed
 from atlantis_netcfg.journal._files import (
     component,
@@ -15,7 +16,6 @@ from atlantis_netcfg.journal._files import (
     translated,
     unwritable,
     vanished,
-    write_all,
     write_atomically,
 )
 from atlantis_netcfg.journal._log import Entry, line
@@ -142,18 +142,15 @@ def _put(what: str, path: Path, data: bytes) -> None:
         write_atomically(path, data)
 
 
-class Journal:
+class Journal(EventLog):
     """The journal of one run, open for appending. After a failed write it refuses every other one."""
 
     def __init__(self, directory: Path, now: Callable[[], datetime] = utc_now) -> None:
         """`directory` is the run's own; the file in it is made if it is missing, else appended to."""
         self.directory = directory
-        self.failure: JournalFailed | None = None
         self._now = now
-        self._path = directory / FILE
-        with translated("the journal", self._path):
-            self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
-            self._close_torn_line()
+        super().__init__(path := directory / FILE, partial(unwritable, "the journal", path))
+        self.end_torn_line()
 
     @property
     def run(self) -> str:
@@ -162,14 +159,7 @@ class Journal:
 
     def write(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed, and from then on always."""
-        if self.failure is not None:
-            raise self.failure
-        size = os.fstat(self._descriptor).st_size
-        try:
-            write_all(self._descriptor, line(Entry(self._now(), record)))
-            os.fsync(self._descriptor)
-        except OSError as error:
-            self._fail(error, size)
+        self.append(line(Entry(self._now(), record)))
         self._require_present("the journal")
 
     def save(self, device: str, text: str) -> None:
@@ -199,28 +189,11 @@ class Journal:
             _put("the confirmed state", path, data)
         self.write(StateConfirmed(device=device, file=str(path.relative_to(site)), sha256=digest))
 
-    def close(self) -> None:
-        """Close the file; nothing is pending."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _require_present(self, what: str) -> None:
         """See that the open file is still the one that its name leads to. Raises JournalFailed, and then always."""
-        ours = os.fstat(self._descriptor)
-        try:
-            there = self._path.stat()
-        except OSError:
-            there = None
-        if there is None or (there.st_dev, there.st_ino) != (ours.st_dev, ours.st_ino):
-            self.failure = self.failure or vanished("the journal", self._path)
-            raise vanished(what, self._path)
+        if not self.present:
+            self.failure = self.failure or vanished("the journal", self.path)
+            raise vanished(what, self.path)
 
     def _free(self, device: str, data: bytes) -> Path:
         folder = self.directory / "before"
@@ -230,18 +203,3 @@ class Journal:
             number += 1
             path = folder / f"{device}.{number}.rsc"
         return path
-
-    def _close_torn_line(self) -> None:
-        """End a line that a killed run left open, so that the next record stands on its own."""
-        size = os.fstat(self._descriptor).st_size
-        if size and os.pread(self._descriptor, 1, size - 1) != b"\n":
-            write_all(self._descriptor, b"\n")
-
-    def _fail(self, error: OSError, size: int) -> None:
-        self.failure = unwritable("the journal", self._path, error)
-        # Half a record is worse than none; if even this fails, reading tolerates the torn line.
-        try:
-            os.ftruncate(self._descriptor, size)
-        except OSError as second:
-            self.failure.add_note(f"nor could the half record be removed: {second}")
-        raise self.failure from error

@@ -75,7 +75,7 @@ class Book:
         self.close()
 
     def _apply(self, records: Sequence[Record], operation: str, now: datetime) -> None:
-        for entry in self._ledger.append(records, self._who, operation, now):
+        for entry in self._ledger.write(records, self._who, operation, now):
             self.fold.apply(entry)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import TYPE_CHECKING, Self
 
-from atlantis_netcfg.journal import write_all
+from atlantis_netcfg.core.eventlog import EventLog, split
 from atlantis_netcfg.vpn.ledger._entry import GENESIS, Entry, Misread, digest, encode, parse
 from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged, LedgerFailed
 
@@ -62,10 +62,9 @@ class Reading:
 def read(path: Path) -> Reading:
     """Every entry up to the first damage. Raises LedgerFailed if the file cannot be read."""
     try:
-        lines = path.read_bytes().split(b"\n")
+        lines, torn = split(path.read_bytes())
     except OSError as error:
         raise _failed("read", path, error) from error
-    torn = lines.pop()
     entries: list[Entry] = []
     digests: list[str] = []
     size, damage = 0, None
@@ -85,7 +84,7 @@ def first_lines(records: Sequence[Record], who: str, operation: str, now: dateti
     return b"".join(line for _, line in _lines(records, (0, GENESIS), (now, who, operation)))
 
 
-class Ledger:
+class Ledger(EventLog):
     """The file open for writing, by the one process that holds the authority's lock.
 
     After a failed write it refuses every other one: what is on disk is then for the next to read.
@@ -97,67 +96,28 @@ class Ledger:
         self.entries = list(reading.entries)
         self.digests = list(reading.digests)
         """Hash of each line."""
-        self._path = path
-        self._failure: LedgerFailed | None = None
-        try:
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
-        except OSError as error:
-            raise _failed("written", path, error) from error
+        super().__init__(path, partial(_failed, "written", path), create=False)
         if reading.torn:
-            self._cut(reading.size)
+            self.cut(reading.size)
 
     @property
     def usable(self) -> bool:
         """Whether nothing has gone wrong with it so far."""
-        return self._failure is None
+        return self.failure is None
 
-    def append(self, records: Sequence[Record], who: str, operation: str, now: datetime) -> tuple[Entry, ...]:
+    def write(self, records: Sequence[Record], who: str, operation: str, now: datetime) -> tuple[Entry, ...]:
         """Put records on disk: one write, one fsync, for however many. Raises LedgerFailed, and from then on always."""
-        if self._failure is not None:
-            raise self._failure
+        if self.failure is not None:
+            raise self.failure
         last = self.digests[-1] if self.digests else GENESIS
         lines = _lines(records, (len(self.entries), last), (now, who, operation))
         if not lines:
             return ()
-        size = os.fstat(self._descriptor).st_size
-        try:
-            write_all(self._descriptor, b"".join(line for _, line in lines))
-            os.fsync(self._descriptor)
-        except OSError as error:
-            self._fail(error, size)
+        self.append(b"".join(line for _, line in lines))
         entries = tuple(entry for entry, _ in lines)
         self.entries.extend(entries)
         self.digests.extend(digest(line) for _, line in lines)
         return entries
-
-    def close(self) -> None:
-        """Close the file; nothing is pending."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _cut(self, size: int) -> None:
-        try:
-            os.ftruncate(self._descriptor, size)
-            os.fsync(self._descriptor)
-        except OSError as error:
-            self.close()
-            raise _failed("written", self._path, error) from error
-
-    def _fail(self, error: OSError, size: int) -> None:
-        self._failure = _failed("written", self._path, error)
-        # Half a batch is as good as none: what is in it without an end is withdrawn by the next command.
-        try:
-            os.ftruncate(self._descriptor, size)
-        except OSError as second:
-            self._failure.add_note(f"nor could the half record be removed: {second}")
-        raise self._failure from error
 
 
 def _lines(

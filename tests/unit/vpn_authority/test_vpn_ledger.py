@@ -148,7 +148,7 @@ def test_a_torn_line_is_cut_wherever_it_was_torn(tmp_path: Path) -> None:
         assert len(read(path).sound().entries) == 1
         with Ledger(path) as ledger:
             assert path.read_bytes() == first
-            ledger.append([records.Committed()], "me", "op", NOW)
+            ledger.write([records.Committed()], "me", "op", NOW)
         assert [entry.record for entry in read(path).sound().entries] == [EVERY[0], records.Committed()]
 
 
@@ -166,11 +166,11 @@ def test_a_failed_write_is_taken_back_and_the_last_one(tmp_path: Path, monkeypat
         with monkeypatch.context() as patch:
             patch.setattr(os, "write", short)
             with pytest.raises(LedgerFailed, match=r"the ledger cannot be written: No space left on device \(.*ledger"):
-                ledger.append([ISSUED], "me", "op", NOW)
+                ledger.write([ISSUED], "me", "op", NOW)
         assert path.read_bytes() == before
         assert not ledger.usable
         with pytest.raises(LedgerFailed):
-            ledger.append([ISSUED], "me", "op", NOW)
+            ledger.write([ISSUED], "me", "op", NOW)
     assert path.read_bytes() == before
 
 
@@ -187,7 +187,7 @@ def test_one_wait_for_the_disk_for_a_batch(tmp_path: Path, monkeypatch: pytest.M
     synced: list[int] = []
     with Ledger(tmp_path / "ledger") as ledger:
         monkeypatch.setattr(os, "fsync", synced.append)
-        ledger.append([records.Committed()] * 500, "me", "op", NOW)
-        ledger.append([], "me", "op", NOW)
+        ledger.write([records.Committed()] * 500, "me", "op", NOW)
+        ledger.write([], "me", "op", NOW)
     assert len(synced) == 1
     assert len(read(tmp_path / "ledger").sound().entries) == len(EVERY) + 500
