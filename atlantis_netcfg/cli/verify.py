@@ -51,6 +51,8 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.verifying import Verifying, written
 
     name = arguments.word("device")
+    silence = arguments.flag("silence") and not arguments.flag("rehearse")
+    _check_privilege(silence=silence)
     found: list[Host] = []
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
@@ -70,7 +72,7 @@ def run(arguments: Arguments) -> ExitCode:
                 opened.request(Mode.DRIFT),
                 notify,
                 tries=arguments.flag("try"),
-                silence=arguments.flag("silence") and not opened.rehearsed,
+                silence=silence,
             )
             _pay(opened, verifying)
             verified = _verified(opened, verifying)
@@ -78,6 +80,18 @@ def run(arguments: Arguments) -> ExitCode:
         result = verified if opened.rehearsed else written(verified, opened.state)
     print(json.dumps(result.as_json(), ensure_ascii=False) if opened.as_json else result.as_text())
     return result.exit
+
+
+def _check_privilege(*, silence: bool) -> None:
+    """Refuse before any device is asked. Raises UsageError."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.routeros.api import may_cut_off
+
+    if silence and not may_cut_off():
+        raise UsageError(
+            "`--silence`: this computer lets only root make a connection fall silent; no device was contacted",
+            hint="type the same with `sudo`, or without `--silence`",
+        )
 
 
 def _host(declaration: Declaration, name: str) -> Host:

@@ -19,6 +19,7 @@ from atlantis_netcfg.routeros.api._errors import (
     Unreachable,
 )
 from atlantis_netcfg.routeros.api._session import WINDOW, Session, certificate_of
+from atlantis_netcfg.routeros.api._tls import may_cut_off
 from atlantis_netcfg.routeros.api._values import READING_WINDOW, Command, Endpoint, Reply, Traffic, Trap
 
 __all__ = [
@@ -39,4 +40,5 @@ __all__ = [
     "Trap",
     "Unreachable",
     "certificate_of",
+    "may_cut_off",
 ]

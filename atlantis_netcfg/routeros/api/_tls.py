@@ -20,7 +20,7 @@ from atlantis_netcfg.routeros.api._errors import CertificateChanged, Certificate
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Endpoint, Traffic
 
-__all__ = ["TlsTransport", "check_pin", "client_context", "cut_off", "fingerprint_of", "keep_alive"]
+__all__ = ["TlsTransport", "check_pin", "client_context", "cut_off", "fingerprint_of", "keep_alive", "may_cut_off"]
 
 _PIECE = 65_536
 _ATTACH_FILTER = 26
@@ -203,11 +203,25 @@ def keep_alive(transport: asyncio.BaseTransport) -> None:
 def cut_off(transport: asyncio.BaseTransport) -> None:
     """Let the kernel drop whatever comes on this connection, acknowledgements too, and send nothing by itself.
 
-    A packet filter of the socket's own (socket(7), SO_ATTACH_FILTER), which needs no privilege: one instruction, which
-    takes no byte of any packet.
+    A packet filter of the socket's own (socket(7), SO_ATTACH_FILTER). Raises PermissionError: see `may_cut_off`.
     """
     connection = transport.get_extra_info("socket")
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 0)
+    _drop_all(connection)
+
+
+def may_cut_off() -> bool:
+    """Whether this user may filter a TCP connection: on some kernels (seen on 6.18) only root may."""
+    with socket.socket() as connection:
+        try:
+            _drop_all(connection)
+        except PermissionError:
+            return False
+    return True
+
+
+def _drop_all(connection: socket.socket) -> None:
+    # One instruction, which takes no byte of any packet.
     nothing = ctypes.create_string_buffer(struct.pack("HBBI", 0x06, 0, 0, 0))
     program = struct.pack("HP", 1, ctypes.addressof(nothing))
     connection.setsockopt(socket.SOL_SOCKET, _ATTACH_FILTER, program)

@@ -196,3 +196,14 @@ def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> 
     with progress(quiet=False, out=terminal) as notify:
         notify(Event("quay", Stage.CONNECTING, "to it"))
     assert re.search(r"quay +connecting  to it  \(\d+ s\)", terminal.getvalue())
+
+
+def test_silence_that_this_computer_cannot_make_is_refused_before_a_device_is_asked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("atlantis_netcfg.routeros.api.may_cut_off", lambda: False)
+    assert main(["verify", "device=coastal-router", "--silence"]) == ExitCode.USAGE
+    assert capsys.readouterr().err.splitlines() == [
+        "error: `--silence`: this computer lets only root make a connection fall silent; no device was contacted",
+        "  type the same with `sudo`, or without `--silence`",
+    ]

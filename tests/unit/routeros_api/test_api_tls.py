@@ -12,7 +12,7 @@ from scripted_device import Device, Peer, serving
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
-from atlantis_netcfg.routeros.api._tls import client_context, cut_off, keep_alive
+from atlantis_netcfg.routeros.api._tls import client_context, cut_off, keep_alive, may_cut_off
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -144,6 +144,10 @@ def test_a_connection_that_is_cut_off_hears_nothing_and_acknowledges_nothing(dea
         device, _ = server.accept()
         with device:
             keep_alive(_Connected(ours))
+            if dead and not may_cut_off():
+                with pytest.raises(PermissionError):
+                    cut_off(_Connected(ours))
+                return
             if dead:
                 cut_off(_Connected(ours))
             # On loopback a segment has been taken or dropped by the time that `send` returns.
