@@ -205,5 +205,5 @@ def test_silence_that_this_computer_cannot_make_is_refused_before_a_device_is_as
     assert main(["verify", "device=coastal-router", "--silence"]) == ExitCode.USAGE
     assert capsys.readouterr().err.splitlines() == [
         "error: `--silence`: this computer lets only root make a connection fall silent; no device was contacted",
-        "  type the same with `sudo`, or without `--silence`",
+        "       type the same with `sudo`, or without `--silence`",
     ]
