@@ -8,7 +8,7 @@ from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.commands._complete import mac_of
 from atlantis_netcfg.emulator.routeros.console.run import run_file
 from atlantis_netcfg.emulator.routeros.factory import default_configuration
-from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Menu, Shape
+from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED, Menu, Shape
 from atlantis_netcfg.emulator.routeros.store import Item
 from atlantis_netcfg.emulator.routeros.values import reference, spell
 
@@ -20,6 +20,8 @@ __all__ = ["SYSTEM", "SeedRefused", "boot"]
 SYSTEM = Caller(0, "*sys", "full", "local", "", 0.0)
 """Who seeds the router and runs its schedulers."""
 _MARK = "atlantis: management"
+_LOOPBACK_ID = 0x1000000
+"""Out of the way of the other interfaces; nobody has published the real one."""
 _BUILTIN_USER = "system default user"
 
 
@@ -31,12 +33,13 @@ def boot(core: Core) -> None:
     """Fill the tables: the factory's rows, the spec's users, certificates and management address, then the seed."""
     for path in INTERFACES:
         core.store.table(path)
-    for path, menu in MODELLED.items():
+    for path in (*MODELLED, *BUILT_IN):
         if core.schema.has_menu(path):
-            _factory(core, menu)
+            _factory(core, core.store.table(path).menu)
     _ports(core)
     _radios(core)
     _modem(core)
+    _loopback(core)
     _people(core)
     if core.spec.factory:
         _seed(core, default_configuration(core.spec) + core.spec.seed)
@@ -94,6 +97,13 @@ def _modem(core: Core) -> None:
         return
     factory = {"name": core.spec.modem.name, "allow-roaming": "no"}
     core.store.table("/interface/lte").items.append(Item(core.store.new_id("/interface/lte"), dict(factory), factory))
+
+
+def _loopback(core: Core) -> None:
+    """The interface `lo`: exports of 7.16 are the oldest that name it."""
+    if core.schema.at_least("7.16"):
+        row = {"name": "lo"}
+        core.store.table("/interface").items.append(Item(_LOOPBACK_ID, dict(row), row, dynamic=True))
 
 
 def _people(core: Core) -> None:

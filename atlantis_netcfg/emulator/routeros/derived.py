@@ -17,6 +17,7 @@ __all__ = ["dynamic_rows", "properties", "type_of"]
 
 Properties = dict[str, str]
 _TYPES = {
+    "/interface": "loopback",
     "/interface/ethernet": "ether",
     "/interface/lte": "lte",
     "/interface/bridge": "bridge",

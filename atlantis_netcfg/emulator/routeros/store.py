@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Change", "Item", "Placed", "Store", "Table"]
 
-_SPACE_MENUS = {"bridge": ("/interface/bridge",), "interface": INTERFACES}
+_SPACE_MENUS = {
+    "bridge": ("/interface/bridge",),
+    "interface": (*INTERFACES, "/ip/vrf"),
+    "table": ("/routing/table", "/ip/vrf"),
+}
+"""A VRF is an interface and a routing table of its name (Manual, VRF)."""
 
 
 @dataclass(slots=True)

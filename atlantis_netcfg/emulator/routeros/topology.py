@@ -99,7 +99,7 @@ class Topology:
             for item in table.items:
                 enabled = self.store.text(table, item, "disabled") != "yes"
                 up = enabled and (
-                    table.menu.path in ("/interface/ethernet", "/interface/bridge")
+                    table.menu.path in ("/interface", "/interface/ethernet", "/interface/bridge")
                     or item.id in self._linked
                     or self.store.text(table, item, "disable-running-check") == "yes"
                 )

@@ -59,7 +59,7 @@ PUT = [
     (":put [/interface ethernet find default-name=ether3]", "*3"),
     (":put [/interface/ethernet/get ether2 name]", "ether2"),
     (":put [/ip/pool/add name=q ranges=10.0.0.1]", "*1"),
-    (":put [/interface/print count-only]", "8"),
+    (":put [/interface/print count-only]", "9"),
     (":put [/interface print count-only where name=ether1]", "1"),
     (":put [/system/identity/print as-value]", "name=MikroTik"),
     (":put [/ip/address/find where address=10.64.101.1/24]", ""),

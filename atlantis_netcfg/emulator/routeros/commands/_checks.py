@@ -15,7 +15,8 @@ from atlantis_netcfg.emulator.routeros.access import public_key
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument
 from atlantis_netcfg.emulator.routeros.devicemode import FLAGGED, NOT_ALLOWED, SUSPICIOUS, allowed
-from atlantis_netcfg.emulator.routeros.values import spell
+from atlantis_netcfg.emulator.routeros.menus import OLD_WORDS
+from atlantis_netcfg.emulator.routeros.values import NOT_OFFERED, spell
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -31,6 +32,8 @@ _WITH_PORTS = ("tcp", "udp", "udp-lite", "dccp", "sctp", "6", "17")
 _PORTS = ("dst-port", "src-port", "port", "to-ports")
 _NO_IN = ("output", "postrouting", "srcnat")
 _NO_OUT = ("input", "prerouting", "dstnat")
+_SRCNAT_IN = {"in-interface-list": "7.18", "in-interface": "7.21"}
+"""Since when, at the latest, srcnat matches where a packet came in: the oldest exports that have such rules."""
 
 
 def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -> None:
@@ -38,6 +41,7 @@ def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -
     table = core.store.table(menu)
     for unique in table.menu.unique:
         _check_unique(core, table, unique, values, item)
+    _check_words(core, menu, values)
     _check_mode(core, table, values, item)
     more = _MORE.get(menu)
     if more is not None:
@@ -46,17 +50,27 @@ def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -
 
 def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: Item | None) -> None:
     key = _key(table, unique, values)
-    if None in key[:1]:
+    if None in key[:1] or (unique.enabled and values.get("disabled") == "yes"):
         return
     tables = list(core.store.space_tables("interface")) if table.menu.space == "interface" else [table]
     for other_table in tables:
         for other in other_table.items:
-            if other is not item and _key(table, unique, other.values) == key:
+            counts = not unique.enabled or other.values.get("disabled") != "yes"
+            if other is not item and counts and _key(table, unique, other.values) == key:
                 raise Trap(unique.words)
 
 
 def _key(table: Table, unique: Unique, values: Mapping[str, str]) -> list[str | None]:
     return [values.get(name, table.menu.by_name[name].default) for name in unique.arguments]
+
+
+def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
+    """Refuse a word that this version does not have any more, or not yet."""
+    for name, words in OLD_WORDS.get(menu, {}).items():
+        given = set(values.get(name, "").split(",")) - {""}
+        renamed = core.schema.at_least(words.until)
+        if (renamed and given & set(words.old)) or (words.known and not renamed and not given <= set(words.old)):
+            raise Trap(NOT_OFFERED.format(name), Category.ARGUMENT)
 
 
 def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Item | None) -> None:
@@ -97,20 +111,21 @@ def _bridge_port(core: Core, values: Mapping[str, str], _item: Item | None) -> N
         raise Trap("failure: can not add bridge as bridge port")
 
 
-def _rule(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _rule(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
     """Matchers that a chain or protocol cannot have, and targets that an action needs."""
     chain, action = values["chain"], values.get("action", "accept")
     if any(name in values for name in _PORTS) and values.get("protocol", "") not in _WITH_PORTS:
         raise Trap("failure: ports can be specified if proto is tcp,udp,udp-lite,dccp,sctp")
     if chain in _NO_OUT and any(name.startswith("out-") for name in values):
         raise Trap("failure: outgoing interface matching not possible in input and prerouting chains")
-    if chain in _NO_IN and any(name.startswith("in-") and name != "ingress-priority" for name in values):
+    since = {name: core.schema.at_least(version) for name, version in _SRCNAT_IN.items()} if chain == "srcnat" else {}
+    if chain in _NO_IN and any(name.startswith("in-") and not since.get(name) for name in values):
         raise Trap("failure: incoming interface matching not possible in output and postrouting chains")
     if "tcp-flags" in values and values.get("protocol") not in ("tcp", "6"):
         raise Trap("failure: tcp-flags can be specified only if proto is tcp")
     for needed in _NEEDS.get(action, ()):
-        if needed not in values:
-            raise MissingArgument(needed)
+        if not set(needed.split("|")) & values.keys():
+            raise MissingArgument(needed.partition("|")[0])
 
 
 _NEEDS = {
@@ -121,7 +136,7 @@ _NEEDS = {
     "mark-connection": ("new-connection-mark",),
     "mark-packet": ("new-packet-mark",),
     "mark-routing": ("new-routing-mark",),
-    "src-nat": ("to-addresses",),
+    "src-nat": ("to-addresses|to-ports",),  # exports of RB5009 with 7.1.5 and 7.2.3 give the ports alone
 }
 
 
@@ -138,15 +153,15 @@ def _static_dns(_core: Core, values: Mapping[str, str], _item: Item | None) -> N
     if "name" not in values and "regexp" not in values:
         raise MissingArgument("name")
     needed = _RECORD_NEEDS.get(values.get("type", "A"))
-    if needed is not None and needed not in values:
-        raise MissingArgument(needed)
+    if needed is not None and not set(needed.split("|")) & values.keys():
+        raise MissingArgument(needed.partition("|")[0])
 
 
 _RECORD_NEEDS = {
     "A": "address",
     "AAAA": "address",
     "CNAME": "cname",
-    "FWD": "forward-to",
+    "FWD": "forward-to|address-list",  # an export of 7.21 has only the list
     "MX": "mx-exchange",
     "NS": "ns",
     "SRV": "srv-target",
@@ -166,6 +181,12 @@ def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
     given = [int(one) for one in values.get("band", "").split(",") if one]
     if modem is not None and not set(given) <= set(modem.bands):
         raise Trap("invalid value for argument band", Category.ARGUMENT)
+
+
+def _route(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+    """Only a black hole goes nowhere: an export of 7.19.1 has `blackhole ... gateway=""`."""
+    if values.get("gateway") == "" and "blackhole" not in values:
+        raise Trap("input does not match any value of gateway")
 
 
 def _virtual(_core: Core, values: Mapping[str, str], item: Item | None) -> None:
@@ -219,6 +240,7 @@ _MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
     "/ip/firewall/mangle": _rule,
     "/ip/firewall/nat": _nat,
     "/ip/firewall/raw": _rule,
+    "/ip/route": _route,
     "/ip/service": _service,
     "/system/logging/action": _action,
     "/user": _user,

@@ -52,7 +52,7 @@ def _interface(core: Core, table: Table, item: Item, interface: Interface) -> di
     row["actual-mtu"] = "1500" if mtu == "auto" else mtu
     if (mac := core.store.text(table, item, "mac-address")) is not None:
         row["mac-address"] = mac
-    if item.factory is not None:
+    if item.factory is not None and table.menu.path != "/interface":
         row["default-name"] = item.factory["name"]
     if (comment := core.store.text(table, item, "comment")) is not None:
         row["comment"] = comment

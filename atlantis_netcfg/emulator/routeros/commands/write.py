@@ -10,7 +10,7 @@ from atlantis_netcfg.emulator.routeros.commands import _undo
 from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands._checks import check, check_removal
 from atlantis_netcfg.emulator.routeros.commands._complete import complete
-from atlantis_netcfg.emulator.routeros.menus import Shape
+from atlantis_netcfg.emulator.routeros.menus import OF_THE_BOARD, Shape
 from atlantis_netcfg.emulator.routeros.schema import needed
 from atlantis_netcfg.emulator.routeros.values import BadValue, id_text, seconds
 from atlantis_netcfg.emulator.routeros.views import made_rows
@@ -210,6 +210,8 @@ def _item(core: Core, call: Call, table: Table, named: str) -> Item:
     if item is None:
         if any(row[".id"] == named for row in made_rows(core, call.menu)):
             raise Trap(_BUILTIN)
+        if call.menu in OF_THE_BOARD and not table.items:
+            raise Trap(f"not rehearsed by the twin: rows of {call.menu}")
         raise no_such_item()
     return item
 

@@ -31,6 +31,7 @@ from atlantis_netcfg.emulator.routeros.console._statements import (
 )
 from atlantis_netcfg.emulator.routeros.console._text import ConsoleError
 from atlantis_netcfg.emulator.routeros.console.where import Condition
+from atlantis_netcfg.emulator.routeros.supplement import UNSEEN
 from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 __all__ = ["Parser"]
 
 _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
-_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
+_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)|\.[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
 _UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
 _ERROR = re.compile(r":error(?=\s)")
@@ -273,6 +274,8 @@ class Parser:
                 self._arguments(command)
                 return command
             else:
+                if below in UNSEEN and "routerboard" in schema.features:
+                    raise ConsoleError(f"not rehearsed by the twin: {below}")
                 raise self._bad_command(word, start)
 
     @staticmethod
@@ -324,12 +327,15 @@ class Parser:
         positional = list(_POSITIONAL.get(command.name, ()))
         if command.name == "get" and "number" not in self.core.schema.arguments(command.menu, "get"):
             positional.remove("number")  # settings have no rows: `get name`
+        group = ""
         while self._more():
             start = self.text.at
             if (unset := self.text.match(_UNSET)) is not None:
                 self._check(command, unset[1:], known, start)
                 command.unset.append(unset[1:])
             elif (name := self.text.match(_NAME)) is not None:
+                name = f"{group}{name}" if name.startswith(".") else name
+                group = name.rpartition(".")[0]
                 self._check(command, name, known, start)
                 command.arguments[name] = self._given(command, name)
             elif command.name == "print" and self._where(command):

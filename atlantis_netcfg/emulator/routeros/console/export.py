@@ -66,7 +66,13 @@ def _paths(core: Core, menu: str) -> list[str]:
     known = [path for path, table in core.store.tables.items() if table.menu.exported]
     wanted = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
     places = {path: place for place, path in enumerate(EXPORT_ORDER)}
-    return sorted(wanted, key=lambda path: (places.get(path, len(places)), path))
+    return sorted(wanted, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
+
+
+def _place(core: Core, path: str) -> int:
+    """Place a menu that the table does not model: interfaces before what names them, all others last."""
+    interfaces = core.store.table(path).menu.space == "interface"
+    return EXPORT_ORDER.index("/ip/pool") if interfaces else len(EXPORT_ORDER)
 
 
 def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterator[Statement]:

@@ -18,15 +18,19 @@ from atlantis_netcfg.emulator.routeros.menus import (
     _wifi,
     _wireless,
 )
-from atlantis_netcfg.emulator.routeros.menus._generic import generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus._generic import BUILT_IN, OF_THE_BOARD, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus._interface import OLD_WORDS
 from atlantis_netcfg.emulator.routeros.menus._model import Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.menus._order import EXPORT_ORDER
 from atlantis_netcfg.emulator.routeros.menus._system import POLICIES
 
 __all__ = [
+    "BUILT_IN",
     "EXPORT_ORDER",
     "INTERFACES",
     "MODELLED",
+    "OF_THE_BOARD",
+    "OLD_WORDS",
     "POLICIES",
     "Arg",
     "Menu",
@@ -43,6 +47,7 @@ MODELLED: dict[str, Menu] = {
     for menu in module.MENUS
 }
 INTERFACES = (
+    "/interface",
     "/interface/ethernet",
     "/interface/bridge",
     "/interface/ovpn-client",
@@ -50,4 +55,4 @@ INTERFACES = (
     "/interface/wifi",
     "/interface/lte",
 )
-"""Modelled menus whose rows are interfaces and also show under `/interface`."""
+"""Menus whose rows are interfaces and also show under `/interface`; `lo` has no menu of its own."""

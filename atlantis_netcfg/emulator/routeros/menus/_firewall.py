@@ -73,7 +73,7 @@ _MATCHERS: tuple[tuple[str, Kind], ...] = (
     ("packet-size", Not(Pattern(_RANGE))),
     ("per-connection-classifier", Not(Pattern(r"[a-z-]+:\d+/\d+"))),
     ("port", Not(Ports())),
-    ("priority", Not(Int(0, 63))),
+    ("priority", Not(Int(0, 255))),  # the Manual says 63, an export of 7.16 has 100 and 110
     ("protocol", Not(Choice(_PROTOCOLS))),
     ("psd", Pattern(r"\d+,\w+,\d+,\d+")),
     ("random", Int(1, 99)),

@@ -6,6 +6,7 @@ of which the list itself shows that it is only a part (numbers, addresses and na
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique
@@ -15,7 +16,7 @@ from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Kind, N
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.schema import Schema
 
-__all__ = ["generic", "unmodelled"]
+__all__ = ["BUILT_IN", "OF_THE_BOARD", "generic", "unmodelled"]
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
 _EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}
@@ -49,6 +50,7 @@ _OPEN = frozenset(
         "filter-src-port",
         "group-authority",
         "group-master",
+        "headers",
         "hop-limit",
         "incoming-filter",
         "input.limit-process-routes-ipv4",
@@ -85,20 +87,64 @@ _OPEN = frozenset(
 """Arguments that take numbers, addresses, texts or names of rows beside the words that are offered."""
 _BY_PACKAGE = ("/disk",)
 """Menus whose words depend on packages that the recorded router did not have."""
+_NAMES_REPEAT = ("/ip/smb/shares", "/ip/smb/users", "/routing/id")
+"""Menus of which exports (7.1.5 to 7.11.2) hold several rows of one name."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltIn:
+    """Rows that a factory-new router has in a menu which the table does not model."""
+
+    rows: tuple[dict[str, str], ...]
+    since: str = "7.0"
+
+
+def _named(*names: str) -> tuple[dict[str, str], ...]:
+    return tuple({"name": name} for name in names)
+
+
+BUILT_IN = {
+    "/caps-man/manager/interface": BuiltIn(({"interface": "all"},)),
+    "/ip/firewall/service-port": BuiltIn(
+        _named("ftp", "tftp", "irc", "h323", "sip", "pptp", "rtsp", "udplite", "dccp", "sctp")
+    ),
+    "/ip/hotspot/profile": BuiltIn(_named("default"), since="6.0"),
+    "/ip/hotspot/service-port": BuiltIn(_named("ftp")),
+    "/ip/ipsec/mode-config": BuiltIn(_named("request-only")),
+    "/ip/ipsec/policy": BuiltIn(({},)),
+    "/ip/ipsec/profile": BuiltIn(_named("default")),
+    "/ip/ipsec/proposal": BuiltIn(_named("default")),
+    "/ip/smb/shares": BuiltIn(_named("pub"), since="7.10"),
+    "/ip/smb/users": BuiltIn(_named("guest"), since="7.14beta1"),
+    "/ipv6/nd": BuiltIn(({"interface": "all"},)),
+    "/port": BuiltIn(_named("serial0", "serial1")),
+    "/ppp/profile": BuiltIn(_named("default", "default-encryption")),
+    "/routing/bgp/template": BuiltIn(_named("default")),
+    "/snmp/community": BuiltIn(_named("public")),
+}
+"""Only what exports of 6.49 to 7.23 set of them (`set [ find default=yes ]`, `set 0`, `set default`), under the names
+of the Manual: IPsec, Services, SMB, SNMP, HotSpot, PPP, BGP. No export tells how many serial ports a board has: two."""
+OF_THE_BOARD = ("/app", "/disk", "/system/resource/irq/rps")
+"""Menus whose rows come with disks, processors and packages of a board: the twin does not have them."""
 
 
 def generic(schema: Schema, path: str) -> Menu:
     """Make the menu of a path that the command tree has."""
     names = schema.arguments(path, "add") | schema.arguments(path, "set")
+    built_in = BUILT_IN.get(path)
+    factory = built_in.rows if built_in is not None and schema.at_least(built_in.since) else ()
     interface = path.startswith("/interface/") and "name" in names and not path.startswith(_NO_INTERFACE)
     unique = (Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
+    unique = () if path in _NAMES_REPEAT else unique
     return Menu(
         path,
         _shape(schema, path),
-        unmodelled(path, names),
+        unmodelled(path, names.union(*factory)),
         noun=path.rpartition("/")[2].replace("-", " "),
         space="interface" if interface else "",
         unique=unique,
+        factory=factory,
+        builtin_flag="default" if factory else "",
         modelled=False,
     )
 
@@ -128,6 +174,8 @@ def _kind(path: str, name: str) -> Kind:
     named = _rows(name, values)
     if named is not None:
         return Not(Refs(named))
+    if name == "tcp-flags":
+        return Choices(values, signed=True)
     if len(values) > 1 and name not in _OPEN and not _ROWS & set(values) and not path.startswith(_BY_PACKAGE):
         return Not(Choices(values, ordered=False))
     return _KINDS.get((path, name), Text())

@@ -6,11 +6,13 @@ PoE-Out; Manual, OpenVPN; verbose exports of RouterOS 7.19.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Address, Bool, Choice, Choices, Int, Mac, Ref, Refs, Text, Time
 
-__all__ = ["MENUS"]
+__all__ = ["MENUS", "OLD_WORDS"]
 
 _TAKEN = Unique(("name",), "failure: already have interface with such name")
 _ARP = Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only"))
@@ -20,6 +22,29 @@ _VLAN = ("vlan-filtering", "yes")
 _IGMP = ("igmp-snooping", "yes")
 _FLOW = Choice(("auto", "off", "on"))
 _RATES = "10M-baseT-half,10M-baseT-full,100M-baseT-half,100M-baseT-full,1G-baseT-half,1G-baseT-full"
+
+_ADVERTISED = (
+    *("10M-half", "10M-full", "100M-half", "100M-full", "1000M-half", "1000M-full"),
+    *("2500M-full", "5000M-full", "10000M-full"),
+)
+_SPEEDS = ("10Mbps", "100Mbps", "1Gbps", "2.5Gbps", "5Gbps", "10Gbps")
+
+
+@dataclass(frozen=True, slots=True)
+class OldWords:
+    """Words of an argument that got other names in version `until`; `known`: before that there were no others."""
+
+    until: str
+    old: tuple[str, ...]
+    known: bool = True
+
+
+OLD_WORDS = {
+    "/interface/ethernet": {"advertise": OldWords("7.12", _ADVERTISED), "speed": OldWords("7.12", _SPEEDS)},
+    "/interface/ovpn-client": {"cipher": OldWords("7.7", ("aes128", "aes192", "aes256"), known=False)},
+}
+"""Ethernet: changelog of 7.12, "changed advertise and speed arguments"; exports of 6.43 to 7.8. OpenVPN: exports of 7.5
+and 7.6 have `aes256`, of 7.11.2 `aes256-cbc`; when it changed between them is not known."""
 
 _BRIDGE = Menu(
     "/interface/bridge",
@@ -120,7 +145,7 @@ _ETHERNET = Menu(
     (
         # Rows refer to a port by its id. Assumption: port-new-name
         Arg("name", Text(empty=False), ""),
-        Arg("advertise", Choices(offered("/interface/ethernet", "advertise"), ordered=False), _RATES),
+        Arg("advertise", Choices((*offered("/interface/ethernet", "advertise"), *_ADVERTISED), ordered=False), _RATES),
         Arg("arp", _ARP, "enabled"),
         Arg("arp-timeout", Time(words=("auto",)), "auto"),
         Arg("auto-negotiation", Bool(), "yes"),
@@ -134,7 +159,7 @@ _ETHERNET = Menu(
         Arg("mtu", Int(68, 65535), "1500"),
         Arg("orig-mac-address", Mac(), ""),
         Arg("rx-flow-control", _FLOW, "off"),
-        Arg("speed", Choice(offered("/interface/ethernet", "speed"))),
+        Arg("speed", Choice((*offered("/interface/ethernet", "speed"), *_SPEEDS))),
         Arg("tx-flow-control", _FLOW, "off"),
         Arg("poe-out", Choice(("auto-on", "forced-on", "off")), "auto-on"),
         Arg("poe-priority", Int(0, 99), "10"),
@@ -189,7 +214,7 @@ _MEMBER = Menu(
     flags=("dynamic",),
 )
 
-_CIPHERS = Choice(offered("/interface/ovpn-client", "cipher"))
+_CIPHERS = Choice((*offered("/interface/ovpn-client", "cipher"), *OLD_WORDS["/interface/ovpn-client"]["cipher"].old))
 _OVPN = Menu(
     "/interface/ovpn-client",
     Shape.LIST,

@@ -161,7 +161,8 @@ _LEASE = Menu(
     called="address",
     unique=(
         Unique(("address", "server"), "failure: already have static lease with this IP address"),
-        Unique(("mac-address", "server"), "failure: already have static lease with this MAC address"),
+        # An export of 7.22 has two leases for one address, of which one is disabled.
+        Unique(("mac-address", "server"), "failure: already have static lease with this MAC address", enabled=True),
     ),
     flags=("blocked", "dynamic", "radius"),
 )
@@ -242,7 +243,7 @@ _STATIC = Menu(
         Arg("type", Choice(offered("/ip/dns/static", "type")), "A", always=True),
     ),
     noun="static dns entry",
-    unique=(Unique(("name", "type", "address"), "entry already exists"),),
+    unique=(Unique(("name", "type", "address", "text"), "entry already exists"),),
     flags=("dynamic",),
 )
 
@@ -255,7 +256,7 @@ _ROUTE = Menu(
         COMMENT,
         Arg("disabled", Bool(), "no"),
         Arg("distance", Int(1, 255), "1"),
-        Arg("dst-address", Prefixes(v6=False), "0.0.0.0/0"),
+        Arg("dst-address", Prefixes(v6=False, empty="0.0.0.0/0"), "0.0.0.0/0"),
         Arg("gateway", Gateway()),
         Arg("pref-src", Address(v6=False, empty=True)),
         Arg("routing-table", Ref(("table",)), "main"),

@@ -62,6 +62,8 @@ class Unique:
 
     arguments: tuple[str, ...]
     words: str
+    enabled: bool = False
+    """Only rows that are not disabled count."""
 
 
 @dataclass(frozen=True, slots=True)

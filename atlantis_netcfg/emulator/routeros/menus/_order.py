@@ -20,6 +20,7 @@ EXPORT_ORDER = (
     "/interface/wireless",
     "/ip/pool",
     "/ip/dhcp-server",
+    "/ip/vrf",
     "/queue/tree",
     "/routing/table",
     "/system/logging/action",

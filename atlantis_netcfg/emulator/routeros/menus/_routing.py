@@ -1,15 +1,18 @@
 """Routing tables, rules and settings.
 
 Values and defaults: Manual, CLI reference of `/routing/table`, `/routing/rule`, `/routing/settings`; Manual, Policy
-Routing.
+Routing; Manual, VRF. Exports of 7.16 to 7.19 name a VRF as interface, as routing table and behind the `@` of a gateway.
 """
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, Arg, Menu, Shape, Unique
-from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Flag, Int, Prefixes, Ref, Text, Time
+from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique
+from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Flag, Int, Prefixes, Ref, Refs, Text, Time
 
-__all__ = ["MENUS"]
+__all__ = ["MENUS", "VRF"]
+
+VRF = 0x1000001
+"""First id of a VRF, away from those of interfaces and routing tables: its name stands for one of each."""
 
 MENUS = (
     Menu(
@@ -24,6 +27,19 @@ MENUS = (
         flags=("dynamic", "invalid", "used"),
         sparse=True,
         first_id=0,
+    ),
+    Menu(
+        "/ip/vrf",
+        Shape.LIST,
+        (
+            Arg("name", Text(empty=False), ""),
+            COMMENT,
+            DISABLED,
+            Arg("interfaces", Refs(Ref(("interface", "list"), ("none",))), ""),
+        ),
+        noun="vrf",
+        unique=(Unique(("name",), "failure: item with such name already exists"),),
+        first_id=VRF,
     ),
     Menu(
         "/routing/rule",

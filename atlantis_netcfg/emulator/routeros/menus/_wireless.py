@@ -18,7 +18,7 @@ _NO_MAC = "00:00:00:00:00:00"
 _CIPHERS = Choices(("tkip", "aes-ccm"))
 _WEP = Choice(("104bit-wep", "40bit-wep", "aes-ccm", "none", "tkip"))
 _BANDS = (
-    *("2ghz-b", "2ghz-b/g", "2ghz-b/g/n", "2ghz-onlyg", "2ghz-onlyn"),
+    *("2ghz-b", "2ghz-b/g", "2ghz-b/g/n", "2ghz-g/n", "2ghz-onlyg", "2ghz-onlyn"),
     *("5ghz-a", "5ghz-a/n", "5ghz-a/n/ac", "5ghz-n/ac", "5ghz-onlyac", "5ghz-onlyn"),
 )
 _WIDTHS = (
@@ -167,7 +167,7 @@ _RADIO = Menu(
         Arg("vlan-mode", Choice(("no-tag", "use-service-tag", "use-tag")), "no-tag"),
         Arg("wds-cost-range", Text(), "50-150"),
         Arg("wds-default-bridge", Ref(("bridge",), ("none",)), "none"),
-        Arg("wds-default-cost", Int(1, 200000000), "100"),
+        Arg("wds-default-cost", Int(0, 200000000), "100"),
         Arg("wds-ignore-ssid", Bool(), "no"),
         Arg("wds-mode", Choice(("disabled", "dynamic", "dynamic-mesh", "static", "static-mesh")), "disabled"),
         Arg("wireless-protocol", Choice(_PROTOCOLS), "any"),

@@ -100,9 +100,12 @@ class Prefixes(Kind):
 
     many: bool = False
     v6: bool = True
+    empty: str | None = None
+    """What an empty text stands for; None: it is refused."""
 
     def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
         """Normalise each network."""
+        text = text if text or self.empty is None else self.empty
         parts = text.split(",") if self.many and text else [text] if text or not self.many else []
         return ",".join(map(self._network, parts))
 
@@ -199,7 +202,9 @@ class Gateway(Kind):
     """A next hop: address, interface, or both (`10.0.0.1%ether1`), perhaps looked up in a VRF (`10.0.0.1@main`)."""
 
     def parse(self, text: str, names: Names) -> str:
-        """Turn interfaces and VRFs into references."""
+        """Turn interfaces and VRFs into references; the hop of a black hole may be empty (`commands/_checks.py`)."""
+        if not text:
+            return ""
         hop, at, vrf = text.partition("@")
         if at and (number := names.id_of("table", vrf)) is not None:
             return self._hop(hop, names) + "@" + reference("table", number)
