@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bootstrap._menus import CLEARED
 from atlantis_netcfg.bootstrap.target import Facts, Row
-from atlantis_netcfg.console import ConsoleRefused, parse_rows
+from atlantis_netcfg.console.types import ConsoleRefused, parse_rows
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import RscError, console_path, parse
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
 
 __all__ = ["fingerprint", "look"]
 

@@ -17,7 +17,7 @@ from atlantis_netcfg.bootstrap.classify import recognise
 from atlantis_netcfg.bootstrap.executor import GUARDED_LINES, Typist, safe
 from atlantis_netcfg.bootstrap.messages import not_fresh, repeatable, still_to_move
 from atlantis_netcfg.bootstrap.target import CERTIFICATE, FACTORY_USER, Facts, Standing, Wish
-from atlantis_netcfg.console import ConsoleUnreachable, LoginFailed
+from atlantis_netcfg.console.types import ConsoleUnreachable, LoginFailed
 from atlantis_netcfg.core.errors import TRUST, NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.journal import DeviceObserved, Pinned
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from atlantis_netcfg.bootstrap._ways import Doorway, Way
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.journal import Pins, Recorder
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["Doorway", "Way"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bootstrap.messages import cut_off
-from atlantis_netcfg.console import ConsoleLost, SafeModeHeld
+from atlantis_netcfg.console.types import ConsoleLost, SafeModeHeld
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import ContactStep, ContactStepDone
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bootstrap._steps import Step
     from atlantis_netcfg.bootstrap.target import Wish
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.journal import Recorder
 

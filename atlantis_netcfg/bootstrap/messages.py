@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bootstrap._errors import CutOff, NotFactoryFresh, StillToMove
 from atlantis_netcfg.bootstrap.classify import foreign
-from atlantis_netcfg.console import ConsoleLost, HostKeyChanged, SafeModeHeld
+from atlantis_netcfg.console.types import ConsoleLost, HostKeyChanged, SafeModeHeld
 from atlantis_netcfg.core.errors import DeviceFailed
 
 if TYPE_CHECKING:

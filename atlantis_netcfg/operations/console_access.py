@@ -7,14 +7,16 @@ import socket
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.console import ConsoleUnreachable, host_key_of, open_serial, open_ssh
+from atlantis_netcfg.console.serial_line import open_serial
+from atlantis_netcfg.console.ssh import host_key_of, open_ssh
+from atlantis_netcfg.console.types import ConsoleUnreachable
 from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.bootstrap import Way, Wish
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["SSH_PORT", "HostKey", "SerialWay", "SshWay", "Ways"]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.lte import rutos
-from atlantis_netcfg.console import host_key_of
+from atlantis_netcfg.bearers.lte import rutos_client
+from atlantis_netcfg.console.ssh import host_key_of
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
@@ -78,7 +78,7 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
         assert host.device.access is not None  # noqa: S101 - declaration/rules/lte.py
         unit = Unit(host, host.device, Store(request.state), ignore)
         declared = host.device.access.fingerprint
-        certificate = rutos.certificate_of(unit.endpoint)
+        certificate = rutos_client.certificate_of(unit.endpoint)
         found = [Identity(host.name, "certificate", certificate, declared, pins.get(host.name))]
         if not unit.may_set:
             return tuple(found)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["LteReading", "Registration"]
+from atlantis_netcfg.bearers.status import Finding
+from atlantis_netcfg.core.verdicts import Verdict
+
+__all__ = ["LOOK_FOR", "LteReading", "Registration", "check_by_hand", "unmanaged_reading"]
 
 
 class Registration(StrEnum):
@@ -60,3 +63,28 @@ class LteReading:
     """RouterOS' `use-network-apn`: the network's own APN goes before the configured one; None: not said."""
     last_error: str | None = None
     """In the device's own words."""
+
+
+LOOK_FOR = (
+    "the SIM is found and asks for no PIN",
+    "registered (home or roaming), with the operator's name",
+    "APN as in the contract, and an IP address",
+    "roaming as in the contract",
+    "RSRP above -105 dBm, RSRQ above -15 dB, SINR above 0 dB",
+)
+"""What has to stand on the unit's own page."""
+
+
+def unmanaged_reading() -> LteReading:
+    """The reading of a unit without a driver: everything unknown."""
+    return LteReading(source="manual")
+
+
+def check_by_hand(address: str) -> Finding:
+    """The finding for a unit without a driver: a person must look at its own page."""
+    return Finding(
+        Verdict.INCONCLUSIVE,
+        "look-yourself",
+        f"no driver for this 4G unit: a person must look at its own page, http://{address}/ or as its manual says",
+        "look for: " + "; ".join(LOOK_FOR),
+    )

@@ -14,9 +14,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers._text import decibels, yes
 from atlantis_netcfg.bearers.lte.record import LteReading, Registration
-from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.bearers.query import Query, decibels, yes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,9 +8,16 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import active_bearer
-from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe, judge_attempt, judge_factory_address
-from atlantis_netcfg.bearers.satellite.addresses import FACTORY_ADDRESSES
-from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
+from atlantis_netcfg.bearers.satellite import (
+    FACTORY_ADDRESSES,
+    WINDOW_S,
+    Attempt,
+    Expected,
+    Outcome,
+    Probe,
+    judge_attempt,
+    judge_factory_address,
+)
 from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.allow_list_test._asking import RULES, STATUS, ask_now, connected, outcome, rows

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.lte.rutos import Change
+    from atlantis_netcfg.bearers.lte.rutos_settings import Change
 
 __all__ = ["Came", "Patience"]
 

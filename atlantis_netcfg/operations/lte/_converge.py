@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte import Registration, rutos
+from atlantis_netcfg.bearers.lte import Registration, rutos_client, rutos_settings
 from atlantis_netcfg.bearers.lte.judge import quality
-from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable
+from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.verdicts import Verdict
@@ -22,7 +22,7 @@ from atlantis_netcfg.operations.lte._unit import NotRehearsed
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.console import Commands
+    from atlantis_netcfg.console.ssh import Commands
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.operations.lte._came import Patience
     from atlantis_netcfg.operations.lte._unit import Look, Unit
@@ -92,10 +92,10 @@ class Converge:
         unit, wanted = self._unit, self._unit.settings
         with unit.shell() as shell:
             sections = sections_of(shell)
-            held = rutos.pin_held(look.reading, wanted, sections, tried=unit.tried.why_not)
+            held = rutos_settings.pin_held(look.reading, wanted, sections, tried=unit.tried.why_not)
             if held is not None:
                 return Came(held=held, commands=shell.count)
-            came = Came(rutos.changes(look.reading, wanted, sections), commands=shell.count)
+            came = Came(rutos_settings.changes(look.reading, wanted, sections), commands=shell.count)
             self._tell(Stage.PLANNED, f"{len(came.found)} settings differ")
             if self._plan_only or not came.found:
                 return came
@@ -113,15 +113,15 @@ class Converge:
         self._journal.save(name, masked(sections))
         actions = tuple(planned_action(number, one) for number, one in zip(numbers, came.found, strict=True))
         self._journal.write(Planned(device=name, plan=came.hash, actions=actions))
-        if any(one.option == rutos.PIN for one in came.found):
+        if any(one.option == rutos_settings.PIN for one in came.found):
             self._unit.tried.remember()
         self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
         self._tell(Stage.APPLYING, f"{len(numbers)} settings")
-        said = shell.run(rutos.WRITE, given=rutos.batch(came.found)).error.strip()
+        said = shell.run(rutos_settings.WRITE, given=rutos_settings.batch(came.found)).error.strip()
         # A unit whose network reloads may drop the session: a new one tells what has come of it.
         with suppress(ConsoleLost):
-            shell.run(rutos.RELOAD)
+            shell.run(rutos_settings.RELOAD)
         self._tell(Stage.VERIFYING, "reading back in a new session")
         now = self._read_back()
         kept = [one for one in came.found if now.get((one.package, one.section), {}).get(one.option) == one.value]
@@ -150,12 +150,12 @@ class Converge:
 
     def _taken_back(self, look: Look, came: Came) -> Came:
         """Take a PIN that the SIM has refused back from the unit, which would try it again at its next start."""
-        wrong = next((one for one in came.found if one.option == rutos.PIN), None)
+        wrong = next((one for one in came.found if one.option == rutos_settings.PIN), None)
         if wrong is None or look.reading.state is not Registration.SIM_PIN_REQUIRED:
             return came
         with self._unit.shell() as shell:
-            shell.run(rutos.WRITE, given=rutos.removal(wrong))
-            if rutos.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
+            shell.run(rutos_settings.WRITE, given=rutos_settings.removal(wrong))
+            if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
                 raise DeviceFailed(
                     f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
                     hint="remove the PIN on the unit's own page before it starts again",
@@ -182,7 +182,7 @@ class Converge:
         while True:
             try:
                 return self._unit.look()
-            except rutos.RutosUnreachable:
+            except rutos_client.RutosUnreachable:
                 if time.monotonic() > until:
                     raise
                 time.sleep(self._patience.poll_s)

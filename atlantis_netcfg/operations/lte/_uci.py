@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte import rutos
+from atlantis_netcfg.bearers.lte import rutos_settings
 from atlantis_netcfg.journal import PlannedAction
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.lte.rutos import Change
-    from atlantis_netcfg.console import Commands
+    from atlantis_netcfg.bearers.lte.rutos_settings import Change
+    from atlantis_netcfg.console.ssh import Commands
 
 __all__ = ["LAYER", "masked", "planned_action", "sections_of"]
 
@@ -20,14 +20,14 @@ _SECRET = ("password", "pincode")
 
 def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
     """The unit's configuration, by package and section. Raises SettingRefused, ConsoleLost."""
-    end = shell.run(rutos.SHOW)
+    end = shell.run(rutos_settings.SHOW)
     if end.code:
         said = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
-        raise rutos.SettingRefused(
+        raise rutos_settings.SettingRefused(
             f"the unit's configuration cannot be read over SSH: {said}",
             hint="is `admin_user` one who may log in over SSH, and is this a Teltonika unit?",
         )
-    return rutos.parse_show(end.out)
+    return rutos_settings.parse_show(end.out)
 
 
 def masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos, unmanaged
+from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, record, rutos_client, rutos_read, rutos_settings
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
-from atlantis_netcfg.console import open_commands
+from atlantis_netcfg.console.ssh import open_commands
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.operations.simcard import TriedPin
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.bearers.lte.rutos import LteSettings, RutosEndpoint
-    from atlantis_netcfg.console import Commands
+    from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
+    from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings
+    from atlantis_netcfg.console.ssh import Commands
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Host
     from atlantis_netcfg.declaration.model import LteAccess
@@ -77,7 +78,9 @@ class Unit:
     def settings(self) -> LteSettings:
         """What is declared of its SIM, to be set."""
         sim = self.device.sim
-        return rutos.LteSettings(apn=sim.apn, user=sim.user, password=sim.password, pin=sim.pin, roaming=sim.roaming)
+        return rutos_settings.LteSettings(
+            apn=sim.apn, user=sim.user, password=sim.password, pin=sim.pin, roaming=sim.roaming
+        )
 
     @property
     def wanted(self) -> LteWanted:
@@ -125,7 +128,7 @@ class Unit:
         pin = access.fingerprint or self.pins.get(self.name)
         if target is not None:
             host, port, pin = target.host, target.port, target.pin
-        return rutos.RutosEndpoint(host, port, access.user, access.password, pin)
+        return rutos_client.RutosEndpoint(host, port, access.user, access.password, pin)
 
     @property
     def ssh(self) -> tuple[str, int]:
@@ -148,7 +151,7 @@ class Unit:
         return bool(self.tried.why_not)
 
     def _rutos(self) -> Look:
-        found = rutos.read(self.endpoint)
+        found = rutos_read.read(self.endpoint)
         self._identify(found.serial)
         reading = found.reading
         if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
@@ -178,4 +181,4 @@ class Unit:
         return Look(found.reading, (*judge(found.reading, self.wanted), *found.findings), found.calls)
 
     def _manual(self) -> Look:
-        return Look(unmanaged.read(), (unmanaged.finding(str(self.device.address)),))
+        return Look(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))

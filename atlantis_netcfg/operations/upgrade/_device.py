@@ -11,7 +11,7 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.console import upload
+from atlantis_netcfg.console.ssh import upload
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import PackagesConfirmed, PackageSent, Rebooting

@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.console import ConsoleUnreachable, SafeModeHeld
+from atlantis_netcfg.console.types import ConsoleUnreachable, SafeModeHeld
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Refused, SessionLost
 from atlantis_netcfg.routeros.apply._protection import ProtectionLost
@@ -20,7 +20,7 @@ from atlantis_netcfg.routeros.apply._shield import Hold, NoShield, held_by
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel, OpenConsole, SshEndpoint
 

@@ -13,7 +13,7 @@ from atlantis_netcfg.journal import NoJournal, Recorder
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.console import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
@@ -143,7 +143,7 @@ OpenConsole = Callable[[SshEndpoint], "Console"]
 
 def open_console(endpoint: SshEndpoint) -> Console:
     """Log in over SSH; blocks. Raises what `console.open_ssh` raises."""
-    from atlantis_netcfg.console import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
+    from atlantis_netcfg.console.ssh import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
 
     traffic = Traffic()
     endpoint.opening(traffic)

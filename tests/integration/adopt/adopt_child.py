@@ -13,7 +13,7 @@ from pathlib import Path
 
 from carton import CHANGES, ROUTER, declaration
 
-from atlantis_netcfg.console._terminal import Terminal
+from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.adoption import Adoption

@@ -12,7 +12,7 @@ from hints_said import advised, said
 from test_hints_of_vpn import Laptop, laptop
 
 from atlantis_netcfg.bootstrap import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, _steps
-from atlantis_netcfg.console import HostKeyChanged, LoginFailed
+from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, Mode, User
 from atlantis_netcfg.journal import ContactStep, ContactStepDone, Outcome, Pinned, Store

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import pytest
 from carton import CHANGES, ROUTER, Carton, adopted_export, carton
 
-from atlantis_netcfg.console import ConsoleLost
-from atlantis_netcfg.console._terminal import Terminal
+from atlantis_netcfg.console.terminal import Terminal
+from atlantis_netcfg.console.types import ConsoleLost
 from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
-from atlantis_netcfg.console._terminal import Terminal
+from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.journal import Store
 
 if TYPE_CHECKING:

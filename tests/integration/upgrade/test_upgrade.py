@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from npk_files import write
 
-from atlantis_netcfg.console import HostKeyChanged, UnknownHostKey
+from atlantis_netcfg.console.types import HostKeyChanged, UnknownHostKey
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User

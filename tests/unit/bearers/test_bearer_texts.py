@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.bearers._text import decibels, megabits, percent, seconds, whole, yes
 from atlantis_netcfg.bearers.lte import routeros
 from atlantis_netcfg.bearers.lte.judge import LteWanted
 from atlantis_netcfg.bearers.lte.judge import judge as judge_lte
+from atlantis_netcfg.bearers.query import decibels, megabits, percent, seconds, whole, yes
 from atlantis_netcfg.bearers.wifi import Family, WifiWanted, judge, link_state, quality, read
 
 WORDS = st.one_of(

@@ -12,7 +12,7 @@ import tty
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.console._wire import WireLost
+from atlantis_netcfg.console.types import WireLost
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

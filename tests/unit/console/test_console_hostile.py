@@ -11,9 +11,10 @@ import paramiko
 import pytest
 from paramiko.common import AUTH_SUCCESSFUL, OPEN_SUCCEEDED
 
-from atlantis_netcfg.console import ConsoleLost, ConsoleUnreachable, fingerprint, host_key_of, open_commands
-from atlantis_netcfg.console import _ssh as ssh
-from atlantis_netcfg.console._screen import MOST, Screen
+from atlantis_netcfg.console import ssh
+from atlantis_netcfg.console.ssh import fingerprint, host_key_of, open_commands
+from atlantis_netcfg.console.terminal import MOST, Screen
+from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:

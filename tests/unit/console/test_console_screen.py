@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.console import parse_rows
-from atlantis_netcfg.console._screen import Screen
+from atlantis_netcfg.console.terminal import Screen
+from atlantis_netcfg.console.types import parse_rows
 
 SAID = [
     (b"plain\r\ntwo", ["plain", "two"]),

@@ -9,15 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.console import (
-    ConsoleLost,
-    ConsoleUnreachable,
-    HostKeyChanged,
-    LoginFailed,
-    UnknownHostKey,
-    open_ssh,
-    upload,
-)
+from atlantis_netcfg.console.ssh import open_ssh, upload
+from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, UnknownHostKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 
@@ -110,7 +103,8 @@ def test_nobody_there() -> None:
 def test_a_server_that_is_none_leaves_no_traceback_on_the_screen() -> None:
     program = """
 import socket, threading
-from atlantis_netcfg.console import ConsoleUnreachable, open_ssh
+from atlantis_netcfg.console.ssh import open_ssh
+from atlantis_netcfg.console.types import ConsoleUnreachable
 from atlantis_netcfg.core.secret import Secret
 door = socket.create_server(("127.0.0.1", 0))
 threading.Thread(target=lambda: door.accept()[0].close(), daemon=True).start()

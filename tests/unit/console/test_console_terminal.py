@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from desk import ERROR, Desk, DeskWire
 
-from atlantis_netcfg.console import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
-from atlantis_netcfg.console._terminal import Terminal
+from atlantis_netcfg.console.terminal import Terminal
+from atlantis_netcfg.console.types import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
 from atlantis_netcfg.core.secret import Secret
 
 PIECES = pytest.mark.parametrize("piece", [1, 7, 65536])

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import pytest
 from impostor import served
 
-from atlantis_netcfg.bearers.lte.rutos import RutosEndpoint, RutosRefused, RutosUnreachable, read
+from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint, RutosRefused, RutosUnreachable
+from atlantis_netcfg.bearers.lte.rutos_read import read
 from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:

@@ -11,17 +11,15 @@ import pytest
 import yaml
 
 from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.rutos import (
+from atlantis_netcfg.bearers.lte.rutos_client import (
     CertificateChanged,
     CertificateUnknown,
     RutosEndpoint,
     RutosLoginFailed,
     RutosRefused,
     RutosUnreachable,
-    modem_of,
-    read,
-    reading_of,
 )
+from atlantis_netcfg.bearers.lte.rutos_read import modem_of, read, reading_of
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 

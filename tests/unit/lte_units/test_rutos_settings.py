@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.rutos import (
+from atlantis_netcfg.bearers.lte.rutos_settings import (
     RELOAD,
     SHOW,
     WRITE,
@@ -19,7 +19,8 @@ from atlantis_netcfg.bearers.lte.rutos import (
     parse_show,
     pin_held,
 )
-from atlantis_netcfg.console import HostKeyChanged, LoginFailed, UnknownHostKey, open_commands
+from atlantis_netcfg.console.ssh import open_commands
+from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed, UnknownHostKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSpec
 

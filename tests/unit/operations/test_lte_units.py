@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.bearers.lte import rutos
+from atlantis_netcfg.bearers.lte import rutos_read
 from atlantis_netcfg.emulator.modem import ModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 from atlantis_netcfg.journal import Journal, JournalFailed, Store
@@ -366,7 +366,7 @@ def test_what_cannot_be_noted_is_not_done(deck: Deck, monkeypatch: pytest.Monkey
 def test_a_fault_of_ours_is_told_with_its_log(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
     deck.rutos()
     deck.unit()
-    monkeypatch.setattr(rutos, "read", lambda _endpoint: 1 // 0)
+    monkeypatch.setattr(rutos_read, "read", lambda _endpoint: 1 // 0)
     result = deck.run()
     assert (result["exit"], result["status"]) == (1, "unknown")
     assert "ZeroDivisionError" in result["message"]

@@ -18,7 +18,7 @@ from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
 from atlantis_netcfg.checklist.probes.results import Proved
 from atlantis_netcfg.checklist.probes.satellite._allowed import AllowListProbe
 from atlantis_netcfg.cli import _outcome
-from atlantis_netcfg.console._keys import PinnedKey
+from atlantis_netcfg.console.ssh import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.verdicts import Verdict

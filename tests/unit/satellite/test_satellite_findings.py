@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from atlantis_netcfg.bearers.satellite import (
+    WINDOW_S,
     Attempt,
     Expected,
     NamedTarget,
@@ -17,7 +18,6 @@ from atlantis_netcfg.bearers.satellite import (
     judge_factory_address,
     judge_names,
 )
-from atlantis_netcfg.bearers.satellite.proof import WINDOW_S
 from atlantis_netcfg.core.verdicts import Verdict
 
 VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in group_vars/all/pilot.yml")

@@ -11,7 +11,7 @@ from unittest.mock import patch
 from holes import known
 from spoken import Said, lines, sentence
 
-from atlantis_netcfg.console._terminal import Terminal
+from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.routeros.api._wire import Wire
 from atlantis_netcfg.rsc import unquote
 

@@ -1,24 +1,106 @@
-"""What is wrong with a Wi-Fi bridge, in words that a technician can act on: align, reduce power, change the connector.
-
-Rules: devices.md, section 8. That a receiver is spoilt by too much is from a report of two radios on one roof (-27 dBm
-and CCQ 34 at full power, -47 dBm and CCQ 94 reduced); the limits of CCQ and rate are rules of thumb, and only warn.
-"""
+"""The Wi-Fi bridge: what both families of RouterOS' radio menus say, in one record, and what is wrong in words."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers.query import Query, decibels, megabits, percent, seconds, whole, yes
 from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
-from atlantis_netcfg.bearers.wifi.record import Condition, Family
 from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.wifi.record import WifiPeer, WifiReading
+__all__ = [
+    "Condition",
+    "Family",
+    "WifiPeer",
+    "WifiReading",
+    "WifiWanted",
+    "judge",
+    "link_state",
+    "quality",
+    "queries",
+    "read",
+]
 
-__all__ = ["WifiWanted", "judge", "link_state", "quality"]
+
+class Family(StrEnum):
+    """RouterOS' two families of radio menus; the value is the menu under `/interface`."""
+
+    WIRELESS = "wireless"
+    """Package `wireless`: nv2, nstreme, 802.11; has CCQ."""
+    WIFI = "wifi"
+    """Packages `wifi-qcom` and `wifi-qcom-ac`; no CCQ, no noise floor."""
+
+
+class Condition(StrEnum):
+    """What the radio does; a word that nobody knows is `unknown`, never a failure."""
+
+    RUNNING = "running"
+    """An access point on the air, whether or not anybody is registered."""
+    CONNECTED = "connected"
+    """A station in the cell of an access point."""
+    SEARCHING = "searching"
+    RADAR = "radar"
+    """It listens for radar before it may send."""
+    DISABLED = "disabled"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WifiPeer:
+    """Who is registered, and how the two hear each other: a row of the registration table."""
+
+    mac: str | None = None
+    """Upper case."""
+    radio_name: str | None = None
+    """The family `wireless` only."""
+    signal_dbm: float | None = None
+    """How this end hears the other."""
+    tx_signal_dbm: float | None = None
+    """How the other end says that it hears this one."""
+    chains_dbm: tuple[float | None, ...] = ()
+    """`signal_dbm` of each chain of the receiver, the first one first."""
+    snr_db: float | None = None
+    tx_rate_mbps: float | None = None
+    """Of the latest frame: on an idle link that may be a frame of management at the lowest rate."""
+    rx_rate_mbps: float | None = None
+    tx_ccq_percent: float | None = None
+    rx_ccq_percent: float | None = None
+    uptime_s: float | None = None
+    authorised: bool | None = None
+    """Whether the key was right; None: not said."""
+
+    @property
+    def imbalance_db(self) -> float | None:
+        """Between the best and the worst chain; None with fewer than two."""
+        levels = [level for level in self.chains_dbm if level is not None]
+        return max(levels) - min(levels) if len(levels) > 1 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WifiReading:
+    """What a radio said at one moment."""
+
+    family: Family
+    condition: Condition = Condition.UNKNOWN
+    status: str | None = None
+    """The device's own word."""
+    channel: str | None = None
+    """As the device writes it: `5500/20/an`."""
+    channel_mhz: int | None = None
+    wait_left_s: float | None = None
+    """Until the radar wait ends, where the device says so."""
+    overall_ccq_percent: float | None = None
+    """Of an access point in the family `wireless`: of all its clients together."""
+    peers: tuple[WifiPeer, ...] = ()
+    associated: bool | None = None
+    """Whether somebody is registered; None: it cannot be told."""
+
 
 IMBALANCE_DB = 6.0
 LOW_CCQ_PERCENT = 60.0
@@ -51,7 +133,7 @@ class WifiWanted:
 def judge(reading: WifiReading, wanted: WifiWanted) -> tuple[Finding, ...]:
     """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
     if reading.associated:
-        return tuple(_associated(reading, wanted))
+        return tuple(_association(reading, wanted))
     return (_apart(reading, wanted),)
 
 
@@ -68,7 +150,7 @@ def link_state(reading: WifiReading) -> LinkState:
 
 def quality(reading: WifiReading, wanted: WifiWanted | None = None) -> Quality:
     """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
-    peer = _peer(reading, wanted)
+    peer = _declared_peer(reading, wanted)
     found: Quality = {"status": reading.status, "channel": reading.channel}
     names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
     for name in (*names, "rx_ccq_percent", "uptime_s"):
@@ -79,7 +161,7 @@ def quality(reading: WifiReading, wanted: WifiWanted | None = None) -> Quality:
     return found
 
 
-def _peer(reading: WifiReading, wanted: WifiWanted | None) -> WifiPeer | None:
+def _declared_peer(reading: WifiReading, wanted: WifiWanted | None) -> WifiPeer | None:
     ours = [peer for peer in reading.peers if wanted is not None and _is_declared(peer, wanted)]
     return next(iter((*ours, *reading.peers)), None)
 
@@ -134,9 +216,9 @@ def _radar(reading: WifiReading, wanted: WifiWanted) -> Finding:
     return Finding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
 
-def _associated(reading: WifiReading, wanted: WifiWanted) -> Iterator[Finding]:
+def _association(reading: WifiReading, wanted: WifiWanted) -> Iterator[Finding]:
     yield from _company(reading, wanted)
-    peer = _peer(reading, wanted)
+    peer = _declared_peer(reading, wanted)
     if peer is None or peer.signal_dbm is None:
         message = "somebody is registered, but the radio does not say how well it is heard"
         yield Finding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
@@ -193,3 +275,122 @@ def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[Finding]:
         message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
         hint = "an idle link shows the rate of its management frames: look again while traffic flows, then align"
         yield Finding(Verdict.WARN, "rate-low", message, hint)
+
+
+_WORDS = {
+    "disabled": Condition.DISABLED,
+    "searching-for-network": Condition.SEARCHING,
+    "searching": Condition.SEARCHING,
+    "connecting": Condition.SEARCHING,
+    "connected-to-ess": Condition.CONNECTED,
+    "connected": Condition.CONNECTED,
+    "running-ap": Condition.RUNNING,
+    "running": Condition.RUNNING,
+}
+_RADAR = re.compile(r"radar|\bdfs\b|\bcac\b")
+_SIGNAL_DBM = (-120.0, -1.0)
+"""A level of 0 is what a driver writes that has none."""
+_SNR_DB = (0.0, 120.0)
+_CHAIN = re.compile(r"signal(?:-strength)?-ch(\d)")
+_MHZ = re.compile(r"\d{4}")
+_LEFT = re.compile(r"\d+(?:\.\d+)?(?:ms|[wdhms])(?:\d+(?:\.\d+)?(?:ms|[wdhms]))*|\d+:\d\d:\d\d")
+
+
+def queries(family: Family, interface: str) -> tuple[Query, Query]:
+    """What to ask of the device: the registration table, then the radio with this name; the answers go to `read`."""
+    menu = f"/interface/{family}"
+    return (
+        Query(f"{menu}/registration-table", "print"),
+        Query(menu, "monitor", (("numbers", interface), ("once", ""))),
+    )
+
+
+def read(
+    family: Family,
+    registrations: Sequence[Mapping[str, str]] | None,
+    monitor: Mapping[str, str] | None,
+    interface: str | None = None,
+) -> WifiReading:
+    """Read what the two queries answered; None: a question that the device refused or did not answer.
+
+    `interface` leaves out what is registered on other radios of the device.
+    """
+    shown = monitor or {}
+    status = _said(shown.get("status")) or _said(shown.get("state"))
+    condition = _condition(status)
+    mine = [row for row in registrations or () if interface is None or row.get("interface", interface) == interface]
+    if not mine and condition is Condition.CONNECTED and "bssid" in shown:
+        mine = [{"mac-address": shown["bssid"], "radio-name": shown.get("radio-name", "")}]
+    return WifiReading(
+        family=family,
+        condition=condition,
+        status=status,
+        channel=_said(shown.get("channel")),
+        channel_mhz=_mhz(shown.get("channel")),
+        wait_left_s=_wait_left(status) if condition is Condition.RADAR else None,
+        overall_ccq_percent=percent(shown.get("overall-tx-ccq")),
+        peers=tuple(_read_peer(row, shown) for row in mine),
+        associated=_associated(condition, shown, mine, told=registrations is not None),
+    )
+
+
+def _said(text: str | None) -> str | None:
+    stripped = (text or "").strip()
+    return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
+
+
+def _condition(status: str | None) -> Condition:
+    word = (status or "").lower()
+    return Condition.RADAR if _RADAR.search(word) else _WORDS.get(word, Condition.UNKNOWN)
+
+
+def _mhz(channel: str | None) -> int | None:
+    found = _MHZ.match(channel or "")
+    return int(found[0]) if found is not None else None
+
+
+def _wait_left(status: str | None) -> float | None:
+    found = _LEFT.search(status or "")
+    return seconds(found[0]) if found is not None else None
+
+
+def _associated(
+    condition: Condition, shown: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, told: bool
+) -> bool | None:
+    if rows or condition is Condition.CONNECTED:
+        return True
+    counts = [whole(shown.get(name)) for name in ("registered-clients", "registered-peers")]
+    if any(counts):
+        return True
+    told = told or 0 in counts or condition in {Condition.SEARCHING, Condition.DISABLED, Condition.RADAR}
+    return False if told and condition is not Condition.UNKNOWN else None
+
+
+def _read_peer(row: Mapping[str, str], shown: Mapping[str, str]) -> WifiPeer:
+    """Read a row; what it lacks may stand in `monitor`, which speaks of the one access point of a station."""
+    station = "bssid" in shown or "signal-strength" in shown
+    both = {**shown, **row} if station else row
+    mac = _said(row.get("mac-address"))
+    return WifiPeer(
+        mac=mac.upper() if mac is not None else None,
+        radio_name=_said(row.get("radio-name")),
+        signal_dbm=_level(both.get("signal-strength")) or _level(both.get("signal")),
+        tx_signal_dbm=_level(both.get("tx-signal-strength")),
+        chains_dbm=_chains(both),
+        snr_db=decibels(both.get("signal-to-noise"), *_SNR_DB, unit="dB"),
+        tx_rate_mbps=megabits(both.get("tx-rate")),
+        rx_rate_mbps=megabits(both.get("rx-rate")),
+        tx_ccq_percent=percent(both.get("tx-ccq")),
+        rx_ccq_percent=percent(both.get("rx-ccq")),
+        uptime_s=seconds(row.get("uptime")),
+        authorised=yes(row.get("authorized")),
+    )
+
+
+def _level(text: str | None) -> float | None:
+    return decibels(text, *_SIGNAL_DBM)
+
+
+def _chains(row: Mapping[str, str]) -> tuple[float | None, ...]:
+    found = {int(match[1]): value for name, value in row.items() if (match := _CHAIN.fullmatch(name))}
+    return tuple(_level(found.get(number)) for number in range(max(found) + 1)) if found else ()

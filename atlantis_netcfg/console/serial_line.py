@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING
 
 import serial
 
-from atlantis_netcfg.console._errors import ConsoleLost, ConsoleUnreachable, LoginFailed
-from atlantis_netcfg.console._screen import MOST, Screen
-from atlantis_netcfg.console._terminal import CTRL_C, CTRL_D, ENTER, FLAGS, Terminal
-from atlantis_netcfg.console._types import CONNECT_S
-from atlantis_netcfg.console._wire import WireLost
+from atlantis_netcfg.console.terminal import CTRL_C, CTRL_D, ENTER, FLAGS, MOST, Screen, Terminal
+from atlantis_netcfg.console.types import CONNECT_S, ConsoleLost, ConsoleUnreachable, LoginFailed, WireLost
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.console._types import Console
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
 
 __all__ = ["open_serial"]
@@ -24,9 +21,9 @@ __all__ = ["open_serial"]
 BAUD = 115200
 """RouterOS' own default on the console port (Manual, Serial Console)."""
 _NUDGE_S = 2.0
-_QUIET_S = 0.2
+_SERIAL_QUIET_S = 0.2
 _LOGIN = re.compile(r"login:\s*\Z", re.IGNORECASE)
-_PASSWORD = re.compile(r"^\s*password:\s*\Z", re.IGNORECASE)
+_LOGIN_PASSWORD = re.compile(r"^\s*password:\s*\Z", re.IGNORECASE)
 _FAILED = re.compile(r"login failed|incorrect username or password", re.IGNORECASE)
 _LOGGED_IN = re.compile(r"\][^\[\]<>]*(<SAFE>)?[ ]*>?[ ]*\Z")
 _QUESTION = re.compile(r"\[Y/n\]|new password>|default configuration", re.IGNORECASE)
@@ -107,7 +104,7 @@ class _Login:
         """Name and password; the rest is the terminal's."""
         self._reach_login()
         self._type(f"{user}{FLAGS}".encode() + ENTER)
-        self._wait(_PASSWORD)
+        self._wait(_LOGIN_PASSWORD)
         self._type(password.reveal().encode() + ENTER)
         while True:
             tail = self._tail()
@@ -130,7 +127,7 @@ class _Login:
                 return
             if safe := _LOGGED_IN.search(tail):
                 self._type(CTRL_D if safe[1] else b"/quit" + ENTER)
-            elif _PASSWORD.search(tail):
+            elif _LOGIN_PASSWORD.search(tail):
                 self._type(ENTER)
             elif _QUESTION.search(tail):
                 self._type(CTRL_C if "password" in tail else b"n")
@@ -144,7 +141,7 @@ class _Login:
     def _settle(self) -> None:
         """Read until nothing more comes for a moment: the answer to one key may come in pieces."""
         self._read(_NUDGE_S)
-        while self._read(_QUIET_S):
+        while self._read(_SERIAL_QUIET_S):
             pass
 
     def _type(self, keys: bytes) -> None:

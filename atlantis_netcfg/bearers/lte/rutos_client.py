@@ -17,21 +17,41 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.lte.rutos._errors import (
-    CertificateChanged,
-    CertificateUnknown,
-    NotOffered,
-    RutosRefused,
-    RutosUnreachable,
-)
-from atlantis_netcfg.core.errors import TRUST
+from atlantis_netcfg.core.errors import TRUST, DeviceFailed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["TIMEOUT_S", "Answer", "RutosEndpoint", "Wire", "certificate_of"]
+
+class RutosUnreachable(DeviceFailed):
+    """Nobody answers, or the answer broke off; only reads were sent."""
+
+
+class CertificateUnknown(DeviceFailed):
+    """The unit was never met; it showed `fingerprint`, and no password was sent."""
+
+    def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
+        super().__init__(message, hint=hint)
+        self.fingerprint = fingerprint
+
+
+class CertificateChanged(DeviceFailed):
+    """The certificate is not the pinned one; no password was sent."""
+
+
+class RutosLoginFailed(DeviceFailed):
+    """The unit did not take name and password."""
+
+
+class RutosRefused(DeviceFailed):
+    """The unit refused a read, or answered in a way that we cannot read."""
+
+
+class NotOffered(RutosRefused):
+    """This firmware has no such page: HTTP 404, 405 or 501."""
+
 
 TIMEOUT_S = 180.0
 """Certus has gaps of 70 s in practice (FFI report 20/01338); an answer may wait for two of them."""

@@ -15,7 +15,7 @@ from atlantis_netcfg.bearers.lte.record import LteReading, Registration
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.bearers.lte.at._line import Answer
+    from atlantis_netcfg.bearers.lte.at import Answer
 
 __all__ = ["reading_of"]
 

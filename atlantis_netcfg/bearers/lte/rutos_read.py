@@ -1,0 +1,397 @@
+"""Read a RutOS unit: a handful of requests over one connection, none of which changes anything."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.lte.rutos_client import NotOffered, RutosLoginFailed, RutosRefused, Wire
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
+
+
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "operator": ("operator", "oper", "provider", "provider_name", "operator_name"),
+    "registration": ("operator_state", "netstate", "net_reg_stat", "reg_stat_str", "registration"),
+    "connection": ("data_conn_state", "state", "conn_state"),
+    "technology": ("conntype", "ntype", "net_mode_str", "net_mode", "network_type"),
+    "band": ("band", "band_str", "b_str", "sc_band"),
+    "rsrp": ("rsrp", "rsrp_value"),
+    "rsrq": ("rsrq", "rsrq_value"),
+    "sinr": ("sinr", "sinr_value"),
+    "rssi": ("rssi", "signal", "rssi_value"),
+    "card": ("simstate", "sim_state", "sim_state_str"),
+    "pin": ("pinstate", "pin_state", "pin_state_str"),
+    "tries": ("pinleft", "pin_left"),
+    "slot": ("active_sim", "sim_slot"),
+    "plmn": ("opernum", "operator_number", "plmn", "provider_number"),
+}
+"""What is asked for to the names under which it may stand, the newest first."""
+
+_SILENT = frozenset({"", "n/a", "na", "-", "--", "unknown", "null", "none", "no service"})
+"""Texts that say nothing."""
+_PLAUSIBLE = {"rsrp": (-160.0, -20.0), "rsrq": (-45.0, 20.0), "sinr": (-40.0, 60.0), "rssi": (-140.0, -10.0)}
+"""Beyond these a figure is a place-holder of the firmware, in dBm or dB (3GPP TS 36.133, 9.1 with some room)."""
+_TRY = re.compile(r"(\d+)\s+attempt")
+
+
+def text(record: Mapping[str, Any], what: str) -> str | None:
+    """The first of the names of `what` that says something, in the unit's own words."""
+    for name in NAMES[what]:
+        value = record.get(name)
+        if isinstance(value, str | int | float) and not isinstance(value, bool):
+            words = str(value).strip()
+            if words.lower() not in _SILENT:
+                return words
+    return None
+
+
+def number(record: Mapping[str, Any], what: str) -> float | None:
+    """A figure that may come as a number, as text, or as text with its unit; None if it is none, or cannot be true."""
+    words = text(record, what)
+    match = re.fullmatch(r"\s*(-?\d+(?:\.\d+)?)\s*(?:dBm|dB)?\s*", words or "", re.IGNORECASE)
+    if match is None:
+        return None
+    value = float(match[1])
+    low, high = _PLAUSIBLE.get(what, (float("-inf"), float("inf")))
+    return value if low <= value <= high else None
+
+
+def sim(record: Mapping[str, Any]) -> tuple[Registration | None, bool | None, int | None]:
+    """What stands between card and network, if anything; whether a PIN was refused; PINs left to try.
+
+    A negative word is looked for first: "Not inserted" holds "inserted". A card that asks for a PIN is a card.
+    """
+    words = [(text(record, name) or "").lower() for name in ("pin", "card")]
+    stage = record.get("mobile_stage")
+    tries = number(record, "tries")
+    found = next((match[1] for match in map(_TRY.search, words) if match), None)
+    left = int(found) if found is not None else (None if tries is None else int(tries))
+    refused = any(bad in words[0] for bad in ("wrong", "incorrect", "invalid")) or None
+    if stage in (6, 7) or _asks(words[0], "puk"):
+        return Registration.SIM_PUK_REQUIRED, True, 0
+    if stage == 5 or refused or _asks(words[0], "pin"):  # noqa: PLR2004 - "waiting for PIN to be entered"
+        return Registration.SIM_PIN_REQUIRED, refused, left
+    if any(_absent(each) for each in words) or stage == 1:
+        return Registration.SIM_MISSING, refused, left
+    if stage == 23:  # noqa: PLR2004 - "flight mode enabled"
+        return Registration.DISABLED, refused, left
+    return None, refused, left
+
+
+def _asks(words: str, what: str) -> bool:
+    if f"{what} not required" in words or f"no {what}" in words or "disabled" in words:
+        return False
+    return re.search(rf"\b{what}\b", words) is not None and not words.endswith((" ok", " ready"))
+
+
+def _absent(words: str) -> bool:
+    return any(word in words for word in ("not inserted", "not present", "no sim", "absent", "missing", "sim failure"))
+
+
+def registration(words: str | None) -> Registration:
+    """Where the unit is in the network.
+
+    "Not registered" counts as searching: 3GPP's "not registered, not searching" has no word of its own in the record.
+    "Registered" alone does not say in which network, and counts as home.
+    """
+    if words is None:
+        return Registration.UNKNOWN
+    said = words.lower()
+    if "denied" in said:
+        return Registration.DENIED
+    if "searching" in said or "not registered" in said or "unregistered" in said:
+        return Registration.SEARCHING
+    if "roaming" in said and "not roaming" not in said:
+        return Registration.REGISTERED_ROAMING
+    if "registered" in said or said == "home":
+        return Registration.REGISTERED_HOME
+    return Registration.UNKNOWN
+
+
+def technology(words: str | None) -> str | None:
+    """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case."""
+    if words is None:
+        return None
+    said = words.lower()
+    known = {"5g": "5g", "nr": "5g", "lte": "lte", "4g": "lte", "wcdma": "umts", "hspa": "umts", "umts": "umts"}
+    known |= {"3g": "umts", "gsm": "gsm", "edge": "gsm", "gprs": "gsm", "2g": "gsm"}
+    return next((name for word, name in known.items() if word in said), said)
+
+
+def band(words: str | None) -> str | None:
+    """`LTE B3`, `LTE_B3` or `B3` to B3; `n78` stays."""
+    match = re.search(r"(?:\b|_)([bn])(\d{1,3})\b", words or "", re.IGNORECASE)
+    if match is None:
+        return None
+    return f"B{match[2]}" if match[1].lower() == "b" else f"n{match[2]}"
+
+
+def plmn(record: Mapping[str, Any]) -> str | None:
+    """Five or six digits, from a field of its own or from the serving cell."""
+    words = text(record, "plmn")
+    if words is not None and re.fullmatch(r"\d{5,6}", words):
+        return words
+    cells = record.get("cell_info")
+    cell = cells[0] if isinstance(cells, list) and cells and isinstance(cells[0], dict) else {}
+    code = f"{cell.get('mcc', '')}{cell.get('mnc', '')}"
+    return code if re.fullmatch(r"\d{5,6}", code) else None
+
+
+SOURCE = "rutos"
+_REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
+
+
+def modem_of(rows: object) -> Mapping[str, Any] | None:
+    """The modem that carries the link: the primary one, else the first; None if there is none."""
+    found = [row for row in (rows if isinstance(rows, list) else [rows]) if isinstance(row, dict)]
+    return next((row for row in found if str(row.get("primary")).lower() in ("true", "1")), found[0] if found else None)
+
+
+def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | None = None) -> LteReading:
+    """Put one record into ours. `interfaces`: the rows of the interfaces' status, for the address."""
+    between, refused, left = sim(modem)
+    said = text(modem, "registration")
+    state = between or registration(said)
+    slot = number(modem, "slot")
+    registered = state in _REGISTERED
+    return LteReading(
+        source=SOURCE,
+        state=state,
+        access_tech=technology(text(modem, "technology")),
+        operator=text(modem, "operator"),
+        plmn=plmn(modem),
+        band=band(text(modem, "band")),
+        rsrp_dbm=number(modem, "rsrp"),
+        rsrq_db=number(modem, "rsrq"),
+        sinr_db=number(modem, "sinr"),
+        rssi_dbm=number(modem, "rssi"),
+        roaming=state is Registration.REGISTERED_ROAMING if registered else None,
+        sim_slot=None if slot is None else int(slot),
+        address=_address(interfaces),
+        connected=connected(modem),
+        apn=apn,
+        pin_refused=refused,
+        pin_tries_left=left,
+        last_error=None if registered else _error(modem, said),
+    )
+
+
+def connected(modem: Mapping[str, Any]) -> bool | None:
+    """Whether the unit says that its data connection is up: `state` is the connection, `simstate` the card."""
+    said = (text(modem, "connection") or "").lower()
+    if said.startswith(("disconnected", "not connected")):
+        return False
+    return True if said.startswith("connected") else None
+
+
+def serial_of(status: object) -> str | None:
+    """The unit's serial number (`mnfinfo.serial` of the device's status) [inferred]: it identifies the unit."""
+    if not isinstance(status, dict):
+        return None
+    for part in (status.get("mnfinfo"), status):
+        if isinstance(part, dict) and isinstance(part.get("serial"), str | int) and str(part["serial"]).strip():
+            return str(part["serial"]).strip()
+    return None
+
+
+def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
+    """What stands in the way, in the unit's words."""
+    for said in (text(modem, "pin"), text(modem, "card"), registration):
+        if said is not None and said.lower() not in ("inserted", "ok", "ready"):
+            return said
+    return None
+
+
+def _address(interfaces: object) -> str | None:
+    """The first IPv4 address of a mobile interface (`mob1s1a1`) [inferred: `ipaddrs` beside `ip6addrs`]."""
+    rows = interfaces if isinstance(interfaces, list) else []
+    for row in rows:
+        if not isinstance(row, dict) or not _mobile(row):
+            continue
+        for found in _texts(row):
+            if match := re.fullmatch(r"(\d+\.\d+\.\d+\.\d+)(?:/\d+)?", found.strip()):
+                return match[1]
+    return None
+
+
+def _mobile(row: Mapping[str, Any]) -> bool:
+    name = str(row.get("id") or row.get("name") or "")
+    return row.get("network_type") == "mobile" or re.match(r"mob\d+s\d+a\d+", name) is not None
+
+
+def _texts(row: Mapping[str, Any]) -> Sequence[str]:
+    """Addresses as text, as a list of texts, or as a list of rows with `address`."""
+    found: list[str] = []
+    for name in ("ipaddrs", "ipv4-address", "ipv4_address", "ip", "ipaddr"):
+        value = row.get(name)
+        for one in value if isinstance(value, list) else [value]:
+            each = one.get("address") if isinstance(one, dict) else one
+            if isinstance(each, str):
+                found.append(each)
+    return found
+
+
+READS = ("/api/modems/status", "/api/sim_cards/status", "/api/interfaces/basic/status", "/api/system/device/status")
+"""All that is ever asked for after `POST /api/login`; each by GET."""
+UBUS_READS = (("gsm.modem0", "get_signal_query"), ("gsm.modem0", "info"))
+"""All that is ever called on older firmware after `session login`."""
+_NOBODY = "0" * 32
+"""The session of somebody who has not logged in (OpenWrt, rpcd)."""
+_FORBIDDEN = (401, 403)
+_DENIED = 6
+"""UBUS_STATUS_PERMISSION_DENIED."""
+
+
+@dataclass(frozen=True, slots=True)
+class RutosLook:
+    """What one look at a unit has given, and what it cost."""
+
+    reading: LteReading
+    serial: str | None = None
+    """Identifies the unit; None: this user may not read it, or the firmware does not say."""
+    slots: tuple[str, ...] = ()
+    """Sections of the SIM slots, in their order: slots, not cards."""
+    requests: int = 0
+    sent: int = 0
+    received: int = 0
+
+
+def read(endpoint: RutosEndpoint) -> RutosLook:
+    """Log in, read, and let go.
+
+    Raises RutosUnreachable, CertificateUnknown and CertificateChanged (before the password is sent), RutosLoginFailed,
+    RutosRefused.
+    """
+    wire = Wire(endpoint)
+    try:
+        session = _Rest(endpoint, wire)
+        try:
+            session.log_in()
+        except NotOffered:
+            return _by_ubus(endpoint, wire)
+        return _by_rest(endpoint, wire, session)
+    finally:
+        wire.close()
+
+
+def _by_rest(endpoint: RutosEndpoint, wire: Wire, session: _Rest) -> RutosLook:
+    modems, slots, interfaces, device = READS
+    modem = modem_of(session.get(modems))
+    if modem is None:
+        raise RutosRefused(
+            f"{endpoint}: the unit says that it has no modem",
+            hint="switch it off and on; a modem that stays away is broken",
+        )
+    rows = session.optional(slots)
+    reading = reading_of(modem, session.optional(interfaces))
+    serial = serial_of(session.optional(device))
+    return RutosLook(reading, serial, _sections(rows), wire.requests, wire.sent, wire.received)
+
+
+def _sections(rows: object) -> tuple[str, ...]:
+    found = [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+    return tuple(str(row["section_name"]) for row in found if row.get("section_name"))
+
+
+class _Rest:
+    """The API of RutOS 7: a token, renewed once when it has run out."""
+
+    def __init__(self, endpoint: RutosEndpoint, wire: Wire) -> None:
+        self._endpoint = endpoint
+        self._wire = wire
+        self._token: str | None = None
+
+    def log_in(self) -> None:
+        """Raises RutosLoginFailed, NotOffered."""
+        who = {"username": self._endpoint.user, "password": self._endpoint.password.reveal()}
+        answer = self._wire.ask("POST", "/api/login", who)
+        data = _data(answer.body)
+        token = data.get("token") if isinstance(data, dict) else None
+        if answer.status in _FORBIDDEN or (isinstance(answer.body, dict) and answer.body.get("success") is False):
+            raise _not_let_in(self._endpoint)
+        if not isinstance(token, str) or not token:
+            raise RutosRefused(
+                f"{self._endpoint}: the answer to the login is not one of RutOS (HTTP {answer.status})",
+                hint="is this a Teltonika unit? Another make: `driver: manual`",
+            )
+        self._token = token
+
+    def get(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
+        """Raises RutosRefused if the unit does not give it."""
+        answer = self._wire.ask("GET", path, token=self._token)
+        if answer.status in _FORBIDDEN:
+            self.log_in()
+            answer = self._wire.ask("GET", path, token=self._token)
+        succeeded = isinstance(answer.body, dict) and answer.body.get("success") is True
+        if answer.status in _FORBIDDEN or not succeeded:
+            raise RutosRefused(
+                f"{self._endpoint}: the unit does not give {path} (HTTP {answer.status})",
+                hint=f"user {self._endpoint.user} needs the right to read it: System > Administration > Access control",
+            )
+        return _data(answer.body)
+
+    def optional(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
+        """None where this firmware or this user has no such page: a reading does without."""
+        answer = None
+        with suppress(NotOffered):
+            answer = self._wire.ask("GET", path, token=self._token)
+        return _data(answer.body) if answer is not None and answer.status not in _FORBIDDEN else None
+
+
+def _data(body: object) -> Any:  # noqa: ANN401 - JSON of any shape
+    return body.get("data") if isinstance(body, dict) else None
+
+
+def _not_let_in(endpoint: RutosEndpoint) -> RutosLoginFailed:
+    return RutosLoginFailed(
+        f"{endpoint}: the unit did not accept user {endpoint.user} and the declared password",
+        hint="compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address",
+    )
+
+
+def _by_ubus(endpoint: RutosEndpoint, wire: Wire) -> RutosLook:
+    """Firmware without the API: JSON-RPC to ubus, whose field names differ again."""
+    who = {"username": endpoint.user, "password": endpoint.password.reveal()}
+    code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
+    token = session.get("ubus_rpc_session")
+    if code == _DENIED or not isinstance(token, str):
+        raise _not_let_in(endpoint)
+    merged: dict[str, Any] = {}
+    for target in UBUS_READS:
+        code, found = _call(endpoint, wire, token, target, {})
+        if code:
+            raise RutosRefused(
+                f"{endpoint}: the unit does not give {' '.join(target)} (ubus status {code})",
+                hint=f"may user {endpoint.user} read it, and is there a modem in the unit?",
+            )
+        cached = found.get("cache")
+        merged |= found | (cached if isinstance(cached, dict) else {})
+    return RutosLook(reading_of(merged), None, (), wire.requests, wire.sent, wire.received)
+
+
+def _call(
+    endpoint: RutosEndpoint, wire: Wire, session: str, target: tuple[str, str], arguments: dict[str, str]
+) -> tuple[int, dict[str, Any]]:
+    body = {"jsonrpc": "2.0", "id": 1, "method": "call", "params": [session, *target, arguments]}
+    try:
+        answer = wire.ask("POST", "/ubus", body)
+    except NotOffered as error:
+        raise RutosRefused(
+            f"{endpoint}: neither the API of RutOS nor ubus answers here",
+            hint="is this a Teltonika unit? Another make: `driver: manual`",
+        ) from error
+    result = answer.body.get("result") if isinstance(answer.body, dict) else None
+    if not isinstance(result, list) or not result or not isinstance(result[0], int):
+        wrong = answer.body.get("error") if isinstance(answer.body, dict) else None
+        if isinstance(wrong, dict) and wrong.get("code") == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
+            return _DENIED, {}
+        raise RutosRefused(f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})")
+    found = result[1] if len(result) > 1 else {}
+    return result[0], found if isinstance(found, dict) else {}

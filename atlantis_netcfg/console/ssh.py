@@ -1,0 +1,419 @@
+"""The console over SSH: netmiko opens the session, our dialogue does the talking.
+
+What netmiko would type after connecting, it types with its own log of every write, secrets included; therefore its
+channel is taken over as soon as it is open.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import errno
+import hashlib
+import logging
+import socket
+import threading
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import paramiko
+from netmiko import NetmikoAuthenticationException, NetmikoTimeoutException
+from netmiko.mikrotik.mikrotik_ssh import MikrotikRouterOsSSH
+
+from atlantis_netcfg.console.terminal import Terminal
+from atlantis_netcfg.console.types import (
+    COMMAND_S,
+    CONNECT_S,
+    ConsoleLost,
+    ConsoleUnreachable,
+    HostKeyChanged,
+    LoginFailed,
+    UnknownHostKey,
+    WireLost,
+)
+from atlantis_netcfg.core.errors import TRUST, NetcfgError
+from atlantis_netcfg.core.secret import Secret
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from types import TracebackType
+    from typing import Self
+
+    from _typeshed import ReadableBuffer
+
+    from atlantis_netcfg.console.types import Console, Tally
+
+
+def fingerprint(key: paramiko.PKey) -> str:
+    """`SHA256:` and the unpadded base64 of the key's digest, as `ssh-keygen -l` prints it."""
+    digest = base64.b64encode(hashlib.sha256(key.asbytes()).digest()).decode()
+    return f"SHA256:{digest.rstrip('=')}"
+
+
+class PinnedKey(paramiko.MissingHostKeyPolicy):
+    """Lets one key through; paramiko asks it after the key exchange and before any authentication."""
+
+    def __init__(self, pin: str | None) -> None:
+        self._pin = pin
+        self.seen: str | None = None
+
+    def missing_host_key(self, client: paramiko.SSHClient, hostname: str, key: paramiko.PKey) -> None:  # noqa: ARG002
+        """Raise UnknownHostKey without a pin, HostKeyChanged if the keys differ."""
+        self.seen = fingerprint(key)
+        if self._pin is None:
+            raise UnknownHostKey(
+                f"{hostname}: its SSH host key is not known here, so it was told no password; it showed {self.seen}",
+                fingerprint=self.seen,
+                hint=TRUST,
+            )
+        if self._pin != self.seen:
+            raise HostKeyChanged(
+                f"{hostname}: the SSH host key is not the one of this device; pinned is {self._pin}, "
+                f"it showed {self.seen}",
+                pinned=self._pin,
+                seen=self.seen,
+                hint="another device at this address, a reset device, or somebody in between: nothing was sent to it",
+            )
+
+
+# Without a handler Python prints paramiko's tracebacks on the technician's screen; what failed is said by our errors.
+logging.getLogger("paramiko").addHandler(logging.NullHandler())
+
+_CHUNK = 65536
+_MOST = 64 * 1024 * 1024
+"""Bytes of one connection: nothing that is read of a device comes near."""
+_GONE = (OSError, EOFError, paramiko.SSHException)
+
+
+class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # netmiko's types differ by version
+    """netmiko's session up to the open shell."""
+
+    def special_login_handler(self, delay_factor: float = 1.0) -> None:
+        """Leave the questions of the first login to the dialogue."""
+
+    def _try_session_preparation(self, force_data: bool = True) -> None:  # noqa: FBT001, FBT002 - netmiko's signature
+        """Type nothing: an Enter would answer the first of those questions."""
+
+
+class TcpSocket(socket.socket):
+    """A TCP connection that tells what it carries, and ends one that sends without an end.
+
+    paramiko keeps whatever comes, before the login as well: a packet may name any size.
+    """
+
+    tally: Tally | None = None
+    received = 0
+
+    @classmethod
+    def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally | None = None) -> TcpSocket:
+        """Connect. Raises OSError."""
+        made = cls(fileno=socket.create_connection((address, port), timeout_s).detach())
+        made.settimeout(timeout_s)
+        made.tally = tally
+        if tally is not None:
+            tally.connect()
+        return made
+
+    def hang_up(self) -> None:
+        """End it for whoever waits on it, in any thread."""
+        with contextlib.suppress(OSError):
+            self.shutdown(socket.SHUT_RDWR)
+
+    def send(self, data: ReadableBuffer, flags: int = 0, /) -> int:
+        size = super().send(data, flags)
+        if self.tally is not None:
+            self.tally.send(size)
+        return size
+
+    def recv(self, size: int, flags: int = 0, /) -> bytes:
+        data = super().recv(size, flags)
+        self.received += len(data)
+        if self.received > _MOST:
+            raise OSError(errno.EMSGSIZE, f"more than {_MOST} bytes came")
+        if data and self.tally is not None:
+            self.tally.receive(len(data))
+        return data
+
+
+class SshWire:
+    """A paramiko channel."""
+
+    def __init__(self, connection: _Connection) -> None:
+        self._connection = connection
+        channel = connection.remote_conn
+        assert isinstance(channel, paramiko.Channel)  # noqa: S101 - netmiko holds telnet and serial lines there too
+        self._channel = channel
+
+    def read(self, timeout_s: float) -> bytes:
+        """Whatever came."""
+        self._channel.settimeout(max(timeout_s, 0.001))
+        try:
+            data = self._channel.recv(_CHUNK)
+        except TimeoutError:
+            return b""
+        except _GONE as error:
+            raise WireLost from error
+        if not data:
+            raise WireLost
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send."""
+        self._channel.settimeout(CONNECT_S)
+        try:
+            self._channel.sendall(data)
+        except _GONE as error:
+            raise WireLost from error
+
+    def close(self) -> None:
+        """Drop the connection."""
+        with contextlib.suppress(*_GONE):
+            self._connection.paramiko_cleanup()
+
+    def hang_up(self) -> None:
+        """A dropped connection is the signal."""
+        self.close()
+
+
+@contextlib.contextmanager
+def connected(address: str, port: int) -> Iterator[None]:
+    """Say in our words why no session came about."""
+    where = f"{address} port {port}"
+    try:
+        yield
+    except NetcfgError:
+        raise
+    except (NetmikoAuthenticationException, paramiko.AuthenticationException) as error:
+        raise LoginFailed(
+            f"{where}: the device did not accept the user name and password",
+            hint="the factory's password is on the sticker of newer devices, and empty on older ones",
+        ) from error
+    except (NetmikoTimeoutException, OSError, EOFError, paramiko.SSHException) as error:
+        raise ConsoleUnreachable(
+            f"{where}: no SSH session came about ({type(error).__name__})",
+            hint="is the laptop plugged into the right port, and has it an address of that network?",
+        ) from error
+
+
+@contextlib.contextmanager
+def ended_after(close: Callable[[], object], seconds: float) -> Iterator[None]:
+    """Close a connection on which we still wait then: time-outs of paramiko begin anew with each byte."""
+    clock = threading.Timer(seconds, close)
+    clock.daemon = True
+    clock.start()
+    try:
+        yield
+    finally:
+        clock.cancel()
+
+
+def open_ssh(  # noqa: PLR0913 - all of it is one address
+    address: str,
+    port: int,
+    user: str,
+    password: Secret,
+    *,
+    pin: str | None,
+    timeout_s: float = CONNECT_S,
+    tally: Tally | None = None,
+) -> Console:
+    """Log in over SSH. `pin`: `SHA256:...` of the host key; `tally`: told what the wire carries.
+
+    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
+    LoginFailed, ConsoleLost.
+    """
+    policy = PinnedKey(pin)
+    with connected(address, port):
+        sock = TcpSocket.connect_to(address, port, timeout_s, tally)
+        connection = _Connection(
+            sock=sock,
+            host=address,
+            port=port,
+            username=user,
+            password=password.reveal(),
+            conn_timeout=timeout_s,
+            auth_timeout=timeout_s,
+            banner_timeout=timeout_s,
+            blocking_timeout=timeout_s,
+            ssh_strict=True,
+            auto_connect=False,
+        )
+        connection.key_policy = policy
+        try:
+            with ended_after(sock.hang_up, 2 * timeout_s):
+                connection._open()  # noqa: SLF001 - the step that `auto_connect` leaves out
+        except BaseException:
+            connection.paramiko_cleanup()
+            sock.close()
+            raise
+    terminal = Terminal(SshWire(connection), user=user, name=f"{address} port {port}", host_key=policy.seen)
+    terminal.settle(timeout_s)
+    return terminal
+
+
+@dataclass(frozen=True, slots=True)
+class CommandEnd:
+    """How a command ended, and what it printed."""
+
+    code: int
+    """Exit status; -1 if the device did not give one."""
+    out: str
+    error: str
+
+
+class Commands:
+    """An SSH connection on which commands run one after another; `with` closes it."""
+
+    def __init__(self, client: paramiko.SSHClient, name: str) -> None:
+        self._client = client
+        self._name = name
+        self.count = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.close()
+
+    @property
+    def _is_open(self) -> bool:
+        transport = self._client.get_transport()
+        return transport is not None and transport.is_active()
+
+    def run(self, command: str, *, given: str = "", timeout_s: float = COMMAND_S) -> CommandEnd:
+        """Run one command. What is secret goes into `given`, its standard input: a command line stands in `ps`.
+
+        Raises ConsoleLost if the connection broke; then nobody knows how far the command came.
+        """
+        self.count += 1
+        try:
+            with ended_after(self._client.close, timeout_s):
+                stdin, stdout, stderr = self._client.exec_command(command, timeout=timeout_s)
+                if given:
+                    stdin.write(given)
+                stdin.channel.shutdown_write()
+                out, error = (said.read().decode("utf-8", "replace") for said in (stdout, stderr))
+                end = CommandEnd(stdout.channel.recv_exit_status(), out, error)
+        except (OSError, EOFError, paramiko.SSHException) as lost:
+            with suppress(OSError, EOFError, paramiko.SSHException):
+                self._client.close()
+            raise self._broken(type(lost).__name__) from lost
+        if end.code < 0 and not self._is_open:
+            raise self._broken("cut by the device, or by us after too long")
+        return end
+
+    def _broken(self, why: str) -> ConsoleLost:
+        return ConsoleLost(
+            f"{self._name}: the SSH session broke off ({why})",
+            in_flight=True,
+            hint="run the same command again: it begins by reading what the device has",
+        )
+
+
+def open_commands(  # noqa: PLR0913 - all of it is one address
+    address: str, port: int, user: str, password: Secret, *, pin: str | None, timeout_s: float = CONNECT_S
+) -> Commands:
+    """Log in. `pin`: `SHA256:...` of the host key.
+
+    Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
+    LoginFailed.
+    """
+    client = paramiko.SSHClient()
+    client.set_missing_host_key_policy(PinnedKey(pin))
+    sock: TcpSocket | None = None
+    try:
+        with connected(address, port), ended_after(client.close, 2 * timeout_s):
+            sock = TcpSocket.connect_to(address, port, timeout_s)
+            client.connect(
+                address,
+                port,
+                user,
+                password.reveal(),
+                sock=sock,
+                timeout=timeout_s,
+                banner_timeout=timeout_s,
+                auth_timeout=timeout_s,
+                allow_agent=False,
+                look_for_keys=False,
+            )
+    except BaseException:
+        client.close()
+        if sock is not None:
+            sock.close()
+        raise
+    return Commands(client, f"{address} port {port}")
+
+
+def host_key_of(address: str, port: int, timeout_s: float = CONNECT_S) -> str:
+    """The fingerprint of the host key that is shown; nobody logs in. Raises ConsoleUnreachable."""
+    try:
+        with open_commands(address, port, "nobody", Secret(""), pin=None, timeout_s=timeout_s):
+            raise AssertionError("without a pin nobody logs in")
+    except UnknownHostKey as unknown:
+        return unknown.fingerprint
+
+
+_SLOWEST_S, _SLOWEST_BYTES = 600.0, 2_000
+"""A copy that is slower than 16 kbit/s on top of ten minutes is none."""
+
+
+def upload(  # noqa: PLR0913 - all of it is one address and one file
+    address: str,
+    port: int,
+    user: str,
+    password: Secret,
+    *,
+    pin: str | None,
+    source: Path,
+    name: str,
+    progress: Callable[[int, int], None] | None = None,
+    timeout_s: float = CONNECT_S,
+) -> None:
+    """Copy `source` to the file `name` of the device. `progress(sent, total)` in bytes, often.
+
+    Raises as `open_ssh`; ConsoleLost when the copy broke off or has another length: then the file on the device is
+    not whole.
+    """
+    client = paramiko.SSHClient()
+    client.set_missing_host_key_policy(PinnedKey(pin))
+    size = source.stat().st_size
+    sock: TcpSocket | None = None
+    try:
+        with connected(address, port), ended_after(client.close, 2 * timeout_s):
+            sock = TcpSocket.connect_to(address, port, timeout_s)
+            client.connect(
+                address,
+                port,
+                user,
+                password.reveal(),
+                sock=sock,
+                timeout=timeout_s,
+                banner_timeout=timeout_s,
+                auth_timeout=timeout_s,
+                allow_agent=False,
+                look_for_keys=False,
+            )
+        try:
+            with (
+                ended_after(client.close, _SLOWEST_S + size / _SLOWEST_BYTES),
+                client.open_sftp() as sftp,
+                source.open("rb") as file,
+            ):
+                channel = sftp.get_channel()
+                if channel is not None:
+                    channel.settimeout(timeout_s)
+                sftp.putfo(file, name, size, progress, confirm=True)
+        except (OSError, EOFError, paramiko.SSHException) as error:
+            raise ConsoleLost(
+                f"{address} port {port}: {name} was not copied whole ({type(error).__name__})",
+                in_flight=True,
+                hint="is there room on the device? Run the same command again: the copy starts anew",
+            ) from error
+    finally:
+        client.close()
+        if sock is not None:
+            sock.close()
