@@ -152,7 +152,8 @@ def server(arguments: Arguments, declaration: Declaration) -> Server:
 
     if arguments.given(NO_PUSH):
         return Later()
-    return Connected(declaration, over_ssh(declaration, request(arguments)), who())
+    otherwise = ", or add --no-push, which contacts nobody" if arguments.command.flag(NO_PUSH.name) else ""
+    return Connected(declaration, over_ssh(declaration, request(arguments), otherwise), who())
 
 
 def site(declaration: Declaration) -> str:

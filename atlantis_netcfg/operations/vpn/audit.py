@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.vpn.records import of_partner, period
-from atlantis_netcfg.vpn.authority import AuthorityDamaged
+from atlantis_netcfg.vpn.authority import NONE_SIGNED, AuthorityDamaged
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
 
 if TYPE_CHECKING:
@@ -55,9 +55,14 @@ def audited(authority: Authority, since: datetime | None, partner: str | None) -
         for entry in entries
         if (since is None or entry.at >= since) and (names is None or names & _concerned(entry.facts()))
     )
-    return Audit(asked, found, tuple(AuthorityDamaged(one, hint=_COMPARE) for one in found.problems))
+    return Audit(
+        asked,
+        found,
+        tuple(AuthorityDamaged(each, hint=_SIGN if each == NONE_SIGNED else _COMPARE) for each in found.problems),
+    )
 
 
+_SIGN = "if nobody is missing in `provision vpn list`: `provision vpn sync --sign` signs it from now on"
 _COMPARE = "sign nothing; put the folder of the last backup beside this one, and compare them"
 
 

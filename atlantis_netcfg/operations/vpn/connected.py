@@ -34,13 +34,15 @@ Opener = Callable[[], "ServerLink"]
 _RECORDED = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
 
 
-def over_ssh(declaration: Declaration, request: Request) -> Opener:
-    """Opens the link to the declared server. Raises UsageError for example values, which lead to nobody's."""
+def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") -> Opener:
+    """Opens the link to the declared server. Raises UsageError for example values, which lead to nobody's.
+
+    `otherwise`: what else can be typed then.
+    """
     if declaration.pilot.example_values and not request.rehearsed:
         raise UsageError(
             "the inventory still holds example values, which lead to nobody's server",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, "
-            "or add --no-push, which contacts nobody",
+            hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{otherwise}",
         )
     host = declaration.hosts[declaration.pilot.vpn.server]
     return lambda: SshLink(host.name, computer_access(declaration, host, request))

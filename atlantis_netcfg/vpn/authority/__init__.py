@@ -23,6 +23,7 @@ from atlantis_netcfg.vpn.authority._errors import (
     OtherMember,
     PoolFull,
 )
+from atlantis_netcfg.vpn.authority._head import NONE_SIGNED
 from atlantis_netcfg.vpn.authority._signer import Signer
 from atlantis_netcfg.vpn.authority._types import (
     CLIENT_DAYS,
@@ -39,6 +40,7 @@ from atlantis_netcfg.vpn.names import NameRefused, NameTaken
 
 __all__ = [
     "CLIENT_DAYS",
+    "NONE_SIGNED",
     "AddressTaken",
     "Agreement",
     "Authority",

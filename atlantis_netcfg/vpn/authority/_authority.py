@@ -152,7 +152,7 @@ class Authority:
                     f"{files.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
-            heads.read(self.folder, ca.certificate).hold(book.digests)
+            heads.read(self.folder, ca.certificate, book.fold).hold(book.digests)
             book.check_clock(trusted=trust_clock)
             desk = Desk(self.folder, book, ca)
             desk.recover(left=left)

@@ -71,7 +71,7 @@ def agreement(folder: Path) -> Agreement:
         reading, fold, ca = _opened(folder)
     reading.sound()
     head = _head(folder, reading, fold, ca)
-    signed, at = (head.line, head.at) if isinstance(head, heads.Head) else (0, None)
+    signed, at = (head.line, head.at) if isinstance(head, heads.Head) and head.line else (0, None)
     found = tuple(_disagreements(folder, reading, fold, ca, head))
     return Agreement(len(reading.entries), signed, at, fold.roll().crl_number, found)
 
@@ -90,7 +90,7 @@ def _head(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> h
     if reading.damage is not None or not _is_of_ledger(fold, ca):
         return None
     try:
-        head = heads.read(folder, ca)
+        head = heads.read(folder, ca, fold)
         head.hold(reading.digests)
     except NetcfgError as error:
         return error
@@ -106,6 +106,8 @@ def _disagreements(
         return
     if isinstance(head, NetcfgError):
         yield str(head)
+    elif head is not None and head.line == 0:
+        yield heads.NONE_SIGNED
     elif head is not None:
         yield from _unsigned(folder, reading, fold, head)
     yield from _unfinished(folder, fold)

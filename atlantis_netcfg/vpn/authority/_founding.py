@@ -98,6 +98,7 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
         ca_sha256=pki.sha256(ca.certificate),
         ca_not_after=ca.certificate.not_valid_after_utc,
         sealed_by=sealing,
+        heads=True,
     )
     lines = ledger.first_lines([founded, issued, published], who, new_operation(), now)
     digests = [ledger.digest(line) for line in lines.splitlines()]

@@ -2,6 +2,10 @@
 
 The chain of the ledger's lines needs no key: whoever may write the file can make the chain anew, or leave its end away.
 A head cannot be made without the key. After it stand lines that are written without one: who was seen, who is out.
+
+An authority that an older version founded has no head until a command opens its CA key. Who cuts off its lines before
+that is found by the certificates, the list and the server alone; who does so later has to remove the head as well, and
+every line since, which puts back an old copy: the server tells that.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from cryptography.exceptions import UnsupportedAlgorithm
@@ -25,10 +29,12 @@ if TYPE_CHECKING:
     from cryptography import x509
 
     from atlantis_netcfg.vpn.authority._book import Book
+    from atlantis_netcfg.vpn.ledger import Fold
 
-__all__ = ["FILE", "Head", "made", "read", "sign"]
+__all__ = ["FILE", "NONE_SIGNED", "Head", "made", "read", "sign"]
 
 FILE = "ledger.head"
+NONE_SIGNED = "nothing says how long the ledger was: an older version founded this authority, and signed no end of it"
 _RESTORE = "sign nothing; restore ledger.jsonl and ledger.head from the newest backup of the authority, both of one"
 _WHAT = b"head of the record of an ATLANTIS VPN authority\n"
 """Before what is signed: nobody can take it for a certificate or a list."""
@@ -52,10 +58,13 @@ class Head:
                 "is an old copy",
                 hint=_RESTORE,
             )
-        if digests[self.line - 1] != self.digest:
+        if self.line and digests[self.line - 1] != self.digest:
             raise AuthorityDamaged(
                 f"the first {self.line} lines of the ledger are not those that were signed on {on}", hint=_RESTORE
             )
+
+
+_NONE = Head(0, "", datetime.min.replace(tzinfo=UTC))
 
 
 def made(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
@@ -68,17 +77,19 @@ def made(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
 def sign(folder: Path, book: Book, ca: pki.Ca) -> None:
     """Sign the last line, unless that was done. Raises AuthorityFailed."""
     line = len(book.digests)
-    if read(folder, ca.certificate).line < line:
+    if read(folder, ca.certificate, book.fold).line < line:
         with translated("the head of the record cannot be written"):
             write_atomically(folder / FILE, made(ca, line, book.digests[-1], book.now()))
 
 
-def read(folder: Path, ca: x509.Certificate) -> Head:
-    """The head of a folder. Raises AuthorityDamaged, AuthorityFailed."""
+def read(folder: Path, ca: x509.Certificate, fold: Fold) -> Head:
+    """The head of a folder; of no line where an older version founded it. Raises AuthorityDamaged, AuthorityFailed."""
     with translated("the head of the record cannot be read"):
         try:
             data = (folder / FILE).read_bytes()
         except FileNotFoundError:
+            if fold.founded is not None and not fold.founded.heads:
+                return _NONE
             raise AuthorityDamaged(f"{FILE} is missing: nothing says how long the ledger was", hint=_RESTORE) from None
     try:
         key = ca.public_key()

@@ -55,7 +55,7 @@ def reseal(folder: Path, book: Book, passphrases: tuple[Secret, Secret], sealing
         if not (folder / files.SEALED[sealing]).exists():
             raise
         ca = unseal(folder, new)
-    heads.read(folder, ca.certificate).hold(book.digests)
+    heads.read(folder, ca.certificate, book.fold).hold(book.digests)
     data = seal(pki.key_pem(ca.key), new, sealing)
     book.write([Resealed(sealed_by=sealing)], new_operation())
     with translated("the CA key cannot be written"):

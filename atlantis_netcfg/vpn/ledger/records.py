@@ -54,6 +54,8 @@ class Founded:
     """Of the CA's certificate in DER form."""
     ca_not_after: datetime
     sealed_by: Literal["age", "vault"]
+    heads: bool = False
+    """Whether its lines were signed from the first on; older versions signed none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from atlantis_netcfg.vpn.ledger import Fold
+
 Rows = list[dict[str, object]]
 
 
@@ -225,9 +227,9 @@ def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monke
     looked: list[Path] = []
     read = heads.read
 
-    def reading(folder: Path, ca: x509.Certificate) -> heads.Head:
+    def reading(folder: Path, ca: x509.Certificate, fold: Fold) -> heads.Head:
         looked.append(folder)
-        return read(folder, ca)
+        return read(folder, ca, fold)
 
     monkeypatch.setattr(heads, "read", reading)
     assert made.authority.agreement().problems == ()
