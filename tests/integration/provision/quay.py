@@ -186,17 +186,19 @@ def _opened(text: str) -> str:
 
 
 @contextmanager
-def quay(folder: Path, *others: User) -> Iterator[Quay]:
+def quay(folder: Path, *others: User, seed: str = "") -> Iterator[Quay]:
     """One adopted twin of the coastal router, in a network namespace where it stands at its declared address.
 
-    `others` have accounts on it besides us.
+    `others` have accounts on it besides us; `seed` is what it has been configured with.
     """
     root = _inventory(folder)
     declaration = load(root, decrypt=_opened)
     spec = site_spec(declaration, [declaration.hosts[ROUTER]])
     (twin,) = spec.twins
     users = (*twin.router.users, *others)
-    router = twin.router.model_copy(update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0, "users": users})
+    router = twin.router.model_copy(
+        update={"unroll_delay_s": 0.05, "silent_timeout_s": 2.0, "users": users, "seed": seed}
+    )
     spec = spec.model_copy(update={"twins": (twin.model_copy(update={"router": router}),)})
     with ExitStack() as stack:
         stack.enter_context(_namespace())
