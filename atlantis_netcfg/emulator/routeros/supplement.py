@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ADDED", "BOARD_FEATURES", "PACKAGE_MENUS", "UNSEEN", "WITHIN_ROUTEROS", "Added"]
+__all__ = ["ADDED", "BOARD_FEATURES", "PACKAGE_MENUS", "UNSEEN", "UNSEEN_6", "WITHIN_ROUTEROS", "Added"]
 
 BOARD_FEATURES = frozenset({"poe", "routerboard"})
 UNSEEN = (
@@ -17,8 +17,11 @@ UNSEEN = (
     "/system/routerboard/reset-button",
     "/system/routerboard/wps-button",
     "/system/swos",
+    "/zerotier",
 )
 """Menus of boards that exports (7.1 to 7.23) hold and no published tree shows; each board has some of them."""
+UNSEEN_6 = ("/system/lcd", "/tool/user-manager")
+"""Menus of RouterOS 6 that its exports hold; no tree of that version is published."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +52,7 @@ _ROUTERBOARD = (
     "boot-delay",
     "boot-device",
     "boot-protocol",
+    "cpu-frequency",
     "enable-jumper-reset",
     "enter-setup-on",
     "force-backup-booter",

@@ -10,6 +10,7 @@ from atlantis_netcfg.emulator.routeros.console.run import run_file
 from atlantis_netcfg.emulator.routeros.spec import Radio
 
 CHR = {"board": "CHR", "architecture": "x86_64", "poe_ports": ()}
+CONNECTION = "/routing bgp connection add as=1 local.role=ebgp name=a remote.address"
 LEASE = "/ip dhcp-server lease add mac-address=02:00:00:00:00:01"
 NO_SUCH = "input does not match any value of {}"
 CASES: list[tuple[str, str, str | None]] = [
@@ -126,6 +127,13 @@ CASES: list[tuple[str, str, str | None]] = [
         "/ipv6 firewall raw add action=drop chain=bad_tcp protocol=tcp tcp-flags=fun",
         NO_SUCH.format("tcp-flags"),
     ),
+    ("7.19.4", f"{CONNECTION}=10.0.0.1; {CONNECTION}=10.0.0.2", None),
+    ("7.1.5", "/system routerboard settings set cpu-frequency=auto", None),
+    ("7.1.5", "/system routerboard settings set memory=auto", "expected end of command (line 1 column 34)"),
+    # Menus of which no tree is known.
+    ("7.2.3", "/zerotier set zt1 disabled=yes", "not rehearsed by the twin: /zerotier"),
+    ("6.42.5", "/system lcd set contrast=0", "not rehearsed by the twin: /system/lcd"),
+    ("7.9", "/system lcd set contrast=0", "bad command name lcd (line 1 column 9)"),
     # What comes with disks, switch chips and buttons.
     ("7.18", "/disk set slot1 slot=slot1", "not rehearsed by the twin: rows of /disk"),
     (

@@ -31,7 +31,7 @@ from atlantis_netcfg.emulator.routeros.console._statements import (
 )
 from atlantis_netcfg.emulator.routeros.console._text import ConsoleError
 from atlantis_netcfg.emulator.routeros.console.where import Condition
-from atlantis_netcfg.emulator.routeros.supplement import UNSEEN
+from atlantis_netcfg.emulator.routeros.supplement import UNSEEN, UNSEEN_6
 from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
 
 if TYPE_CHECKING:
@@ -274,9 +274,16 @@ class Parser:
                 self._arguments(command)
                 return command
             else:
-                if below in UNSEEN and "routerboard" in schema.features:
+                if self._unseen(below):
                     raise ConsoleError(f"not rehearsed by the twin: {below}")
                 raise self._bad_command(word, start)
+
+    def _unseen(self, path: str) -> bool:
+        """Tell whether a device may have a menu of which no command tree is known."""
+        schema = self.core.schema
+        return path in (UNSEEN if "routerboard" in schema.features else ()) or (
+            path in UNSEEN_6 and not schema.at_least("7.0")
+        )
 
     @staticmethod
     def _whole(word: str, known: Collection[str]) -> str:

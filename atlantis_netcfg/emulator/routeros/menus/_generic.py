@@ -87,8 +87,8 @@ _OPEN = frozenset(
 """Arguments that take numbers, addresses, texts or names of rows beside the words that are offered."""
 _BY_PACKAGE = ("/disk",)
 """Menus whose words depend on packages that the recorded router did not have."""
-_NAMES_REPEAT = ("/ip/smb/shares", "/ip/smb/users", "/routing/id")
-"""Menus of which exports (7.1.5 to 7.11.2) hold several rows of one name."""
+_NAMES_REPEAT = ("/ip/smb/shares", "/ip/smb/users", "/routing/bgp/connection", "/routing/id")
+"""Menus of which exports (7.1.5 to 7.19.4) hold several rows of one name."""
 
 
 @dataclass(frozen=True, slots=True)
