@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.bearers.satellite import (
     FACTORY_ADDRESSES,
@@ -20,6 +21,7 @@ from atlantis_netcfg.bearers.satellite import (
 )
 from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.allow_list_test._asking import RULES, STATUS, ask_now, connected, outcome, rows
 from atlantis_netcfg.operations.allow_list_test._opening import filter_rows, temporarily
 from atlantis_netcfg.operations.allow_list_test._plan import BUDGET_BYTES, HELD, expected_bytes, session_bytes, tasks
@@ -30,7 +32,6 @@ from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_w
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-    from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.bearers.policy import Way
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration.model import Bearer, Pilot
@@ -115,7 +116,7 @@ class Proving:
         self._start_bytes = before.port_bytes
         self._opening_bytes = session.traffic.bytes
         active = active_bearer(before.routes, self.ways) == self.bearer.name
-        terminal = await self._terminal(session)
+        terminal = await self._terminal(session, before.port_name)
         planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
         for task in planned:
             if task.probe is Probe.NONE:
@@ -162,12 +163,15 @@ class Proving:
     async def _read(self, session: Session) -> Reading:
         return read(self.port, await session.flight(reads(self.port, self._chains)))
 
-    async def _terminal(self, session: Session) -> tuple[Finding, ...]:
+    async def _terminal(self, session: Session, port: str) -> tuple[Finding, ...]:
         """Who answers on the port, on this side of the satellite: no airtime."""
         self._say("who answers on the terminal's port")
         there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
-        asked = [there, *(factory_ping(address, self.port) for address in FACTORY_ADDRESSES)]
+        asked = [there, *(factory_ping(address, port) for address in FACTORY_ADDRESSES)]
         own, *factory = await session.flight(asked)
+        if refused := next((reply.trap for reply in factory if reply.trap is not None), None):
+            message = f"the router would not ask who is on {port}: {refused.message}"
+            return (Finding(Verdict.INCONCLUSIVE, "box-not-asked", message),)
         strangers = [address for address, reply in zip(FACTORY_ADDRESSES, factory, strict=True) if answered(reply)]
         return judge_factory_address(
             self.terminal,

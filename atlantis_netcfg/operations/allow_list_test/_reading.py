@@ -28,6 +28,8 @@ class Reading:
 
     port_bytes: int
     """Both directions."""
+    port_name: str
+    """What the port is called now: its identity is its default name."""
     rules: tuple[Row, ...]
     """Of the two chains of the satellite."""
     routes: tuple[Row, ...]
@@ -67,7 +69,7 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
     """The questions, for one flight; `read` understands the answers in this order."""
     both = (*(f"?chain={chain}" for chain in chains), "?#|")
     return (
-        Command("/interface/print", ((".proplist", "default-name,rx-byte,tx-byte"),), (f"?default-name={port}",)),
+        Command("/interface/print", ((".proplist", "name,default-name,rx-byte,tx-byte"),), (f"?default-name={port}",)),
         Command("/ip/firewall/filter/print", ((".proplist", _RULE),), both),
         Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
         Command("/interface/ovpn-client/print", ((".proplist", "name,running"),)),
@@ -84,6 +86,7 @@ def read(port: str, replies: Sequence[Reply]) -> Reading:
             hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
         )
     return Reading(
+        port_name=found.get("name", port),
         port_bytes=_number(found, "rx-byte") + _number(found, "tx-byte"),
         rules=tuple(rules),
         routes=tuple(routes),
@@ -97,7 +100,10 @@ def ping(address: str, source: str, count: int = 1) -> Command:
 
 
 def factory_ping(address: str, port: str) -> Command:
-    """Ask by ARP who has an address on a port: no airtime, and no address of that network is needed."""
+    """Ask by ARP who has an address on a port, by the name that it has now.
+
+    It costs no airtime, and needs no address of that network.
+    """
     return Command("/tool/ping", (("address", address), ("arp-ping", "yes"), ("interface", port), ("count", "2")))
 
 

@@ -26,6 +26,7 @@ class Fake:
     open: bool = False
     """Whether the filter lets every echo request out, as if somebody had broken it."""
     at_factory: bool = False
+    port_name: str = PORT
     terminal: bool = True
     active: bool = False
     tunnel: str | None = "true"
@@ -89,7 +90,7 @@ class Fake:
     def _port(self) -> Reply:
         self.readings += 1
         self.bytes += self.burst_bytes
-        return Reply(rows=({"default-name": PORT, "rx-byte": "0", "tx-byte": str(self.bytes)},))
+        return Reply(rows=({"name": self.port_name, "default-name": PORT, "rx-byte": "0", "tx-byte": str(self.bytes)},))
 
     def _filter(self, command: Command) -> Reply:
         if (ours := self._ours(command)) is not None:
@@ -117,6 +118,8 @@ class Fake:
 
     def _ping(self, words: dict[str, str]) -> Reply:
         if "arp-ping" in words:
+            if words["interface"] != self.port_name:
+                return Reply(trap=Trap("input does not match any value of interface"))
             return _echo(answered=self.at_factory)
         if words["address"] == "10.10.2.1":
             return _echo(answered=self.terminal)

@@ -224,6 +224,18 @@ def test_a_terminal_in_the_wrong_subnet_is_found_by_arp(terminal: bool, factory:
     assert [finding.code for finding in proof.findings] == ([] if code is None else [code])
 
 
+def test_a_port_that_somebody_has_renamed_is_asked_by_the_name_that_it_has() -> None:
+    proof = prove(Fake(beyond={ADDED: 0}, terminal=True, at_factory=True, port_name="starlink"))
+    assert [finding.code for finding in proof.findings] == ["factory-address-answers"]
+
+
+def test_a_port_that_the_router_does_not_ask_on_is_not_called_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    router = Fake(beyond={ADDED: 0}, terminal=True, port_name="starlink")
+    monkeypatch.setattr(router, "_port", lambda: replace(Fake()._port()))
+    proof = prove(router)
+    assert [(finding.verdict, finding.code) for finding in proof.findings] == [(Verdict.INCONCLUSIVE, "box-not-asked")]
+
+
 def over_tcp() -> Bearer:
     """The satellite of coastal with a web page that a person has added, and one that must be refused."""
     words = {"address": ADDED, "port": 443, "transport": "tcp"}
