@@ -32,7 +32,7 @@ class Flash:
 
     def save(self, snapshot: dict[str, Any]) -> None:
         """Replace the file atomically, if there is anything new."""
-        text = json.dumps(snapshot, indent=1)
+        text = json.dumps(snapshot)
         if text == self._written:
             return
         private.write(self._file, text.encode())

@@ -113,17 +113,11 @@ class Schema:
     @property
     def tree(self) -> str:
         """The newest shipped tree that is not newer than the router; the oldest for older routers."""
-        return max((tree for tree in TREES if self.at_least(_FIRST.get(tree, tree))), key=version_key, default=TREES[0])
+        return _newest(self)
 
     def has_menu(self, menu: str) -> bool:
         """Tell whether `menu` is a menu of this router."""
-        if menu == "/":
-            return True
-        words = _words(self)
-        if not self._installed(menu) or _lacks(words, menu):
-            return False
-        node = self._node(menu)
-        return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.added
+        return menu == "/" or _has_menu(self, menu)
 
     def has_command(self, menu: str, command: str) -> bool:
         """Tell whether `menu` knows `command`; `getall` and `listen` are the API's forms of `print`."""
@@ -200,6 +194,21 @@ def _add(added: dict[str, dict[str, frozenset[str]]], menu: str, command: str, n
 def _lacks(words: _Words, menu: str) -> bool:
     parts = menu.split("/")
     return any(("/".join(parts[:end]), "", "") in words.lacking for end in range(2, len(parts) + 1))
+
+
+@cache
+def _newest(schema: Schema) -> str:
+    fitting = (tree for tree in TREES if schema.at_least(_FIRST.get(tree, tree)))
+    return max(fitting, key=version_key, default=TREES[0])
+
+
+@cache
+def _has_menu(schema: Schema, menu: str) -> bool:
+    words = _words(schema)
+    if not schema._installed(menu) or _lacks(words, menu):  # noqa: SLF001
+        return False
+    node = schema._node(menu)  # noqa: SLF001
+    return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.added
 
 
 @cache

@@ -25,9 +25,12 @@ _SPACE_MENUS = {
 """A VRF is an interface and a routing table of its name (Manual, VRF)."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Item:
-    """One row. `values` holds what was given, in stored form; what is missing has its default."""
+    """One row, equal to itself alone: lists of thousands are searched for it.
+
+    `values` holds what was given, in stored form; what is missing has its default.
+    """
 
     id: int
     values: dict[str, str]
@@ -168,8 +171,9 @@ class Store:
         """Add a row, at the end if no index is given."""
         items = self.table(path).items
         item = Item(self.new_id(path), dict(values))
-        items.insert(len(items) if index is None else index, item)
-        self._note(Change(path, item.id, None, self.place(path, item.id)))
+        position = len(items) if index is None else index
+        items.insert(position, item)
+        self._note(Change(path, item.id, None, Placed(dict(item.values), position)))
         return item
 
     def update(self, path: str, item: Item, values: Mapping[str, str]) -> None:

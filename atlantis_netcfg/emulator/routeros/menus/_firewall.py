@@ -133,7 +133,7 @@ MENUS = (
         ),
         noun="address list entry",
         called="address",
-        unique=(Unique(("list", "address"), "failure: already have such entry"),),
+        unique=(Unique(("address", "list"), "failure: already have such entry"),),
         flags=("dynamic",),
     ),
     _rules(
