@@ -27,6 +27,7 @@ __all__ = [
     "PortCounts",
     "Row",
     "Verb",
+    "is_bare",
 ]
 
 FEW_FOREIGN: Final = 100
@@ -34,6 +35,11 @@ FEW_FOREIGN: Final = 100
 
 Row = Mapping[str, str]
 """One item of a menu as the device's API returned it: property name to the device's own string, `.id` included."""
+
+
+def is_bare(row: Row) -> bool:
+    """Tell whether nothing of a row was read but its `.id`."""
+    return row.keys() == {".id"}
 
 
 @dataclass(frozen=True, slots=True)

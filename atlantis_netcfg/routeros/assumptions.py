@@ -73,6 +73,12 @@ ASSUMPTIONS: Final = (
         READS,
     ),
     Assumption(
+        "api-query-order",
+        "The words `?<comment=text` and `?>comment=text` of a query compare texts letter by letter.",
+        "Reading our rows of a menu without those of others over a satellite; else more is read than is needed.",
+        READS,
+    ),
+    Assumption(
         "api-sessions-newest-last",
         "`/user/active` lists sessions oldest first.",
         "Which address the guard takes for the technician's; another one would guard the wrong path.",

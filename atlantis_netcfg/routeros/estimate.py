@@ -7,15 +7,15 @@ Round trips and bytes are those that a run reports: TCP's payload, handshakes an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Layer, Verb
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Layer, Verb, is_bare
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.diff import existing_row
-from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.menus import MARK, MENUS
 from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
 from atlantis_netcfg.routeros.parsing import Examination
 from atlantis_netcfg.routeros.pin import LTE
@@ -84,6 +84,8 @@ TYPICAL_ROWS: Final = 55_000
 TYPICAL_EXPORT: Final = 32_000
 TYPICAL_LINE: Final = 80
 """Bytes of a line of a desired text."""
+TYPICAL_FOREIGN: Final = {"list": "blocklist", "address": "198.51.100.100", "comment": "blocked", "disabled": "false"}
+"""A row of others of which nothing was read yet."""
 MOST_TEXT: Final = 45_000
 """Bytes of a desired text: a third more than the longest of the pilot's routers (a test holds that)."""
 
@@ -191,6 +193,7 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
 
     With `observed`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
     """
+    observed = observed and replace(observed, rows={path: _whole(rows) for path, rows in observed.rows.items()})
     menus = tuple(observed.rows) if observed is not None else TYPICAL_MENUS
     tally = _Tally()
     tally.log_in()
@@ -198,6 +201,15 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
     if plan.actions:
         _change(tally, plan, observed, menus)
     return _told(tally, bearer)
+
+
+def _whole(rows: tuple[Row, ...]) -> tuple[Row, ...]:
+    """Take rows of which only the `.id` was read for as long as the last one without our mark that was read."""
+    if not any(map(is_bare, rows)):
+        return rows
+    others = (row for row in reversed(rows) if not is_bare(row) and not row.get("comment", "").startswith(MARK))
+    sample = next(others, TYPICAL_FOREIGN)
+    return tuple({**sample, ".id": row[".id"]} if is_bare(row) else row for row in rows)
 
 
 def beforehand(bearer: Bearer, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:

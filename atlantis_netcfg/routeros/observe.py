@@ -13,20 +13,21 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros._types import Facts, Observed, Row
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observed, Row, is_bare
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.counters import looks, read_counts
-from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
+from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply._job import Channel
 
 __all__ = [
+    "BRIEF",
     "HISTORY",
     "LATER",
     "LEAVES",
@@ -39,6 +40,9 @@ __all__ = [
     "observe",
     "printing",
     "read_back",
+    "read_bare",
+    "samples",
+    "with_rows",
 ]
 
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
@@ -64,10 +68,15 @@ LEAVES: Final = frozenset(
     }
 )
 """Menus of which a row may come, go or change and no row of another menu changes with it."""
+BRIEF: Final = ("/ip/dns/static", "/ip/firewall/address-list")
+"""Menus of which rows may be read bare: what one of them means does not hang on the rows beside it."""
 HISTORY: Final = 100
 """Entries that a device's history keeps: beyond them their number does not tell whether somebody has changed it."""
 _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
+_OURS = (f"?<comment={MARK}", "?#!", f"?<comment={MARK[:-1]}{chr(ord(MARK[-1]) + 1)}", "?#&", "?dynamic=true", "?#|")
+"""Rows whose comment begins with our mark, and rows that the device has made. Assumption: api-query-order."""
+_SAMPLES: Final = 3
 
 
 class MenuMissing(DeviceFailed):
@@ -99,6 +108,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     looked_at: Sequence[str] = (),
     counted: Sequence[str] = (),
     known: Facts | None = None,
+    brief: Collection[str] = (),
 ) -> Observed:
     """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
 
@@ -106,13 +116,17 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
 
     The byte counters of the ports `counted` are read first and last, as far as the round trips of the reading have room
     for it: they never cost one of their own. `known`: what an earlier reading of this run has told of the device
-    itself, of which only version, name and the holder of safe mode are told anew.
+    itself, of which only version, name and the holder of safe mode are told anew. `brief`: menus of which others may
+    have rows by the thousand. There our rows are read and all are counted; beyond a hundred the others are read bare,
+    else the menu is read whole, either in one more round trip.
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY)))
     asked = _GROUP in menus
     about = _PREFLIGHT[:_AGAIN] if known is not None else _PREFLIGHT if asked else _PREFLIGHT[:-1]
-    commands = [*map(printing, menus), *about]
+    counted_menus = [path for path in menus if path in brief]
+    reading = [replace(printing(path), queries=_OURS) if path in brief else printing(path) for path in menus]
+    commands = [*reading, *map(counting_rows, counted_menus), *about]
     modem = [MONITOR] if LTE in needed else []
     commands = [*modem, *commands]
     first, last = looks(counted, len(commands), WINDOW if modem else endpoint.window)
@@ -121,6 +135,8 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     replies = replies[len(first) : len(first) + len(commands)]
     told, replies = replies[: len(modem)], replies[len(modem) :]
     answers = dict(zip(menus, replies, strict=False))
+    numbers = dict(zip(counted_menus, replies[len(menus) :], strict=False))
+    replies = [*replies[: len(menus)], *replies[len(menus) + len(counted_menus) :]]
     silent = [Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
     seen = _Preflight(*replies[len(menus) :], *silent)
     rows = {path: _rows(path, reply, needed=path in needed) for path, reply in answers.items()}
@@ -133,6 +149,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
             hint="upgrade RouterOS or install the package that brings it, or take these rows out of the template",
         )
     found = {path: there for path, there in rows.items() if there is not None}
+    found |= await _others(session, {path: found[path] for path in counted_menus if path in found}, numbers)
     counts = (read_counts(reply, seen.resource) for reply in counters)
     facts = _facts(seen, endpoint, version, found, asked=asked)
     if known is not None:
@@ -167,6 +184,55 @@ async def read_back(
     facts = replace(seen.facts, version=_version(resource.checked()), safe_mode_owner=_owner(holder))
     counts = (read_counts(reply, resource) for reply in counters)
     return Observed(facts, found.rows, tuple(each for each in counts if each is not None), seen.modem)
+
+
+async def _others(
+    session: Channel, ours: Mapping[str, Sequence[Row]], numbers: Mapping[str, Reply]
+) -> dict[str, tuple[Row, ...]]:
+    """Return the menus that have other rows than ours: whole, or with these bare where they are very many."""
+    number = {path: number_of_rows(numbers[path]) for path in ours}
+    more = {path: len(rows) for path, rows in ours.items() if number[path] != len(rows)}
+    bare = [path for path, few in more.items() if (number[path] or 0) - few > FEW_FOREIGN]
+    reading = {path: _bare(path) if path in bare else printing(path) for path in more}
+    answers = await session.flight(list(reading.values())) if reading else ()
+    found = {path: reply.checked().rows for path, reply in zip(reading, answers, strict=True)}
+    return {path: _together(rows, ours[path]) if path in bare else rows for path, rows in found.items()}
+
+
+def _bare(path: str) -> Command:
+    return Command(f"{path}/print", ((".proplist", ".id"),))
+
+
+def _together(rows: Sequence[Row], known: Iterable[Row]) -> tuple[Row, ...]:
+    """Return `rows` with what is known of them."""
+    by_id = {row[".id"]: row for row in known}
+    return tuple(by_id.get(row[".id"], row) for row in rows)
+
+
+def samples(observed: Observed) -> dict[str, Command]:
+    """Return by menu what reads a few of its bare rows, so that a person sees whose they are: the last ones."""
+    bare = {path: [row[".id"] for row in rows if is_bare(row)][-_SAMPLES:] for path, rows in observed.rows.items()}
+    either = {
+        path: [f"?.id={first}", *(word for each in more for word in (f"?.id={each}", "?#|"))]
+        for path, (first, *more) in ((path, ids) for path, ids in bare.items() if ids)
+    }
+    return {path: replace(printing(path), queries=tuple(words)) for path, words in either.items()}
+
+
+def with_rows(observed: Observed, menus: Iterable[str], replies: Iterable[Reply]) -> Observed:
+    """Return the observation with what was read of bare rows since."""
+    fresh = {
+        path: _together(observed.rows[path], reply.checked().rows) for path, reply in zip(menus, replies, strict=True)
+    }
+    return replace(observed, rows={**observed.rows, **fresh})
+
+
+async def read_bare(session: Channel, observed: Observed) -> Observed:
+    """Return the observation with the menus whole of which rows were read bare."""
+    menus = [path for path, rows in observed.rows.items() if any(map(is_bare, rows))]
+    replies = await session.flight([*map(printing, menus)])
+    fresh = {path: _known(path, reply.checked()) for path, reply in zip(menus, replies, strict=True)}
+    return replace(observed, rows={**observed.rows, **fresh})
 
 
 def counting_rows(path: str) -> Command:

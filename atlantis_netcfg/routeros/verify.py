@@ -177,6 +177,17 @@ def _netwatch(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.PASS, f"{len(values)} values") if other is None else (Verdict.FAIL, f"`{other}`")
 
 
+_FROM_B_TO_T = ("?<name=b", "?#!", "?<name=t", "?#&")
+
+
+def _text_order(replies: Sequence[Reply]) -> Judgement:
+    every, some = ([row.get("name", "") for row in reply.rows] for reply in replies)
+    between = [name for name in every if "b" <= name < "t"]
+    if not 0 < len(between) < len(every):
+        return Verdict.INCONCLUSIVE, f"of {len(every)} services {len(between)} lie between b and t"
+    return (Verdict.PASS if some == between else Verdict.FAIL), f"{', '.join(some) or 'none'} between b and t"
+
+
 _NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
 
 
@@ -204,6 +215,9 @@ CHECKS: Final[Mapping[str, Check]] = {
     "api-count-only": Check(
         (Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
         _counted,
+    ),
+    "api-query-order": Check(
+        (_print("/ip/service", "name"), replace(_print("/ip/service", "name"), queries=_FROM_B_TO_T)), _text_order
     ),
     "api-sessions-newest-last": Check((_print("/user/active", ".id,when"),), _sessions),
     "api-ping-path": Check((Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),

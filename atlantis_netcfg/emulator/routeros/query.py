@@ -15,7 +15,7 @@ __all__ = ["matches"]
 _OPERATIONS = re.compile(r"[!&|.]|\d+")
 
 
-def matches(queries: Sequence[str], row: Mapping[str, str]) -> bool:
+def matches(queries: Sequence[str], row: Mapping[str, str], *, orders_texts: bool = True) -> bool:
     """Run the query words (without their `?`) on one item; any false left on the stack rejects it.
 
     Raises Trap on a word that is none.
@@ -25,24 +25,25 @@ def matches(queries: Sequence[str], row: Mapping[str, str]) -> bool:
         if query.startswith("#"):
             _operate(query[1:], stack)
         else:
-            stack.append(_test(query, row))
+            stack.append(_test(query, row, orders_texts=orders_texts))
     return all(stack)
 
 
-def _test(query: str, row: Mapping[str, str]) -> bool:
+def _test(query: str, row: Mapping[str, str], *, orders_texts: bool) -> bool:
     if query.startswith("-"):
         return query[1:] not in row
     if query.startswith(("<", ">")):
         name, _, value = query[1:].partition("=")
-        return name in row and _less(row[name], value, greater=query.startswith(">"))
+        return name in row and _less(row[name], value, greater=query.startswith(">"), orders_texts=orders_texts)
     name, equals, value = query.removeprefix("=").partition("=")
     return row.get(name, "") == value if equals else bool(row.get(name))
 
 
-def _less(own: str, other: str, *, greater: bool) -> bool:
+def _less(own: str, other: str, *, greater: bool, orders_texts: bool) -> bool:
+    """Compare numbers, or texts letter by letter. Assumption: api-query-order."""
     if greater:
         own, other = other, own
-    return int(own) < int(other) if own.isdecimal() and other.isdecimal() else own < other
+    return int(own) < int(other) if own.isdecimal() and other.isdecimal() else orders_texts and own < other
 
 
 def _operate(text: str, stack: list[bool]) -> None:

@@ -104,6 +104,8 @@ class Deviation(StrEnum):
     """What is in safe mode when the power fails is on the flash, and stays."""
     PROPERTIES = "api-unknown-property"
     """A property that no row has is refused."""
+    QUERY_ORDER = "api-query-order"
+    """Texts cannot be compared: `<` and `>` know numbers alone."""
     SCRIPT_ENTRIES = "safe-mode-counts-rows"
     """A script is one entry of the history."""
     SCRIPT_GOES_ON = "execute-stops"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
+from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.apply._begin import safe_mode_first
 from atlantis_netcfg.routeros.apply._change import change
 from atlantis_netcfg.routeros.apply._claim import claimed_by
@@ -32,7 +33,16 @@ from atlantis_netcfg.routeros.apply.leftovers import look
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
-from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
+from atlantis_netcfg.routeros.observe import (
+    BRIEF,
+    LATER,
+    MenuMissing,
+    completed,
+    observe,
+    read_bare,
+    samples,
+    with_rows,
+)
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
@@ -107,6 +117,7 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
 
 
 async def _run(work: Work, mode: Mode) -> DeviceResult:
+    work.brief = _may_be_brief(work.job, mode)
     await _observe(work, mode)
     if mode in _READING:
         return await _look(work, mode)
@@ -172,11 +183,18 @@ async def _observe(work: Work, mode: Mode) -> None:
     await _read(work)
 
 
+def _may_be_brief(job: DeviceJob, mode: Mode) -> bool:
+    """Tell whether rows of others need only be counted: where bytes are dear and no run can go on to remove them."""
+    dear = job.bearer is not None and job.bearer.metered
+    return dear and (mode is Mode.PLAN or (mode is Mode.APPLY and not job.remove_foreign))
+
+
 async def _read(work: Work) -> None:
     """Read everything that a plan needs, and what is armed or open."""
     job = work.job
     watched = [path for path in GUARDED if path not in LATER]
-    work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted)
+    brief = [path for path in BRIEF if work.brief and path in job.desired.entire]
+    work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted, brief=brief)
     work.left = look(work.before)
     facts = work.before.facts
     work.record(
@@ -192,6 +210,9 @@ async def _plan(work: Work, mode: Mode) -> None:
     if work.plan.actions:
         await _complete(work, mode)
         work.plan = plan(job.name, job.desired, work.seen)
+        if not _is_read_enough(work):
+            work.before = await read_bare(work.channel, work.seen)
+            work.plan = plan(job.name, job.desired, work.seen)
         await _examine(work, mode)
     if job.bearer is not None:
         work.estimate = estimate(work.plan, job.bearer, work.seen)
@@ -199,6 +220,18 @@ async def _plan(work: Work, mode: Mode) -> None:
     unused = [f"the device does not use {row}" for row in invalid(work.seen)]
     work.notes += [note for note in unused if note not in work.notes]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
+
+
+def _is_read_enough(work: Work) -> bool:
+    """Tell whether the plan would be the same, and judged the same, if the rows that are bare had been read whole.
+
+    Given up: what they hold is neither shown nor compared with the last confirmed state, but for a few of them.
+    """
+    bare = {path for path, rows in work.seen.rows.items() if any(map(is_bare, rows))}
+    if not bare:
+        return True
+    removed_alone = all(action.verb is Verb.REMOVE for action in work.aim.actions if action.menu in bare)
+    return removed_alone and work.seen.facts.has_safe_mode and not objections(work.aim, work.seen, _path(work))
 
 
 async def _complete(work: Work, mode: Mode) -> None:
@@ -209,14 +242,18 @@ async def _complete(work: Work, mode: Mode) -> None:
     """
     _protect(work)
     takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
+    takes = takes and not unagreed(work.job, work.aim)
     work.holding = work.holding or takes
     beside = work.shield.taking if takes else ()
-    asked = _questions(work, mode)
-    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, (*beside, *asked))
-    work.examination.answered(answers[len(beside) :])
+    asked, sampled = _questions(work, mode), samples(work.seen)
+    beside = (*beside, *asked, *sampled.values())
+    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
+    answers, sampling = answers[: len(answers) - len(sampled)], answers[len(answers) - len(sampled) :]
+    work.before = with_rows(work.before, sampled, sampling)
+    work.examination.answered(answers[len(answers) - len(asked) :])
     if takes:
         try:
-            work.owner = (await work.shield.taken(work.channel, answers[: len(beside)])).who
+            work.owner = (await work.shield.taken(work.channel, answers[: len(answers) - len(asked)])).who
         except Held:
             work.holding = False
 

@@ -59,6 +59,8 @@ class Work:
     before: Observed | None = None
     after: Observed | None = None
     """What the verifying session read."""
+    brief: bool = False
+    """Rows of others by the thousand are read bare: nothing that this run does needs more of them."""
     left: Leftovers = field(default_factory=Leftovers)
     """What was armed or open when the device was read."""
     plan: Plan | None = None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import MASK
+from atlantis_netcfg.routeros._types import is_bare
 from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.drift._history import History
 from atlantis_netcfg.routeros.drift._model import Comparison, Difference, DriftKind, FieldDifference, Owner, Since
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["compare"]
 
 _NO_HISTORY = History()
+_UNREAD = "over a metered link only their number is read"
 _NEVER = "no run has confirmed a state of this device"
 
 
@@ -57,7 +59,11 @@ def _of_menu(view: _View, plan: Plan) -> Iterator[Difference]:
     raws = raw_differences(view.menu, [each for each in plan.actions if each.menu == path], view.rows)
     by_id = {row.get(".id"): row for row in view.rows}
     raws += [Raw(DriftKind.FOREIGN, found=by_id[each.id]) for each in plan.drift if each.menu == path]
-    yield from (_told(view, raw) for raw in raws)
+    read = [raw for raw in raws if raw.found is None or view.menu.ordered or not is_bare(raw.found)]
+    yield from (_told(view, raw) for raw in read)
+    if unread := len(raws) - len(read):
+        subject = f"{unread} rows more"
+        yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
     for hidden in plan.hidden:
         if hidden.menu == path:
             yield _hidden(view.menu, hidden.subject, hidden.name)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros._types import is_bare
 from atlantis_netcfg.routeros.guard._packet import Answer, Packet, matches
 from atlantis_netcfg.routeros.guard._route import way_back
 from atlantis_netcfg.routeros.menus import MENUS
@@ -107,9 +108,13 @@ _CHECKS = (
 
 
 def objections(before: State, after: State) -> Iterator[str]:
-    """Yield rules that harm us after the change and did not before."""
+    """Yield rules that harm us after the change and did not before.
+
+    Where not all entries of the address lists were read, nobody knows what did before.
+    """
+    unread = any(map(is_bare, before.all("/ip/firewall/address-list")))
     for check in _CHECKS:
-        known = {_key(check, each) for each in _harmful(check, before)}
+        known = frozenset() if unread else {_key(check, each) for each in _harmful(check, before)}
         yield from (_words(check, each) for each in _harmful(check, after) if _key(check, each) not in known)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._items import Item
-from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
+from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb, is_bare
 from atlantis_netcfg.routeros.diff import Line, added_row, existing_row, set_lines
 from atlantis_netcfg.routeros.menus import Menu, Shape
 from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, writes
@@ -249,7 +249,11 @@ def _report_left(work: _Rows) -> None:
     going = [row for row in work.left if _is_removable(work, row) and row not in work.early]
     if going:
         work.report.remove(going[::-1])
-        work.report.lines += [Line("-", existing_row(menu, row)) for row in going]
+        work.report.lines += [Line("-", existing_row(menu, row)) for row in going if not is_bare(row)]
+        if bare := sum(map(is_bare, going)):
+            work.report.lines.append(
+                Line("-", f"# {bare} rows more without our mark, of which only the number was read")
+            )
     for row in work.left:
         if not _is_removable(work, row) and not menu.is_stock(row):
             message = "not declared, and not ours: left as it is"

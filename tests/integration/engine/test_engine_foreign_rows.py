@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from engine_bench import TEXT, Bench, Meddler, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros.api import Session
+from atlantis_netcfg.routeros.commands import executed
 from atlantis_netcfg.routeros.estimate import Bearer
+from bench.proxy import Count, Proxy, Shape
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -106,6 +110,133 @@ def test_a_thousand_over_the_satellite_are_estimated_by_rows(tmp_path: Path) -> 
     assert planned.estimate.bytes == pytest.approx(done.sent + done.received, rel=0.02)
     assert planned.sessions == 1
     assert done.sessions == 1 + 1000 // 80 + 1
+
+
+async def many(bench: Bench, number: int, words: str = "list=sat-allow comment=blocked", first: int = 0) -> None:
+    """Let somebody add rows by scripts, as one who pastes a list of addresses does."""
+    async with await Session.open(bench.job().endpoint) as session:
+        for begin in range(first, first + number, 500):
+            script = "".join(
+                f"/ip firewall address-list add address=198.{18 + each // 62_500}.{each // 250 % 250}.{1 + each % 250} "
+                f"{words}\n"
+                for each in range(begin, min(begin + 500, first + number))
+            )
+            reply = await session.command(executed(script))
+            assert (reply.trap, reply.ret or "") == (None, "")
+
+
+async def metered(bench: Bench, mode: Mode, **changes: Any) -> tuple[DeviceResult, Count]:  # noqa: ANN401 - of DeviceJob
+    """Converge over the satellite, and count on the wire."""
+    async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), Shape(0.35)) as proxy:
+        host, port = proxy.address
+        endpoint = replace(bench.job().endpoint, host=host, port=port)
+        result = await bench.converge(mode, bearer=SATELLITE, endpoint=endpoint, **changes)
+        return result, proxy.count
+
+
+def test_a_plan_over_the_satellite_reads_of_three_thousand_what_it_needs(tmp_path: Path) -> None:
+    """Before the rows of others were read bare it was 349 kB for this plan, 281 of them for the first reading."""
+
+    async def act(bench: Bench) -> tuple[list[tuple[DeviceResult, Count]], int]:
+        await bench.converge()
+        nothing = await metered(bench, Mode.PLAN)
+        await many(bench, 3000)
+        planned = await metered(bench, Mode.PLAN)
+        refused = await metered(bench, Mode.APPLY)
+        whole = await bench.converge(Mode.PLAN, remove_foreign=True)
+        assert whole.received > 250_000
+        agreed = planned[0].plan_hash
+        assert agreed == whole.plan_hash
+        return [nothing, planned, refused, await metered(bench, Mode.APPLY, remove_foreign=True, agreed=agreed)], left(
+            bench
+        )
+
+    ((nothing, none), (planned, count), (refused, short), (done, _)), there = on(Bench(tmp_path, text=OURS), act)
+    assert (nothing.status, none.round_trips) == (Status.UNCHANGED, 5)
+    assert none.bytes < 21_500
+    assert count.bytes < 93_000
+    assert (count.round_trips, short.round_trips) == (7, 7)
+    assert short.bytes < 93_000
+    assert planned.message == "1 action on 3000 rows planned"
+    assert planned.foreign_words.startswith("removes 3000 rows that carry no mark of ours")
+    assert planned.diff.count("\n- add address=198.18.11.") == 3
+    assert "- # 2997 rows more without our mark, of which only the number was read\n" in planned.diff
+    assert refused.status is Status.REFUSED
+    assert (done.status, done.rows, there) == (Status.CHANGED, 3000, 0)
+
+
+def test_a_hundred_and_what_the_router_has_made_are_read_whole(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> tuple[DeviceResult, Count]:
+        await bench.converge()
+        await many(bench, 100)
+        return await metered(bench, Mode.PLAN)
+
+    planned, count = on(Bench(tmp_path, text=OURS), act)
+    assert (planned.planned, planned.rows, count.round_trips) == (1, 100, 7)
+    assert planned.diff.count("\n- add address=198.18.0.") == 100
+
+
+def test_what_a_declared_row_may_find_is_read_whole(tmp_path: Path) -> None:
+    """A row without our mark may be the one that is declared: it becomes ours, and is not added a second time."""
+    unmarked = "/ip firewall address-list add address=192.0.2.10 list=sat-allow\n"
+
+    async def act(bench: Bench) -> list[DeviceResult]:
+        await many(bench, 150)
+        async with await Session.open(bench.job().endpoint) as session:
+            await session.command(executed(unmarked))
+        planned, _ = await metered(bench, Mode.PLAN)
+        done, _ = await metered(bench, Mode.APPLY, remove_foreign=True, agreed=planned.plan_hash)
+        return [planned, done, (await metered(bench, Mode.PLAN))[0]]
+
+    planned, done, again = on(Bench(tmp_path, text=OURS), act)
+    assert f"{LISTS.strip('/').replace('/', ' ')}" in planned.diff
+    assert planned.foreign_words.startswith("removes 150 rows")
+    assert [planned.status, done.status, again.status] == [Status.PLANNED, Status.CHANGED, Status.UNCHANGED]
+
+
+def test_a_rule_that_only_rows_of_others_kept_from_us_is_objected_to(tmp_path: Path) -> None:
+    """What lets us in stands in a row that is read bare: the guard has all of them read before it judges."""
+    closed = OURS.replace(
+        'add action=accept chain=input comment="atlantis: management" in-interface=ether8\n',
+        'add action=accept chain=input comment="atlantis: management" src-address-list=sat-allow\n',
+    )
+
+    by_hand = (
+        "/ip firewall address-list add address=10.64.101.0/24 list=sat-allow\n"
+        '/ip firewall filter set [find comment="atlantis: management"] src-address-list=sat-allow !in-interface\n'
+    )
+
+    async def act(bench: Bench) -> list[DeviceResult]:
+        await bench.converge()
+        await many(bench, 150, first=1)
+        async with await Session.open(bench.job().endpoint) as session:
+            assert (await session.command(executed(by_hand))).ret == ""
+        bench.text = closed
+        return [(await metered(bench, Mode.PLAN))[0], await bench.converge(Mode.PLAN)]
+
+    over_the_satellite, whole = on(Bench(tmp_path, text=OURS), act)
+    assert (whole.status, whole.planned) == (Status.REFUSED, 1)
+    assert "would drop a new session of yours" in whole.message
+    assert over_the_satellite.message == whole.message
+
+
+@pytest.mark.slow
+def test_ten_thousand_come_and_go(tmp_path: Path) -> None:
+    """Planned, refused, removed and nothing left to do, over TLS, in a time that grows with their number alone."""
+
+    async def act(bench: Bench) -> tuple[list[DeviceResult], int]:
+        await bench.converge()
+        await many(bench, 10_000)
+        planned, _ = await metered(bench, Mode.PLAN)
+        done = await bench.converge(bearer=SATELLITE, remove_foreign=True, agreed=planned.plan_hash)
+        return [planned, done, await bench.converge(bearer=SATELLITE)], left(bench)
+
+    (planned, done, again), there = on(Bench(tmp_path, text=OURS), act)
+    assert planned.message == "1 action on 10000 rows planned"
+    assert planned.sent + planned.received < 260_000
+    assert (done.status, done.rows, there) == (Status.CHANGED, 10_000, 0)
+    assert done.sessions == 1 + 10_000 // 80
+    assert (again.status, again.round_trips) == (Status.UNCHANGED, 5)
 
 
 @pytest.mark.parametrize(

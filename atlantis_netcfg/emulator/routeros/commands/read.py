@@ -59,7 +59,8 @@ def print_(core: Core, call: Call) -> Result:
             raise unknown(name)
         if name not in _ANY:
             raise Trap(f"not rehearsed by the twin: {call.path} {name}")
-    found = [row for row in all_rows(core, call) if matches(call.queries, row)]
+    orders = not core.deviates(Deviation.QUERY_ORDER)
+    found = [row for row in all_rows(core, call) if matches(call.queries, row, orders_texts=orders)]
     if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
         return Result(ret=str(len(found)))
     wanted = _proplist(call)
