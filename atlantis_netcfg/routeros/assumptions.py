@@ -370,6 +370,12 @@ ASSUMPTIONS: Final = (
         _person('type `:put [:parse "/system/identity/set atlantis=no"]`'),
     ),
     Assumption(
+        "console-ambiguous",
+        "A name of an argument that is cut so short that several begin like it is refused as one that nobody has.",
+        "The emulated router's console; the engine writes names in full.",
+        _person('type `:put [:parse "/ip/address/add co=x"]`'),
+    ),
+    Assumption(
         "parse-nested",
         "Within a script `:execute` with `as-string` gives its output, as it does over the API.",
         "Only refusals come back of a plan that is parsed; otherwise the verdict is inconclusive.",

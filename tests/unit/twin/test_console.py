@@ -27,6 +27,7 @@ def test_a_script_with_a_misspelt_name_does_not_start() -> None:
     assert router.count("/ip/pool") == 0
 
 
+PARSED = "(evl /ip/address/addaddress=10.9.9.9/24;;interface=ether2)"
 PUT = [
     (':put "ready"', "ready"),
     (":put ready", "ready"),
@@ -36,6 +37,9 @@ PUT = [
     (":do {:error bad} on-error={:put rescued}", "rescued"),
     ("/int eth print count-only", "8"),
     (":put [/ip addr find]", "*1"),
+    ("/ip addr add addr=10.9.9.9/24 inter=ether2 !comm\n:put [/ip addr get *2 interface]", "ether2"),
+    (":put [/interface print count-o where name=ether1]", "1"),
+    (':put [:parse "/ip addr add addr=10.9.9.9/24 inter=ether2"]', PARSED),
     (
         "/ip firewall filter\nadd chain=input comment=b\nadd chain=input place-before=0\n:put [find chain=input]",
         "*2;*1",
@@ -84,6 +88,8 @@ REFUSED = [
     (":put 2 # note", "expected end of command (line 1 column 8)"),
     (":error x", "x (:error; line 1)"),
     (':do {/ip pool remove *5} on-error={:error "y"}', "y (:error; line 1)"),
+    ("/ip address add co=x address=10.0.0.1/24", "expected end of command (line 1 column 17)"),
+    ("/ip address add interface=ether1 x=1", "expected end of command (line 1 column 34)"),
     ("/i address print", "bad command name i (line 1 column 2)"),
     ("/ip adres print", "bad command name adres (line 1 column 5)"),
     ("/ip address add address=10.0.0.1/24 interface=ether1 disabled=true", "syntax error (line 1 column 63)"),

@@ -287,7 +287,11 @@ class Parser:
 
     @staticmethod
     def _whole(word: str, known: Collection[str]) -> str:
-        """Return the word that is meant: a name may be cut short while only one begins like it (7.23.3)."""
+        """Return the word that is meant: a name may be cut short while only one begins like it.
+
+        Of menus and commands recorded on 7.23.3, of arguments told by the manual (Command Line Interface, Quick
+        Typing). One that several begin like is refused as one that nobody has. Assumption: console-ambiguous
+        """
         longer = [name for name in known if name.startswith(word)] if word not in known else []
         return longer[0] if len(longer) == 1 else word
 
@@ -338,10 +342,11 @@ class Parser:
         while self._more():
             start = self.text.at
             if (unset := self.text.match(_UNSET)) is not None:
-                self._check(command, unset[1:], known, start)
-                command.unset.append(unset[1:])
+                whole = self._whole(unset[1:], known)
+                self._check(command, whole, known, start)
+                command.unset.append(whole)
             elif (name := self.text.match(_NAME)) is not None:
-                name = f"{group}{name}" if name.startswith(".") else name
+                name = self._whole(f"{group}{name}" if name.startswith(".") else name, known)
                 group = name.rpartition(".")[0]
                 self._check(command, name, known, start)
                 command.arguments[name] = self._given(command, name)
@@ -391,6 +396,7 @@ class Parser:
         word = self.text.match(_SEGMENT)
         if word is None:
             raise self.text.error("syntax error", start)
+        word = self._whole(word, known)
         self._check(command, word, known, start)
         if self.text.peek() == "=":
             raise self.text.error("syntax error")
