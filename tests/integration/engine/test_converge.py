@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, leases, on, without_header
 
+from atlantis_netcfg.core.versions import NEWEST_KNOWN
 from atlantis_netcfg.emulator.routeros import Execute, Knobs, Link
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
@@ -210,3 +211,20 @@ def test_a_result_is_json(tmp_path: Path) -> None:
     assert data["planned"] == data["confirmed"] == result.planned
     assert set(data["bytes"]) == {"sent", "received"}
     assert data["protection"] == "safe-mode"
+
+
+def test_every_result_tells_of_a_routeros_newer_than_anything_known(tmp_path: Path) -> None:
+    """Where something is planned, where it is done and where nothing is to do; a known one is told by none."""
+
+    async def act(bench: Bench) -> list[DeviceResult]:
+        return [await bench.converge(mode) for mode in (Mode.PLAN, Mode.APPLY, Mode.PLAN, Mode.APPLY)]
+
+    results = on(Bench(tmp_path / "newer", spec={"version": "7.25"}), act)
+    statuses = [Status.PLANNED, Status.CHANGED, Status.UNCHANGED, Status.UNCHANGED]
+    assert [result.status for result in results] == statuses
+    for result in results:
+        told = [note for note in result.as_dict()["notes"] if "is newer than anything known here" in note]
+        assert len(told) == 1
+        assert told[0].startswith(f"RouterOS 7.25 is newer than anything known here, which ends at {NEWEST_KNOWN}: ")
+    for result in on(Bench(tmp_path / "known", spec={"version": str(NEWEST_KNOWN)}), act):
+        assert not [note for note in result.notes if "newer" in note]
