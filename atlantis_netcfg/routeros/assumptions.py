@@ -222,6 +222,12 @@ ASSUMPTIONS: Final = (
         _person("add a job to a device whose device-mode forbids the scheduler, and print it"),
         ("read it back [I]", "does a blocked scheduler row trap or sit inactive?"),
     ),
+    Assumption(
+        "routing-rule-chains",
+        "From 7.22 `policy-rules` of `/routing/settings` is the order in which the chains of routing rules are asked.",
+        "The guard finds the way of our answers; a chain that is not named there is taken for one that nobody asks.",
+        _person("add a rule with `chain=x action=drop` for an address, and ping that with and without `x` there"),
+    ),
     # What is shown.
     Assumption(
         "history-names-ids",

@@ -38,6 +38,7 @@ MENUS = (
     "/ip/route",
     "/ip/service",
     "/routing/rule",
+    "/routing/settings",
     "/user",
     "/user/group",
 )

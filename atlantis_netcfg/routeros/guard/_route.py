@@ -19,6 +19,8 @@ __all__ = ["Way", "objections", "way_back"]
 
 _DEEP_ENOUGH = 4
 _NO_LIMIT = -1
+_CHAINS = "user,main"
+"""Before 7.22 there are no chains; and of the others of the default (`mangle`, `local`, …) none has rules of ours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +59,28 @@ def objections(before: State, after: State) -> Iterator[str]:
 
 
 def way_back(state: State) -> Way:
-    """Return where the router sends its answers: rules in order, then table main."""
-    for rule in state.enabled("/routing/rule"):
-        if _matches(rule, state):
-            way = _by_rule(rule, state)
-            if way is not None:
-                return way
-    return _lookup(state, "main", state.technician) or Way("nothing leads there")
+    """Return where the router sends its answers: rules chain by chain, and table main when it is the turn of `main`."""
+    for rule in _rules(state):
+        if rule is None:
+            way = _lookup(state, "main", state.technician)
+        else:
+            way = _by_rule(rule, state) if _matches(rule, state) else None
+        if way is not None:
+            return way
+    return Way("nothing leads there")
+
+
+def _rules(state: State) -> Iterator[Row | None]:
+    """Yield the rules in the order in which they are asked; None stands for table main.
+
+    From 7.22 on a rule is in a chain, and `policy-rules` says in which order the chains are asked; a chain that it does
+    not name is never asked. Assumption: routing-rule-chains
+    """
+    (settings,) = state.all("/routing/settings") or ({},)
+    for chain in settings.get("policy-rules", _CHAINS).split(","):
+        yield from (rule for rule in state.enabled("/routing/rule") if rule.get("chain", "user") == chain)
+        if chain == "main":
+            yield None
 
 
 def _matches(rule: Row, state: State) -> bool:

@@ -36,7 +36,8 @@ def _rows(action: Action, before: State, after: State, state: State) -> list[Row
     if action.verb is Verb.ADD:
         old = {row[".id"] for row in before.all(action.menu)}
         return [row for row in after.all(action.menu) if row[".id"] not in old] if state is after else []
-    return [row for row in state.all(action.menu) if row.get(".id") in action.ids]
+    # Settings are one row without an id.
+    return [row for row in state.all(action.menu) if not action.ids or row.get(".id") in action.ids]
 
 
 def _has_interface(*names: str) -> Callable[[Row, State], bool]:
@@ -108,6 +109,7 @@ _JUDGES: Mapping[str, Callable[[Row, State], bool]] = {
     "/ip/route": _route,
     "/ip/service": lambda row, state: row.get("name") == state.path.service,
     "/routing/rule": _routing_rule,
+    "/routing/settings": lambda *_: True,
     "/routing/table": lambda *_: True,
     "/user": lambda row, state: row.get("name") == state.path.user,
     "/user/group": _group,

@@ -99,7 +99,7 @@ _RULE = Menu(
         interface("interface"),
         text("routing-mark"),
         number("min-prefix"),
-        # A rule of another chain is asked at another moment, or, where `policy-rules` does not name it, never.
+        # A rule of another chain is asked at another moment, or never. Assumption: routing-rule-chains
         *since("7.22", text("chain", "user"), text("realm"), text("vrf")),
     ),
 )

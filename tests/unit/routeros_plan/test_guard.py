@@ -22,11 +22,11 @@ GOLDEN = HERE.parent / "render" / "golden"
 def device(case: dict[str, Any]) -> Observed:
     known, also = rows(DEVICE), rows(case.get("also", ""))
     both = {
-        menu: found + tuple({**row, ".id": f"*A{row['.id'][1:]}"} for row in also[menu])
+        menu: found + tuple({**row, ".id": f"*A{row['.id'][1:]}"} for row in also[menu] if ".id" in row)
         for menu, found in known.items()
     }
     instead = case.get("instead", "/")
-    return Observed(facts(), both | {menu: also[menu] for menu in also if menu == instead})
+    return Observed(facts(case.get("version", "7.18.2")), both | {menu: also[menu] for menu in also if menu == instead})
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
