@@ -122,12 +122,14 @@ class TcpSocket(socket.socket):
             self.shutdown(socket.SHUT_RDWR)
 
     def send(self, data: ReadableBuffer, flags: int = 0, /) -> int:
+        """Send as a socket does, and count."""
         size = super().send(data, flags)
         if self.tally is not None:
             self.tally.send(size)
         return size
 
     def recv(self, size: int, flags: int = 0, /) -> bytes:
+        """Receive as a socket does, and count."""
         data = super().recv(size, flags)
         self.received += len(data)
         if self.received > _MOST:
