@@ -14,6 +14,8 @@ from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
 from atlantis_netcfg.emulator.routeros.topology import MAIN
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
     from atlantis_netcfg.emulator.routeros.topology import Topology
@@ -130,7 +132,12 @@ def _hijacked(topology: Topology, packet: Packet) -> bool:
 def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> int | None:
     """Return the interface by which the router itself sends to `dst`, by routing rules and tables; None: no way."""
     rules = topology.store.table("/routing/rule")
-    for item in rules.items:
+    for item in _in_order(topology, rules):
+        if item is None:
+            way = _first_hop(topology, dst, MAIN, -1)
+            if way is not None:
+                return way
+            continue
         if not _rule_applies(topology, rules, item, dst, src):
             continue
         action = topology.store.text(rules, item, "action")
@@ -141,7 +148,21 @@ def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> i
         way = _first_hop(topology, dst, MAIN if table is None else table, -1 if least is None else int(least))
         if way is not None or action == "lookup-only-in-table":
             return way
-    return _first_hop(topology, dst, MAIN, -1)
+    return None
+
+
+def _in_order(topology: Topology, rules: Table) -> Iterator[Item | None]:
+    """Yield rules chain by chain, as `policy-rules` has them from 7.22 on; None stands for table main."""
+    # Assumption: routing-rule-chains
+    store = topology.store
+    table = store.table("/routing/settings")
+    chains = "user,main"
+    if "policy-rules" in table.args:
+        chains = next((store.text(table, item, "policy-rules") for item in table.items), None) or chains
+    for chain in chains.split(","):
+        yield from (item for item in rules.items if (store.text(rules, item, "chain") or "user") == chain)
+        if chain == "main":
+            yield None
 
 
 def _rule_applies(topology: Topology, rules: Table, item: Item, dst: IPv4Address, src: IPv4Address | None) -> bool:

@@ -37,12 +37,14 @@ class Bench:
 
     management: Management
     seed: str = ""
+    version: str = "7.18.2"
     device: Device = field(init=False)
     caller: Caller = field(init=False)
 
     def __post_init__(self) -> None:
         spec = RouterSpec(
             name="router",
+            version=self.version,
             ports=(*(f"ether{number}" for number in range(1, 9)), "sfp-sfpplus1"),
             management=self.management,
             certificates=("atlantis-api", "atlantis-vpn"),
@@ -63,7 +65,7 @@ class Bench:
     def observe(self) -> Observed:
         facts = Facts(
             identity="router",
-            version=Version(7, 18, 2),
+            version=Version.parse(self.version),
             board="RB5009UPr+S+",
             architecture="arm64",
             device_mode={},
@@ -178,7 +180,7 @@ def simple(case: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("case", [case for case in CASES if simple(case)], ids=lambda case: case["name"])
 def test_what_cuts_the_way_to_the_twin_was_objected_to(case: dict[str, Any]) -> None:
-    bench = Bench(Management(), seed=SEED)
+    bench = Bench(Management(), seed=SEED, version=case.get("version", "7.18.2"))
     bench.say("/user/set", "=.id=provision", "=comment=atlantis: provisioner")
     path = ManagementPath(bench.management.technician, bench.management.local)
     assert bench.device.path_open(path.technician, path.local, path.service)

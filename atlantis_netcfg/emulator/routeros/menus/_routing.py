@@ -46,6 +46,7 @@ MENUS = (
         Shape.LIST,
         (
             Arg("action", Choice(("drop", "lookup", "lookup-only-in-table", "unreachable")), "lookup"),
+            Arg("chain", Text(empty=False), "user"),
             COMMENT,
             Arg("disabled", Bool(), "no"),
             Arg("dst-address", Prefixes(v6=False)),
@@ -68,6 +69,7 @@ MENUS = (
             Arg("check-gateway-ping-timeout", Time(0.001, 1), "1s"),
             Arg("connected-in-chain", Text(empty=False)),
             Arg("dynamic-in-chain", Text(empty=False)),
+            Arg("policy-rules", Text(empty=False), "mangle,vrf-lookup,vrf-unreach,local,user,main"),
             Arg("single-process", Bool(), "no"),
         ),
         noun="routing settings",
