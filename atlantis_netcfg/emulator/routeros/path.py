@@ -153,7 +153,7 @@ def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> i
 
 def _in_order(topology: Topology, rules: Table) -> Iterator[Item | None]:
     """Yield rules chain by chain, as `policy-rules` has them from 7.22 on; None stands for table main."""
-    # Assumption: routing-rule-chains
+    # Table main has its turn, too. Assumption: routing-rule-chains
     store = topology.store
     table = store.table("/routing/settings")
     chains = "user,main"
