@@ -52,10 +52,10 @@ class Owner:
         assert self.process.stdout is not None
         self.yard, self.worker = self.process.stdout.readline().split()
 
-    def keeper(self) -> int:
+    def reaper(self) -> int:
         pid = self.process.pid
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-        return next(int(child) for child in children if "_keeper.py" in Path(f"/proc/{child}/cmdline").read_text())
+        return next(int(child) for child in children if "reaper.py" in Path(f"/proc/{child}/cmdline").read_text())
 
     def end(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
@@ -111,8 +111,8 @@ def test_a_killed_owner_whose_fork_lives_on(bare: Path, tmp_path: Path) -> None:
         owner.process.communicate()
 
 
-def test_an_owner_that_is_killed_with_its_keeper_is_swept_by_the_next_yard(owner: Owner, tmp_path: Path) -> None:
-    os.kill(owner.keeper(), signal.SIGKILL)
+def test_an_owner_that_is_killed_with_its_reaper_is_swept_by_the_next_yard(owner: Owner, tmp_path: Path) -> None:
+    os.kill(owner.reaper(), signal.SIGKILL)
     owner.end(signal.SIGKILL)
     assert left(owner.yard)
     with yard(tmp_path / "next"):

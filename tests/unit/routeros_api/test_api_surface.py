@@ -23,6 +23,7 @@ def test_the_public_surface() -> None:
         "Trap",
         "Unreachable",
         "certificate_of",
+        "may_cut_off",
     ]
 
 
