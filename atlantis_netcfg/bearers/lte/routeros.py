@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Row = Mapping[str, str]
     Rows = Sequence[Row]
 
-__all__ = ["IDENTITIES", "log_query", "queries", "queries_6", "read", "redacted"]
+__all__ = ["IDENTITIES", "log_query", "modem_name", "monitor_query", "queries", "queries_6", "read", "redacted"]
 
 IDENTITIES = frozenset({"imei", "imsi", "iccid", "uicc", "subscriber-number", "phone-number"})
 """Fields of a monitor that name a person's SIM or a device; they go into no report and no log."""
@@ -40,11 +40,26 @@ def queries(interface: str = "lte1") -> tuple[Query, Query, Query, Query]:
     `monitor` takes no list of properties before 7.21, so that the SIM's numbers cross the wire; `read` drops them.
     """
     return (
-        Query("/interface/lte", "monitor", (("numbers", interface), ("once", ""))),
+        monitor_query(interface),
         Query("/interface/lte", "print", proplist=_INTERFACE),
         Query("/interface/lte/apn", "print", proplist=_APN),
         Query("/ip/address", "print", proplist=_ADDRESS),
     )
+
+
+def monitor_query(name: str) -> Query:
+    """The state of the modem that has this name now."""
+    return Query("/interface/lte", "monitor", (("numbers", name), ("once", "")))
+
+
+def modem_name(interfaces: Rows | None, modem: str = "lte1") -> str:
+    """The name that a modem has now; its identity is the default name, and `name` only where no row has that."""
+    return _modem(interfaces, modem).get("name", modem)
+
+
+def _modem(interfaces: Rows | None, modem: str) -> Row:
+    found = (row for field in ("default-name", "name") for row in interfaces or () if row.get(field) == modem)
+    return next(found, {})
 
 
 def queries_6(interface: str = "lte1") -> tuple[Query, ...]:
@@ -70,10 +85,14 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
     log: Rows | None = None,
     interface: str = "lte1",
 ) -> LteReading:
-    """Read what the queries answered; None: a question that the device refused or did not answer."""
+    """Read what the queries answered; None: a question that the device refused or did not answer.
+
+    `interface` is the modem's default name; its address and its lines in the log go by the name of now.
+    """
     shown = {name: value for name, value in redacted(monitor or {}).items() if _said(value)}
-    own = next((row for row in interfaces or () if interface in {row.get("name"), row.get("default-name")}), {})
-    error, from_log = _from_log(log or (), interface)
+    own = _modem(interfaces, interface)
+    name = own.get("name", interface)
+    error, from_log = _from_log(log or (), name)
     state = _state(shown, own)
     if state is Registration.UNKNOWN and from_log is not None:
         state = from_log
@@ -91,7 +110,7 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
         sinr_db=_level(shown, "sinr", _SINR_DB, "dB"),
         rssi_dbm=decibels(shown.get("rssi"), *_RSSI_DBM),
         roaming=_roaming(shown),
-        address=_address(addresses or (), own.get("name", interface)),
+        address=_address(addresses or (), name),
         apn=_apn_in_use(profile),
         network_apn=yes(profile.get("use-network-apn")),
         pin_refused=True if _REFUSED.search(shown.get("pin-status", "").lower()) else None,

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.links._door import Door
     from atlantis_netcfg.operations.lte import Unit
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.api import Reply
+    from atlantis_netcfg.routeros.api import Reply, Session
 
-__all__ = ["UnitLook", "of_unit", "read_by_driver", "read_routeros"]
+__all__ = ["UnitLook", "modem_reading", "of_unit", "read_by_driver", "read_routeros"]
 
 _INTERFACE = "lte1"
 """RouterOS' factory name of the one modem that a unit has."""
@@ -37,18 +37,27 @@ class UnitLook:
 
 
 async def read_routeros(door: Door, unit: Unit) -> UnitLook:
-    """Read in one session of two round trips, three where only the log tells of the SIM. Raises DeviceFailed.
+    """Read in one session. Raises DeviceFailed.
 
     Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
     """
     async with door.opened() as session:
-        replies = await session.flight([command(query) for query in routeros.queries(_INTERFACE)])
-        reading = _reading(replies)
-        if reading.state is Registration.UNKNOWN:
-            reading = _reading(replies, rows(await session.command(command(routeros.log_query()))))
+        reading = await modem_reading(session)
     if reading.state is Registration.SIM_PIN_REQUIRED and unit.pin_tried:
         reading = replace(reading, pin_refused=True)
     return UnitLook(reading, judge.judge(reading, unit.wanted))
+
+
+async def modem_reading(session: Session) -> LteReading:
+    """Read in one round trip; one more where only the log tells of the SIM, and one for a modem with another name."""
+    replies = await session.flight([command(query) for query in routeros.queries(_INTERFACE)])
+    name = routeros.modem_name(rows(replies[1]), _INTERFACE)
+    if name != _INTERFACE:
+        replies[0] = await session.command(command(routeros.monitor_query(name)))
+    reading = _reading(replies)
+    if reading.state is Registration.UNKNOWN:
+        reading = _reading(replies, rows(await session.command(command(routeros.log_query()))))
+    return reading
 
 
 def _reading(replies: list[Reply], log: tuple[Row, ...] | None = None) -> LteReading:

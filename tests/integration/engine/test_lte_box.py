@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import Bench, on
 
+from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
 from atlantis_netcfg.emulator.routeros.control import obey
+from atlantis_netcfg.operations.links._door import Door
+from atlantis_netcfg.operations.links._unit import modem_reading
 from atlantis_netcfg.render import lte
 from atlantis_netcfg.routeros import Mode, desired
 
@@ -67,6 +70,20 @@ def test_cable_and_modem_that_have_swapped_their_names_get_them_back(tmp_path: P
         assert bench.export() == before
         assert await findings(bench) == ()
         assert (await bench.converge()).status == "unchanged"
+
+    on(box(tmp_path), act)
+
+
+def test_a_renamed_modem_is_read_as_before(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        assert (await bench.converge()).status == "changed"
+        door = Door("box", bench.job().endpoint)
+        async with door.opened() as session:
+            before = await modem_reading(session)
+        await bench.router.console(["/interface/lte/set", "=.id=lte1", "=name=starlink"])
+        async with door.opened() as session:
+            assert await modem_reading(session) == before
+        assert (before.state, before.address is not None) == (Registration.REGISTERED_HOME, True)
 
     on(box(tmp_path), act)
 

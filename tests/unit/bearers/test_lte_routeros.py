@@ -7,7 +7,8 @@ import pytest
 import trees
 import yaml
 
-from atlantis_netcfg.bearers.lte.routeros import IDENTITIES, log_query, queries, queries_6, read, redacted
+from atlantis_netcfg.bearers.lte import Registration
+from atlantis_netcfg.bearers.lte.routeros import IDENTITIES, log_query, modem_name, queries, queries_6, read, redacted
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_routeros_cases.yml").read_text("utf-8"))
 FIELDS = frozenset(trees.offered()["/interface/lte/monitor proplist"])
@@ -52,3 +53,25 @@ def test_no_secret_is_asked_for() -> None:
 def test_version_6_has_words_of_its_own() -> None:
     first = queries_6("lte1")[0]
     assert (first.path, first.words) == ("/interface/lte/info", (("number", "lte1"), ("once", "")))
+
+
+RENAMED = [{"name": "lte1", "default-name": "lte2", "disabled": "true"}, {"name": "starlink", "default-name": "lte1"}]
+
+
+def test_a_modem_is_known_by_its_default_name() -> None:
+    addresses = [
+        {"address": "10.0.0.1/32", "interface": "lte1"},
+        {"address": "100.72.9.14/32", "interface": "starlink"},
+    ]
+    log = [{"message": "lte1: rcvd +CPIN: SIM PUK"}, {"message": "starlink: rcvd +CPIN: SIM PIN"}]
+    found = read(None, RENAMED, None, addresses, log)
+    assert (found.address, found.state) == ("100.72.9.14", Registration.SIM_PIN_REQUIRED)
+
+
+@pytest.mark.parametrize(
+    ("interfaces", "name"),
+    [(RENAMED, "starlink"), ([{"name": "lte1"}], "lte1"), ([], "lte1"), (None, "lte1")],
+    ids=["renamed", "a RouterOS without default names", "no modem", "refused"],
+)
+def test_the_name_of_now(interfaces: list[dict[str, str]] | None, name: str) -> None:
+    assert modem_name(interfaces) == name
