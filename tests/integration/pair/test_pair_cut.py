@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind
+from atlantis_netcfg.emulator.routeros import Deviation, Fault, FaultKind
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 
 if TYPE_CHECKING:
@@ -59,7 +59,9 @@ def state(bench: PairBench) -> Exports:
     return near, without_job(far)
 
 
-def cut(tmp_path: Path, end: str, fault: Fault, family: str = "legacy") -> tuple[DeviceResult, DeviceResult]:
+def cut(
+    tmp_path: Path, end: str, fault: Fault, family: str = "legacy", deviations: tuple[Deviation, ...] = ()
+) -> tuple[DeviceResult, DeviceResult]:
     """Cut one run, hold it to its word, and see that both ends are alike, and that the next run gets through."""
     whole = clean(family)
 
@@ -77,7 +79,9 @@ def cut(tmp_path: Path, end: str, fault: Fault, family: str = "legacy") -> tuple
         assert [result.status for result in again] == [Status.UNCHANGED] * 2, (fault, again[0].message)
         return results, then, later, bench.exports(), [result.status for result in resumed]
 
-    results, then, later, finally_, resumed = on(PairBench(tmp_path, family=family), act)
+    results, then, later, finally_, resumed = on(
+        PairBench(tmp_path, family=family, spec={"deviations": deviations}), act
+    )
     words = [(result.status.value, result.message) for result in results]
     assert later in (whole.before, whole.after), (end, fault, words, later)
     if all(result.status in SETTLED for result in results):
@@ -115,6 +119,14 @@ CUTS = [
 )
 def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, end: str, path: str, nth: int) -> None:
     results = cut(tmp_path, end, Fault(do=kind, match=path, sentence=nth, when="after"))
+    assert all(result.exit.value in (0, 4, 5) for result in results)
+
+
+@pytest.mark.parametrize(("end", "path", "nth"), SAMPLE, ids=[f"{end} {path}" for end, path, _ in SAMPLE])
+def test_the_power_fails_and_an_end_keeps_what_was_in_safe_mode(tmp_path: Path, end: str, path: str, nth: int) -> None:
+    """Without `safe-mode-power-loss`."""
+    fault = Fault(do=FaultKind.POWER, match=path, sentence=nth, when="after")
+    results = cut(tmp_path, end, fault, deviations=(Deviation.POWER_LOSS,))
     assert all(result.exit.value in (0, 4, 5) for result in results)
 
 
