@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.emulator.routeros.certificates import known
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.flash import Flash
 from atlantis_netcfg.emulator.routeros.shell.hostkey import fingerprint, host_key
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
 from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
-from atlantis_netcfg.emulator.routeros.wire.doors import HOST, Doors
+from atlantis_netcfg.emulator.routeros.storage import Flash
+from atlantis_netcfg.emulator.routeros.wire.host import HOST, Doors
 from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
 from atlantis_netcfg.emulator.routeros.wire.link import Link
 from atlantis_netcfg.emulator.routeros.wire.switchboard import Switchboard

@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.emulator.routeros.wire import private
+from atlantis_netcfg.emulator.routeros.wire import host
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -150,7 +150,7 @@ class SpawnedSite:
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the twins of `spec` in a process of their own and wait until they listen."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
-    private.write(file, spec.model_dump_json(indent=1).encode())
+    host.write(file, spec.model_dump_json(indent=1).encode())
     twins = (sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file))
     with log.open("ab") as errors:
         process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)

@@ -2,7 +2,7 @@
 
 From 7.16 to 7.24 every published tree is there. A version between two of them is held to the older one, so that the
 twin is at worst stricter than the device; a version beyond the newest is held to that (`versions.NEWEST_KNOWN`).
-Versions below 7.16 have the tree of 7.16 less what is known to be newer (`boundaries.py`); what else RouterOS 6 lacks,
+Versions below 7.16 have the tree of 7.16 less what is known to be newer (`BOUNDARIES`); what else RouterOS 6 lacks,
 or had and lost, no published tree tells.
 """
 
@@ -12,15 +12,221 @@ import gzip
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cache
 from importlib import resources
 from typing import Any
 
-from atlantis_netcfg.emulator.routeros.boundaries import BOUNDARIES, Boundary
-from atlantis_netcfg.emulator.routeros.supplement import ADDED, BOARD_FEATURES, PACKAGE_MENUS, WITHIN_ROUTEROS
+__all__ = [
+    "ADDED",
+    "BOARD_FEATURES",
+    "PACKAGE_MENUS",
+    "TREES",
+    "UNSEEN",
+    "UNSEEN_6",
+    "Schema",
+    "features_of",
+    "needed",
+    "offered",
+    "version_key",
+]
 
-__all__ = ["TREES", "Schema", "needed", "offered", "version_key"]
+
+class Source(StrEnum):
+    """Where a row comes from."""
+
+    TREE = "command trees of tikoci/restraml"
+    MANUAL = "Manual: Moving from ROSv6 to ROSv7, OpenVPN, VRF, NTP, Device-mode, WireGuard, Container, Netwatch"
+    EXPORT = "verbose exports of RouterOS 6.43.8 do not show it"
+    ASSUMED = "first seen in the tree of 7.9, not known to any description of RouterOS 6"
+    """Assumption: first-versions"""
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """A menu (with all below it), a command, or arguments, that routers have from `since` on."""
+
+    menu: str
+    commands: tuple[str, ...] = ()
+    """Empty: the whole menu."""
+    arguments: tuple[str, ...] = ()
+    """Empty: the whole command."""
+    since: str = field(kw_only=True)
+    source: Source = Source.TREE
+
+
+_SET = ("set",)
+_ADD = ("add", "set")
+
+
+def _row(since: str, menu: str, commands: tuple[str, ...], words: str, source: Source = Source.TREE) -> Boundary:
+    return Boundary(menu, commands, tuple(words.split()), since=since, source=source)
+
+
+def _menus(since: str, source: Source, words: str) -> tuple[Boundary, ...]:
+    return tuple(Boundary(menu, since=since, source=source) for menu in words.split())
+
+
+_BELOW_7_16 = (
+    _row("7.10", "/ip/dns", _SET, "address-list-extra-time"),
+    _row("7.10", "/ip/firewall/nat", _ADD, "randomise-ports"),
+    _row("7.10", "/snmp", _SET, "engine-id-suffix"),
+    *_menus("7.10", Source.TREE, "/mpls/settings /routing/bfd"),
+    _row("7.11", "/tool/netwatch", _ADD, "src-address"),
+    *_menus("7.11", Source.TREE, "/iot/bluetooth/peripheral-devices /iot/lora /iot/mqtt/subscriptions"),
+    *_menus("7.11", Source.TREE, "/lora/joineui /lora/netid"),
+    *_menus("7.12", Source.TREE, "/interface/macvlan /iot/bluetooth/connections /iot/modbus/security-rules"),
+    *_menus("7.12", Source.TREE, "/routing/settings"),
+    _row("7.13", "/", ("export",), "where"),
+    Boundary("/file", ("read",), since="7.13"),
+    _row("7.13", "/file", _SET, "name"),
+    _row("7.13", "/interface/bridge", _ADD, "port-cost-mode"),
+    Boundary("/interface/bridge/port", ("unset",), since="7.13"),
+    _row("7.13", "/interface/lte", _SET, "sms-read"),
+    _row("7.13", "/interface/lte/settings", _SET, "info-polling-interval"),
+    *_menus("7.13", Source.TREE, "/interface/wifi /ip/nat-pmp /routing/isis /system/rtrace"),
+    *_menus("7.14", Source.TREE, "/disk/settings"),
+    _row("7.14", "/interface/wifi", _ADD, "configuration.distance"),
+    _row("7.14", "/interface/wifi/configuration", _ADD, "distance"),
+    _row("7.14", "/system/note", _SET, "show-at-cli-login"),
+    *_menus("7.15", Source.TREE, "/console/settings /interface/bridge/vlan/mvrp /ip/dns/adlist /ip/media"),
+    _row("7.15", "/interface/bridge", _ADD, "mvrp"),
+    _row("7.15", "/interface/bridge/port", _ADD, "mvrp-applicant-state mvrp-registrar-state"),
+    _row("7.15", "/interface/ethernet", _SET, "sfp-ignore-rx-los"),
+    _row("7.15", "/certificate", ("import",), "trusted"),
+    _row("7.15", "/ip/dns", _SET, "vrf"),
+    _row("7.15", "/ip/neighbor/discovery-settings", _SET, "lldp-mac-phy-config lldp-max-frame-size"),
+    *_menus("7.16", Source.TREE, "/file/rsync-daemon"),
+    _row("7.16", "/", ("import",), "dry-run"),
+    _row("7.16", "/certificate", ("import",), "no-key-export"),
+    _row("7.16", "/interface/bridge", _ADD, "forward-reserved-addresses max-learned-entries"),
+    _row("7.16", "/interface/lte", _SET, "sms-protocol"),
+    _row("7.16", "/ip/dns", _SET, "mdns-repeat-ifaces"),
+    _row("7.16", "/ip/settings", _SET, "ipv4-multipath-hash-policy"),
+    _row("7.16", "/ip/neighbor/discovery-settings", _SET, "discover-interval lldp-vlan-info"),
+    _row("7.16", "/ip/service", _SET, "max-sessions"),
+    _row("7.16", "/ipv6/settings", _SET, "multipath-hash-policy"),
+    _row("7.16", "/tool/netwatch", _ADD, "accept-icmp-time-exceeded dns-server record-type ttl"),
+    _row("7.16", "/user", _ADD, "inactivity-policy inactivity-timeout"),
+)
+
+_NEWER_THAN_6 = (
+    *_menus("7.0", Source.MANUAL, "/routing/table /routing/rule /routing/route /routing/settings /routing/id"),
+    *_menus("7.0", Source.MANUAL, "/ip/vrf /interface/wireguard /container /interface/veth /zerotier"),
+    *_menus("7.0", Source.MANUAL, "/interface/wifi /interface/macvlan /interface/vxlan/vteps /system/device-mode"),
+    *_menus("7.0", Source.MANUAL, "/routing/bgp/connection /routing/bgp/template /routing/ospf/interface-template"),
+    *_menus("7.0", Source.MANUAL, "/routing/filter/rule /system/ntp/client/servers"),
+    _row("7.0", "/ip/route", _ADD, "routing-table blackhole suppress-hw-offload", Source.MANUAL),
+    _row("7.0", "/interface/ovpn-client", _ADD, "protocol", Source.MANUAL),
+    _row("7.0", "/interface/ovpn-client", _ADD, "disconnect-notify use-peer-dns", Source.ASSUMED),
+    _row("7.9", "/interface/ovpn-client", _ADD, "route-nopull tls-version", Source.TREE),
+    Boundary("/interface/ovpn-client", ("import-ovpn-configuration",), since="7.9"),
+    _row("7.0", "/ip/service", _SET, "vrf", Source.EXPORT),
+    _row("7.0", "/ip/socks", _SET, "vrf", Source.EXPORT),
+    _row("7.0", "/system/ntp/client", _SET, "mode servers vrf", Source.EXPORT),
+    Boundary("/file", ("add",), since="7.9", source=Source.ASSUMED),
+    _row("7.9", "/", ("execute",), "as-string", Source.ASSUMED),
+    _row("7.0", "/", ("export",), "show-sensitive", Source.MANUAL),
+    Boundary("/console", ("inspect",), since="7.9", source=Source.ASSUMED),
+    _row("7.9", "/tool/netwatch", _ADD, "name type", Source.ASSUMED),
+)
+
+BOUNDARIES: tuple[Boundary, ...] = (*_NEWER_THAN_6, *_BELOW_7_16)
+
+BOARD_FEATURES = frozenset({"poe", "routerboard"})
+UNSEEN = (
+    "/interface/ethernet/switch",
+    "/system/routerboard/mode-button",
+    "/system/routerboard/reset-button",
+    "/system/routerboard/wps-button",
+    "/system/swos",
+    "/zerotier",
+)
+"""Menus of boards that exports (7.1 to 7.23) hold and no published tree shows; each board has some of them."""
+UNSEEN_6 = ("/system/lcd", "/tool/user-manager")
+"""Menus of RouterOS 6 that its exports hold; no tree of that version is published."""
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """A command, and arguments, that a device has and the tree does not show; `feature` is of BOARD_FEATURES."""
+
+    menu: str
+    command: str
+    arguments: tuple[str, ...] = ()
+    since: str = "6.0"
+    feature: str | None = None
+
+
+_CHANGE = ("add", "set")
+_POE = (
+    "poe-out",
+    "poe-priority",
+    "poe-voltage",
+    "power-cycle-interval",
+    "power-cycle-ping-address",
+    "power-cycle-ping-enabled",
+    "power-cycle-ping-timeout",
+)
+_PRINT = ("as-value", "brief", "count-only", "detail", "interval", "proplist", "terse", "where", "without-paging")
+_GET = ("as-string", "number", "value-name")
+_ROUTERBOARD = (
+    "auto-upgrade",
+    "boot-delay",
+    "boot-device",
+    "boot-protocol",
+    "cpu-frequency",
+    "enable-jumper-reset",
+    "enter-setup-on",
+    "force-backup-booter",
+    "preboot-etherboot",
+    "preboot-etherboot-server",
+    "silent-boot",
+)
+
+ADDED = (
+    Added("/interface/ethernet", "set", _POE, feature="poe"),
+    Added("/interface/ethernet/poe", "print", _PRINT, feature="poe"),
+    Added("/interface/ethernet/poe", "get", _GET, feature="poe"),
+    Added("/interface/ethernet/poe", "find", ("where",), feature="poe"),
+    Added("/interface/ethernet/poe", "set", (*_POE, "numbers"), feature="poe"),
+    Added("/interface/ethernet/poe", "monitor", ("as-value", "numbers", "once"), feature="poe"),
+    Added("/interface/ethernet/poe", "power-cycle", ("duration", "numbers"), feature="poe"),
+    Added("/ip/neighbor/discovery-settings", "set", ("lldp-poe-power",), feature="poe"),
+    Added("/system/routerboard", "print", ("as-value", "without-paging"), feature="routerboard"),
+    Added("/system/routerboard", "get", ("value-name",), feature="routerboard"),
+    Added("/system/routerboard/settings", "print", ("as-value", "without-paging"), feature="routerboard"),
+    Added("/system/routerboard/settings", "get", ("value-name",), feature="routerboard"),
+    Added("/system/routerboard/settings", "set", _ROUTERBOARD, feature="routerboard"),
+    *(Added("/ip/firewall/filter", each, ("hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
+    *(Added("/ip/route", each, ("suppress-hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
+)
+"""At 7.21 the two arguments of hardware offloading left the tree of the Cloud Hosted Router, which has no switch chip;
+the manual (L3 Hardware Offloading) still describes them. Assumption: board-hw-offload"""
+
+WITHIN_ROUTEROS = {"wireless": "7.13"}
+"""Before that version the package was part of RouterOS itself (Manual, Packages)."""
+
+PACKAGE_MENUS = (
+    ("calea", "/interface/bridge/calea"),
+    ("calea", "/ip/firewall/calea"),
+    ("calea", "/tool/calea"),
+    ("container", "/app"),
+    ("container", "/container"),
+    ("dude", "/dude"),
+    ("gps", "/system/gps"),
+    ("iot", "/iot"),
+    ("iot", "/lora"),
+    ("rose-storage", "/file/rsync-daemon"),
+    ("rose-storage", "/file/sync"),
+    ("tr069-client", "/tr069-client"),
+    ("ups", "/system/ups"),
+    ("user-manager", "/user-manager"),
+    ("wireless", "/caps-man"),
+    ("wireless", "/interface/wireless"),
+)
+
 
 _FIRST = {"7.18.2": "7.18"}
 """The first version with the very tree of a later one: 7.18 and 7.18.1 are identical to 7.18.2."""

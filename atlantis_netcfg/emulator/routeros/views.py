@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import public_key
 from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
-from atlantis_netcfg.emulator.routeros.counting import ECHO_BYTES
 from atlantis_netcfg.emulator.routeros.derived import dynamic_rows, properties
 from atlantis_netcfg.emulator.routeros.devicemode import INACTIVE, allowed
 from atlantis_netcfg.emulator.routeros.environment._shown import alert, lease, ntp, tunnel_addresses
+from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
 from atlantis_netcfg.emulator.routeros.lte._made import made
 from atlantis_netcfg.emulator.routeros.menus import Shape
+from atlantis_netcfg.emulator.routeros.path import route_to
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, spell
 
 if TYPE_CHECKING:
@@ -28,12 +30,44 @@ __all__ = [
     "TRAFFIC",
     "applies",
     "configured",
+    "count_echoes",
     "factory_value",
     "item_row",
     "made_rows",
     "rows",
     "without_counters",
 ]
+
+
+ECHO_BYTES = 84
+"""An echo request or its answer as an IP packet, with 56 bytes of data."""
+_FILTER = "/ip/firewall/filter"
+
+
+def count_echoes(core: Core, target: IPv4Address, source: str | None, number: int, *, answered: bool) -> None:
+    """Count echo requests on their way out, and their answers on their way in; one that is dropped is not sent."""
+    topology = core.topology
+    src = IPv4Address(source) if source else None
+    way = route_to(topology, target, src)
+    if way is None:
+        return
+    own = src or target
+    port = topology.interfaces[way].name
+    if _met(core, "output", Packet(own, target, "new", "icmp", out_interface=way), number) is Verdict.DROP:
+        return
+    core.count(port, received=False, size=number * ECHO_BYTES)
+    if answered:
+        core.count(port, received=True, size=number * ECHO_BYTES)
+        _met(core, "input", Packet(target, own, "established", "icmp", in_interface=way), number)
+
+
+def _met(core: Core, chain: str, packet: Packet, number: int) -> Verdict:
+    rules: list[int] = []
+    verdict = walk(core.topology, _FILTER, chain, packet, met=rules)
+    for rule in rules:
+        core.met[rule] = core.met.get(rule, 0) + number
+    return verdict
+
 
 HIDDEN = "*****"
 """What a group without policy `sensitive` sees of a secret."""

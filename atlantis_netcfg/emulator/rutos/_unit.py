@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.shell.hostkey import fingerprint, host_key
-from atlantis_netcfg.emulator.routeros.wire import private
+from atlantis_netcfg.emulator.routeros.wire import host as private
 from atlantis_netcfg.emulator.rutos._modem import Modem
 from atlantis_netcfg.emulator.rutos._shell import Gate, Shell
 from atlantis_netcfg.emulator.rutos._uci import factory

@@ -19,8 +19,8 @@ from atlantis_netcfg.emulator.routeros import ModemSpec
 from atlantis_netcfg.emulator.routeros.boot import SYSTEM
 from atlantis_netcfg.emulator.routeros.console.run import run_file
 from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.schema import PACKAGE_MENUS
 from atlantis_netcfg.emulator.routeros.spec import Management, Radio, RouterSpec, User
-from atlantis_netcfg.emulator.routeros.supplement import PACKAGE_MENUS
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from librouteros.protocol import encode_length as peer_length
 from librouteros.protocol import encode_sentence as peer_sentence
 
-from atlantis_netcfg.emulator.routeros.wire.codec import (
+from atlantis_netcfg.emulator.routeros.wire.connection import (
     Decoder,
     ReservedLength,
     WordTooLong,

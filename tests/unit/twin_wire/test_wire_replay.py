@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Router, RouterSpec, User
-from atlantis_netcfg.emulator.routeros.wire.codec import Decoder as TwinDecoder
-from atlantis_netcfg.emulator.routeros.wire.codec import encode_sentence as twin_encode
+from atlantis_netcfg.emulator.routeros.wire.connection import Decoder as TwinDecoder
+from atlantis_netcfg.emulator.routeros.wire.connection import encode_sentence as twin_encode
 from atlantis_netcfg.routeros.api import Command, Endpoint, Session, Traffic
 from atlantis_netcfg.routeros.api._sentences import Decoder as ClientDecoder
 from atlantis_netcfg.routeros.api._sentences import encode as client_encode

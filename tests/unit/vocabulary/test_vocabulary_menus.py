@@ -11,8 +11,7 @@ from trees import EVERY_TREE, TREES, VERSIONS, Tree, offered
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.emulator.routeros import values
 from atlantis_netcfg.emulator.routeros.menus import MODELLED, OLD_WORDS
-from atlantis_netcfg.emulator.routeros.schema import Schema
-from atlantis_netcfg.emulator.routeros.supplement import BOARD_FEATURES
+from atlantis_netcfg.emulator.routeros.schema import BOARD_FEATURES, Schema
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape
 
 _SHAPES = {Shape.LIST: "list", Shape.FIXED: "fixed", Shape.SINGLETON: "settings"}

@@ -11,8 +11,8 @@ from spoken import lines, sentence, tokens
 from trees import PUBLISHED, ROOT, SHIPPED, TREES, VERSIONS, WHOLE, Tree, apply, grown, offered, steps
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
+from atlantis_netcfg.emulator.routeros.schema import ADDED
 from atlantis_netcfg.emulator.routeros.schema import TREES as SHIPPED_BY_TWIN
-from atlantis_netcfg.emulator.routeros.supplement import ADDED
 
 BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
 

@@ -11,7 +11,7 @@ from trees import TREES, VERSIONS, Tree
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
-from atlantis_netcfg.emulator.routeros.supplement import PACKAGE_MENUS
+from atlantis_netcfg.emulator.routeros.schema import PACKAGE_MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.commands import _undo
+from atlantis_netcfg.emulator.routeros.commands import _checks as _undo
 from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item
 from atlantis_netcfg.emulator.routeros.commands._checks import check
 from atlantis_netcfg.emulator.routeros.commands._complete import complete

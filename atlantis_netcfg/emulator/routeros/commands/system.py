@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import write
 from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.counting import count_echoes
 from atlantis_netcfg.emulator.routeros.devicemode import FEATURES
 from atlantis_netcfg.emulator.routeros.path import answers
 from atlantis_netcfg.emulator.routeros.spec import Mode
+from atlantis_netcfg.emulator.routeros.views import count_echoes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core

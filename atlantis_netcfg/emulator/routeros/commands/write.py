@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands import _undo
+from atlantis_netcfg.emulator.routeros.commands import _checks as _undo
 from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands._checks import check, check_removal
 from atlantis_netcfg.emulator.routeros.commands._complete import complete

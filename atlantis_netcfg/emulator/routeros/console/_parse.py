@@ -31,7 +31,7 @@ from atlantis_netcfg.emulator.routeros.console._statements import (
 )
 from atlantis_netcfg.emulator.routeros.console._text import ConsoleError
 from atlantis_netcfg.emulator.routeros.console.where import Condition
-from atlantis_netcfg.emulator.routeros.supplement import UNSEEN, UNSEEN_6
+from atlantis_netcfg.emulator.routeros.schema import UNSEEN, UNSEEN_6
 from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_ssh_private_key,
 )
 
-from atlantis_netcfg.emulator.routeros.wire import private
+from atlantis_netcfg.emulator.routeros.wire import host as private
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.shell import words
+from atlantis_netcfg.emulator.routeros.shell import greeting as words
 from atlantis_netcfg.emulator.routeros.shell.greeting import Greeting
 from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Position
-from atlantis_netcfg.emulator.routeros.shell.line import Line
-from atlantis_netcfg.emulator.routeros.shell.pages import Pages, folded
+from atlantis_netcfg.emulator.routeros.shell.line import Line, Pages, folded
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

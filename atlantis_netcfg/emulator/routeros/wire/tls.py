@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import NameOID
 
-from atlantis_netcfg.emulator.routeros.wire import private
+from atlantis_netcfg.emulator.routeros.wire import host
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -115,7 +115,7 @@ def certificate(folder: Path, name: str, *, common_name: str, address: str) -> P
     """The file with key and self-signed certificate called `name`; made when it is first needed, and kept."""
     path = folder / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.pem"
     if not path.exists():
-        private.write(path, _issue(common_name, address))
+        host.write(path, _issue(common_name, address))
     return path
 
 

@@ -13,7 +13,7 @@ from atlantis_netcfg import cli
 from atlantis_netcfg.checklist.probes import Ask, Discover, Look, Probing, Run, site_checks
 from atlantis_netcfg.checklist.probes.allowed_commands import allowed
 from atlantis_netcfg.checklist.probes.site_checks import _certificates, _static
-from atlantis_netcfg.emulator.routeros import supplement
+from atlantis_netcfg.emulator.routeros import schema
 from atlantis_netcfg.gateway import network
 from atlantis_netcfg.vpn import client
 
@@ -27,7 +27,7 @@ def test_the_router_has_the_words(version: str) -> None:
     tree = trees.Tree(version)
     for query in QUERIES:
         if query.menu == POE:  # hardware that the trees' Cloud Hosted Router lacks
-            added = {one.command: one.arguments for one in supplement.ADDED if one.menu == POE}
+            added = {one.command: one.arguments for one in schema.ADDED if one.menu == POE}
             assert {name for name, _ in query.words} <= {*added[query.command]}
             continue
         assert tree.has_command(query.menu, query.command)
