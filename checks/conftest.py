@@ -18,8 +18,8 @@ from atlantis_netcfg.core.printable import lines
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import choose, load
 from atlantis_netcfg.operations.computers import is_gateway
-from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.request import refuse_examples
 from checks.checklist_asked import Asking, How, told, waits
 from checks.gateway_promises import Promises, promises
 from checks.gateway_reached import Answers, NotReached, ask

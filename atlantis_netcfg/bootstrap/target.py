@@ -5,17 +5,33 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from ipaddress import IPv4Interface
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.rsc import Export
 
-__all__ = ["CERTIFICATE", "FACTORY_ADDRESS", "FACTORY_USER", "MARK", "TEMPORARY", "Facts", "Row", "Standing", "Wish"]
+__all__ = [
+    "CERTIFICATE",
+    "FACTORY_ADDRESS",
+    "FACTORY_USER",
+    "MARK",
+    "TEMPORARY",
+    "Adopted",
+    "Doorway",
+    "Facts",
+    "Row",
+    "Standing",
+    "Status",
+    "Way",
+    "Wish",
+]
+
 
 Row = dict[str, str]
 
@@ -93,3 +109,52 @@ class Facts:
     export: Export
     text: str
     """The export as it was printed, without secrets."""
+
+
+class Way(Protocol):
+    """A way to a device's console."""
+
+    shown: str
+    """As a person would say it: an address, or a serial line."""
+    serial: bool
+
+    def open(self, user: str, password: Secret) -> Console:
+        """Log in. Raises ConsoleUnreachable, LoginFailed, HostKeyChanged, ConsoleLost."""
+
+    def prove(self, pin: str) -> None:
+        """Log in by api-ssl as our user, under this certificate alone. Raises ConsoleUnreachable, NetcfgError."""
+
+    def meet(self) -> None:
+        """Learn the SSH host key, without a login, if it is not known yet. Raises NetcfgError."""
+
+
+class Doorway(Protocol):
+    """The two ways, and what is known of the device."""
+
+    first: Way
+    """Where the technician has plugged in."""
+    final: Way
+    """The management address."""
+
+    @property
+    def host_key(self) -> str | None:
+        """The host key that the device has shown; None as long as nobody came by SSH."""
+
+
+class Status(StrEnum):
+    """How first contact ended."""
+
+    ALREADY = "unchanged"
+    PLANNED = "planned"
+    ADOPTED = "changed"
+
+
+@dataclass(frozen=True, slots=True)
+class Adopted:
+    """What came of it; `notes` say what nobody has verified, and what to do now."""
+
+    status: Status
+    standing: Standing
+    steps: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    facts: Facts | None = None

@@ -95,7 +95,7 @@ class _Line:
         return {name: module for name, module in self.table.items() if name.startswith(f"{words[0]} ")}
 
     def _overview(self) -> ExitCode:
-        from atlantis_netcfg.cli._help import overview
+        from atlantis_netcfg.cli.help import overview
 
         asked = bool(self.typed)
         print(overview(self.table), file=sys.stdout if asked else sys.stderr)
@@ -103,14 +103,14 @@ class _Line:
 
 
 def _print_overview(table: Mapping[str, str]) -> ExitCode:
-    from atlantis_netcfg.cli._help import overview
+    from atlantis_netcfg.cli.help import overview
 
     print(overview(table))
     return ExitCode.DONE
 
 
 def _print_help(command: Command) -> ExitCode:
-    from atlantis_netcfg.cli._help import of_command
+    from atlantis_netcfg.cli.help import of_command
 
     print(of_command(command))
     return ExitCode.DONE

@@ -20,7 +20,7 @@ from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.ansible_settings import import_ansible
 from atlantis_netcfg.operations.play_control import PlayControl
-from atlantis_netcfg.operations.request_io import shared
+from atlantis_netcfg.operations.request import shared
 from atlantis_netcfg.operations.unreported import other_ends, without_result
 from atlantis_netcfg.routeros.apply import Status
 

@@ -31,8 +31,7 @@ from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
-from atlantis_netcfg.report.cost import asked
-from atlantis_netcfg.report.run import RunReport
+from atlantis_netcfg.report.run import RunReport, asked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -143,7 +142,7 @@ class Session:
         declared = self._declared(mode)
         # What their tasks need is imported before these, which are forked children, and only where they take part.
         if any(is_unit(host) for host in declared):
-            import_module("atlantis_netcfg.operations.lte._converge")
+            import_module("atlantis_netcfg.operations.lte.converge")
         if any(is_computer(host) for host in declared):
             from atlantis_netcfg.operations.computers import refuse_unfounded
 

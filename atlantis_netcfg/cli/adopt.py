@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from typing import Any
 
-    from atlantis_netcfg.bootstrap import Adopted
+    from atlantis_netcfg.bootstrap.target import Adopted
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
@@ -87,7 +87,7 @@ def _adoption(
     import shlex
     import sys
 
-    from atlantis_netcfg.bootstrap import FACTORY_ADDRESS
+    from atlantis_netcfg.bootstrap.target import FACTORY_ADDRESS
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.operations.adoption import SSH, Adoption
 

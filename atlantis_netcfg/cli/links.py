@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.links import Looked
+    from atlantis_netcfg.operations.links.look import Looked
     from atlantis_netcfg.report.links import LinksReport
 
 __all__ = ["COMMAND", "run"]
@@ -79,8 +79,8 @@ def _look(opened: Session) -> Looked:
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.examples import refuse_examples
-    from atlantis_netcfg.operations.links import look
+    from atlantis_netcfg.operations.links.look import look
+    from atlantis_netcfg.operations.request import refuse_examples
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     request = opened.paid(opened.request(Mode.DRIFT))

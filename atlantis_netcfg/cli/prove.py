@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.allow_list_test import Proof
+    from atlantis_netcfg.operations.allow_list_test.prove import Proof
 
 __all__ = ["COMMAND", "run"]
 
@@ -56,7 +56,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.declaration import choose
-    from atlantis_netcfg.operations.allow_list_test import satellite_of
+    from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
         choose(declaration, arguments.word("site"), ())
@@ -93,8 +93,8 @@ def _prove(opened: Session) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]
     from dataclasses import replace
 
     from atlantis_netcfg.cli._progress import progress
-    from atlantis_netcfg.operations.allow_list_test import bills, previews, satellite_of, try_out
-    from atlantis_netcfg.operations.examples import refuse_examples
+    from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
+    from atlantis_netcfg.operations.request import refuse_examples
 
     found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
@@ -133,7 +133,7 @@ def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
     from datetime import UTC, datetime
     from pathlib import Path
 
-    from atlantis_netcfg.operations.allow_list_test import names_of
+    from atlantis_netcfg.operations.allow_list_test.site import names_of
     from atlantis_netcfg.operations.terminals import look
 
     backup = opened.arguments.optional("backup")

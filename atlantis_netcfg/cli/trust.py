@@ -36,7 +36,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
     from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.examples import refuse_examples
+    from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity
 
     declaration = declared(arguments)

@@ -47,7 +47,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.examples import refuse_examples
+    from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.operations.verifying import Verifying, written
 
     name = arguments.word("device")

@@ -14,8 +14,12 @@ Everything is readable by its owner only. No record holds a secret: actions arri
 
 from __future__ import annotations
 
-from atlantis_netcfg.journal._errors import JournalFailed, NoSuchRun, PinsDamaged, SiteBusy, StateDamaged
-from atlantis_netcfg.journal._files import (
+from atlantis_netcfg.journal.files import (
+    JournalFailed,
+    NoSuchRun,
+    PinsDamaged,
+    SiteBusy,
+    StateDamaged,
     make_private,
     new_run,
     run_order,
@@ -24,22 +28,20 @@ from atlantis_netcfg.journal._files import (
     unwritable,
     write_atomically,
 )
-from atlantis_netcfg.journal._lock import Holder, SiteLock
-from atlantis_netcfg.journal._log import Entry, Log, read
-from atlantis_netcfg.journal._pins import Pins
-from atlantis_netcfg.journal._runs import Confirmed, Run
-from atlantis_netcfg.journal._store import KEPT, DeviceHistory, Store, unfinished
-from atlantis_netcfg.journal._usage import Counters, MonthBytes, Usage
-from atlantis_netcfg.journal._writer import (
+from atlantis_netcfg.journal.log import (
     NOT_RECORDED,
+    Entry,
     Journal,
+    Log,
     NoJournal,
     Recorder,
     StatesOnly,
     conclude,
+    read,
     unrecorded,
     utc_now,
 )
+from atlantis_netcfg.journal.pins import Pins
 from atlantis_netcfg.journal.records import (
     SETTLED,
     ActionsAcknowledged,
@@ -70,6 +72,9 @@ from atlantis_netcfg.journal.records import (
     Unrolled,
     Verified,
 )
+from atlantis_netcfg.journal.runs import Confirmed, Run
+from atlantis_netcfg.journal.store import KEPT, DeviceHistory, Holder, SiteLock, Store, unfinished
+from atlantis_netcfg.journal.usage import Counters, MonthBytes, Usage
 
 __all__ = [
     "KEPT",

@@ -2,19 +2,43 @@
 
 from __future__ import annotations
 
+import json
+import os
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.paths import hold_own, state_dir
+from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
-__all__ = ["ACCEPT_COST", "PLAIN_ANSIBLE", "REMOVE_FOREIGN", "Mode", "Request", "StandIns", "Target", "consent"]
+    from atlantis_netcfg.core.events import Event
+    from atlantis_netcfg.declaration import Declaration
+
+__all__ = [
+    "ACCEPT_COST",
+    "PLAIN_ANSIBLE",
+    "REMOVE_FOREIGN",
+    "Channel",
+    "Mode",
+    "Request",
+    "StandIns",
+    "Target",
+    "asked_for",
+    "consent",
+    "declaration_of",
+    "refuse_examples",
+    "shared",
+]
+
 
 ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
@@ -144,3 +168,77 @@ class Request(_Data):
         """File of a declared host's identity in the VPN; None where there is none on this computer."""
         path = self.vpn / "hosts" / f"{host}.identity"
         return path if path.is_file() else None
+
+
+class Channel:
+    """Writes whole lines; a listener that has gone away does not stop a run, since the journal holds everything."""
+
+    def __init__(self, descriptor: int | None) -> None:
+        self._descriptor = descriptor
+
+    def event(self, event: Event) -> None:
+        """Tell what happened to a device."""
+        self._send({"event": asdict(event)})
+
+    def outcome(self, devices: Mapping[str, Mapping[str, Any]], runs: Mapping[str, Mapping[str, str]]) -> None:
+        """Tell how devices ended; `runs`: site to kind of device (each has runs of its own) to run id."""
+        self._send({"devices": devices, "runs": runs})
+
+    def error(self, error: NetcfgError) -> None:
+        """Tell why the request as a whole was refused."""
+        self._send({"error": {"message": str(error), "hint": error.hint, "exit": int(error.exit)}})
+
+    def _send(self, data: Mapping[str, Any]) -> None:
+        if self._descriptor is None:
+            return
+        line = json.dumps(data, ensure_ascii=False) + "\n"  # bytes that are no text arrive as `?`
+        rest = memoryview(line.encode(errors="replace"))
+        with suppress(BrokenPipeError):
+            while rest:
+                rest = rest[os.write(self._descriptor, rest) :]
+
+
+_shared: dict[Path, Declaration] = {}
+
+
+@contextmanager
+def shared(declaration: Declaration) -> Iterator[None]:
+    """Let the tasks of this process, and those that it forks, take this declaration instead of reading it again."""
+    folder = declaration.root.absolute()
+    _shared[folder] = declaration
+    try:
+        yield
+    finally:
+        del _shared[folder]
+
+
+def declaration_of(inventory: Path, decrypt: Callable[[str], str] | None = None) -> Declaration:
+    """The declaration in a folder: the shared one, or as it is read now. Raises what `site.load` raises."""
+    return _shared.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
+
+
+@contextmanager
+def asked_for(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, Channel]]:
+    """Give the request and its channel; what is raised within is told there, a fault of ours after it is in a log."""
+    asked = Request.model_validate(request or {})
+    if plan_only and not asked.mode.reads_only:
+        asked = asked.model_copy(update={"mode": Mode.PLAN})
+    channel = Channel(asked.events_fd)
+    try:
+        yield asked, channel
+    except NetcfgError as error:
+        channel.error(error)
+        raise
+    except Exception as fault:
+        problem = crashed(fault, asked.command, lambda: asked.state)
+        channel.error(problem)
+        raise problem from fault
+
+
+def refuse_examples(declaration: Declaration, *, rehearsed: bool) -> None:
+    """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
+    if declaration.pilot.example_values and not rehearsed:
+        raise UsageError(
+            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
+        )

@@ -12,12 +12,10 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.worker import run_until_settled
 from atlantis_netcfg.journal import Store, unrecorded
 from atlantis_netcfg.operations.costs import Costs, gate
-from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.pairs import far_bearer, pair_of
-from atlantis_netcfg.operations.request_io import asked_for, declaration_of
-from atlantis_netcfg.operations.schedule import Member, members_of
+from atlantis_netcfg.operations.request import asked_for, declaration_of, refuse_examples
+from atlantis_netcfg.operations.schedule import Member, far_bearer, members_of, pair_of
 from atlantis_netcfg.operations.site_run import RunName, Turn
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import Status, fleet
@@ -27,8 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.event_stream import Channel
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.request import Channel, Request
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
 

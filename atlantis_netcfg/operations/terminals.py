@@ -17,8 +17,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.verdicts import Verdict, worst
 from atlantis_netcfg.declaration.model import Router, SatelliteTerminal
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
-from atlantis_netcfg.operations.request import Mode
-from atlantis_netcfg.operations.request_io import asked_for, declaration_of
+from atlantis_netcfg.operations.request import Mode, asked_for, declaration_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -11,7 +11,7 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.core.verdicts import worst as worst_verdict
-from atlantis_netcfg.report.cost import cost_lines
+from atlantis_netcfg.report.run import cost_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

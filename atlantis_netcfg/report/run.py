@@ -7,12 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
-from atlantis_netcfg.report.cost import asked, cost_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
-__all__ = ["Pass", "RunReport"]
+__all__ = ["Pass", "RunReport", "asked", "cost_lines"]
+
+
+def asked(cost: Mapping[str, Any]) -> str:
+    """What a person is told before, and asked to pay; above all that it is another link than the declared one."""
+    return f"{cost['instead']}; {cost['words']}" if cost["instead"] else str(cost["words"])
+
+
+def cost_lines(result: Mapping[str, Any], *, rehearsed: bool) -> Iterator[str]:
+    """What it came to; of a rehearsal, which costs nothing, what a real run would ask and come to."""
+    cost = result.get("cost")
+    if cost is None:
+        return
+    if rehearsed and cost["words"]:
+        yield f"a real run asks first: {asked(cost)}"
+    yield f"{'and comes to' if rehearsed else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,11 @@ from atlantis_netcfg.checklist.runner._gateway import in_words
 from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.operations.allow_list_test import bills, previews, satellite_of, try_out
+from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.costs import gate, unpaid
-from atlantis_netcfg.operations.links import command, door_to, look, rows
+from atlantis_netcfg.operations.links.look import door_to, look
+from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.operations.request import Mode
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.runner._ears import Asked, Heard
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.allow_list_test import Proving
+    from atlantis_netcfg.operations.allow_list_test.prove import Proving
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.api import Reply
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.checklist.probes import Ask, Discover, Listen, Look, Place, Prove, Run
 from atlantis_netcfg.checklist.probes.agent import batch, program
-from atlantis_netcfg.operations.allow_list_test import previews as proof_previews
-from atlantis_netcfg.operations.allow_list_test import satellite_of
+from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
+from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers import is_computer, is_gateway
 from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid

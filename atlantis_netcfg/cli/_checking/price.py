@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import Prove
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
-from atlantis_netcfg.operations.allow_list_test import previews, satellite_of
+from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import Preview

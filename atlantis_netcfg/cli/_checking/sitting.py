@@ -29,7 +29,7 @@ from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage, ignore
 from atlantis_netcfg.operations.computers import is_computer
-from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations.request import refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

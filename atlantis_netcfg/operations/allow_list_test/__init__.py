@@ -12,28 +12,3 @@ What RouterOS offers over its API decides what can be proved:
 """
 
 from __future__ import annotations
-
-from atlantis_netcfg.operations.allow_list_test._errors import NothingToProve
-from atlantis_netcfg.operations.allow_list_test._names import named_targets, resolve
-from atlantis_netcfg.operations.allow_list_test._plan import BUDGET_BYTES, Task, tasks
-from atlantis_netcfg.operations.allow_list_test._proof import Proof
-from atlantis_netcfg.operations.allow_list_test._prove import Pace, Proving
-from atlantis_netcfg.operations.allow_list_test._site import Satellite, bills, names_of, previews, satellite_of, try_out
-
-__all__ = [
-    "BUDGET_BYTES",
-    "NothingToProve",
-    "Pace",
-    "Proof",
-    "Proving",
-    "Satellite",
-    "Task",
-    "bills",
-    "named_targets",
-    "names_of",
-    "previews",
-    "resolve",
-    "satellite_of",
-    "tasks",
-    "try_out",
-]

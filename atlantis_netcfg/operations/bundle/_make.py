@@ -21,7 +21,7 @@ from atlantis_netcfg.bundle.programs import require
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.bundle._target import from_board, from_file, from_image
 from atlantis_netcfg.operations.bundle._wish import wish_of
-from atlantis_netcfg.operations.examples import refuse_examples
+from atlantis_netcfg.operations.request import refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

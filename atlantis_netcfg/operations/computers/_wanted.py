@@ -10,8 +10,7 @@ from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.computers._fetching import bundle_of, fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
 from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.examples import refuse_examples
-from atlantis_netcfg.operations.request_io import asked_for, declaration_of
+from atlantis_netcfg.operations.request import asked_for, declaration_of, refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -15,9 +15,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import ActionsConfirmed, Outcome, conclude
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers._result import ComputerResult
-from atlantis_netcfg.operations.event_stream import Channel
-from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.operations.request_io import declaration_of
+from atlantis_netcfg.operations.request import Channel, Mode, Request, declaration_of
 from atlantis_netcfg.operations.site_run import RunName, Turn
 from atlantis_netcfg.routeros.apply import Status
 

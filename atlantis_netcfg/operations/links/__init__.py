@@ -6,11 +6,3 @@ airtime is for traffic and no interface of it is documented.
 """
 
 from __future__ import annotations
-
-from atlantis_netcfg.operations.links._ask import door_to
-from atlantis_netcfg.operations.links._door import Door, command, rows
-from atlantis_netcfg.operations.links._look import look
-from atlantis_netcfg.operations.links._looked import Looked
-from atlantis_netcfg.operations.links._own import Silent
-
-__all__ = ["Door", "Looked", "Silent", "command", "door_to", "look", "rows"]

@@ -4,33 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.lazy_imports import homes
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.operations.lte._emulation import EmulatedUnit, emulated_units, not_rehearsed
-    from atlantis_netcfg.operations.lte._kind import is_unit
-    from atlantis_netcfg.operations.lte._perform import perform
-    from atlantis_netcfg.operations.lte._result import LteResult
-    from atlantis_netcfg.operations.lte._unit import Look, Unit
+    from atlantis_netcfg.declaration import Host
 
-__all__ = [
-    "EmulatedUnit",
-    "Look",
-    "LteResult",
-    "Unit",
-    "emulated_units",
-    "is_unit",
-    "not_rehearsed",
-    "perform",
-]
 
-__getattr__ = homes(
-    __name__,
-    {
-        "_emulation": ("EmulatedUnit", "emulated_units", "not_rehearsed"),
-        "_perform": ("perform",),
-        "_result": ("LteResult",),
-        "_unit": ("Look", "Unit"),
-        "_kind": ("is_unit",),
-    },
-)
+def is_unit(host: Host) -> bool:
+    """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
+    return isinstance(host.device, LteRouter) and host.device.driver is not LteDriver.ROUTEROS

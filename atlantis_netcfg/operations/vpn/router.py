@@ -36,8 +36,8 @@ from atlantis_netcfg.journal import (
     unrecorded,
 )
 from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.examples import refuse_examples
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.operations.vpn._import import Importing
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.routeros.apply import Mode, Status, converge

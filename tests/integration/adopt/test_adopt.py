@@ -11,7 +11,8 @@ from carton import ROUTER, Carton, adopted_export, carton
 from hints_said import advised, said
 from test_hints_of_vpn import Laptop, laptop
 
-from atlantis_netcfg.bootstrap import CutOff, NotFactoryFresh, PreflightRefused, StillToMove, _steps
+from atlantis_netcfg.bootstrap import steps
+from atlantis_netcfg.bootstrap.run import CutOff, NotFactoryFresh, PreflightRefused, StillToMove
 from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, Mode, User
@@ -173,7 +174,7 @@ def test_an_adopted_router_of_another_laptop_is_told_no_password_of_ours(box: Ca
 
 
 def test_a_laptop_on_the_management_port_is_told_to_move(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_steps, "PORT_S", 1.0)
+    monkeypatch.setattr(steps, "PORT_S", 1.0)
     laptop = {"address": "192.168.88.1/24", "port": "ether8", "technician": "192.168.88.10"}
     with carton(tmp_path, first_contact=laptop) as box:
         with pytest.raises(CutOff, match="the connection was lost at: management address") as cut:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from carton import QUICK, declaration
 
-from atlantis_netcfg.bootstrap import PreflightRefused
+from atlantis_netcfg.bootstrap.run import PreflightRefused
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec

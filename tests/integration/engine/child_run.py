@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
-from atlantis_netcfg.journal._log import Entry, line
+from atlantis_netcfg.journal.log import Entry, line
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
 

@@ -14,8 +14,8 @@ from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
 from atlantis_netcfg.emulator.routeros.control import obey
-from atlantis_netcfg.operations.links._door import Door
-from atlantis_netcfg.operations.links._unit import modem_reading
+from atlantis_netcfg.operations.links.session import Door
+from atlantis_netcfg.operations.links.status import modem_reading
 from atlantis_netcfg.render import lte
 from atlantis_netcfg.routeros import Mode, desired
 

@@ -14,7 +14,7 @@ from engine_bench import PASSWORD, Bench, on, run
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Fault, FaultKind
-from atlantis_netcfg.operations.links._door import Door
+from atlantis_netcfg.operations.links.session import Door
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros.api import LoginRefused
 from atlantis_netcfg.routeros.apply._change import change as changing

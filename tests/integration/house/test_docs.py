@@ -13,7 +13,7 @@ import pytest
 from docs_console import Shown, shown
 from house_checkout import ROOT, clean_environment, shared_checkout, start
 
-from atlantis_netcfg.cli._help import MEANING
+from atlantis_netcfg.cli.help import MEANING
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 
 if TYPE_CHECKING:

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration import Declaration, choose, load
 from atlantis_netcfg.emulator.routeros import Link, RunningSite
-from atlantis_netcfg.operations import lte
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.links import Looked, look
-from atlantis_netcfg.operations.pairs import with_other_ends
+from atlantis_netcfg.operations.links.look import Looked, look
+from atlantis_netcfg.operations.lte import is_unit
+from atlantis_netcfg.operations.lte.emulation import emulated_units
+from atlantis_netcfg.operations.lte.perform import perform as perform_lte
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.schedule import with_other_ends
 from atlantis_netcfg.operations.site import perform
 
 if TYPE_CHECKING:
@@ -141,9 +143,7 @@ def bench(
     declaration = load(root)
     chosen = choose(declaration, site, only)
     with ExitStack() as stack:
-        units = stack.enter_context(
-            lte.emulated_units([host for host in chosen if lte.is_unit(host)], _made(folder / "units"))
-        )
+        units = stack.enter_context(emulated_units([host for host in chosen if is_unit(host)], _made(folder / "units")))
         twins = stack.enter_context(RunningSite(_spec(declaration, chosen, spoil), _made(folder / "twins")))
         targets = {name: _target(ready) for name, ready in twins.ready.items()}
         targets |= {name: unit.target for name, unit in units.items()}
@@ -151,7 +151,7 @@ def bench(
         asked = request.model_dump(mode="json")
         told = perform(root, list(twins.ready), asked, plan_only=False, decrypt=str)["per_host"]
         if units:
-            told |= lte.perform(root, list(units), asked, plan_only=False, decrypt=str)["per_host"]
+            told |= perform_lte(root, list(units), asked, plan_only=False, decrypt=str)["per_host"]
         found = {name: one["exit"] for name, one in told.items()}
         assert found == dict.fromkeys(targets, 0) | dict(ends or {}), told
         yield Bench(declaration, site, twins, request)

@@ -16,7 +16,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec, TwinSpec
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations import lte
+from atlantis_netcfg.operations.lte.perform import perform
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.simcard import TriedPin
 
@@ -147,7 +147,7 @@ def test_a_wrong_pin_is_told_and_not_tried_again(te4sea: Bench, tmp_path: Path) 
     te4sea.request = te4sea.request.model_copy(update={"state": tmp_path / "state"})  # where the PIN is noted
     with unit(te4sea, tmp_path, {"sim": {"pin": "1234", "tries": 3}}) as target:
         asked = te4sea.request.model_copy(update={"targets": {UNIT: target}}).model_dump(mode="json")
-        told = lte.perform(root, [UNIT], asked, plan_only=False, decrypt=wrong)["per_host"][UNIT]
+        told = perform(root, [UNIT], asked, plan_only=False, decrypt=wrong)["per_host"][UNIT]
         assert told["exit"] != 0
         te4sea.lose("4g")
         first, second = te4sea.report(), te4sea.report()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.operations.upgrade._look import Seen
+    from atlantis_netcfg.operations.upgrade import Seen
 
 PASSWORD = "example-password"
 

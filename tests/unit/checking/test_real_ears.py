@@ -20,7 +20,7 @@ from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.allow_list_test import Proof
+from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.request import Request
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer, Question
     from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.operations.links import Looked as LooksBack
+    from atlantis_netcfg.operations.links.look import Looked as LooksBack
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SHIPPED = load(INVENTORY)

@@ -13,7 +13,7 @@ from pilot_commands import Table, done
 from atlantis_netcfg import cli
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS, load
-from atlantis_netcfg.cli._help import MEANING
+from atlantis_netcfg.cli.help import MEANING
 from atlantis_netcfg.core.errors import ExitCode
 
 HEAVY = ("ansible", "cryptography", "jinja2", "librouteros", "paramiko", "pydantic", "rich", "yaml", "asyncio")

@@ -6,8 +6,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap import Facts, Wish
-from atlantis_netcfg.bootstrap._menus import CLEARED
+from atlantis_netcfg.bootstrap.steps import CLEARED
+from atlantis_netcfg.bootstrap.target import Facts, Wish
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import parse

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from found import WISH, facts
 
-from atlantis_netcfg.bootstrap import Objection, features_of, objections
+from atlantis_netcfg.bootstrap.run import Objection, features_of, objections
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import parse
 

@@ -18,7 +18,7 @@ OF_RUNS = (
     "cli/rollback.py",
     "cli/restore.py",
     "cli/backup.py",
-    "journal/_runs.py",
+    "journal/runs.py",
     "operations/restore.py",
     "routeros/apply/_claim.py",
     "routeros/apply/_settle.py",

@@ -12,9 +12,8 @@ import yaml
 from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState
 from atlantis_netcfg.bearers.policy import Way
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.operations.links._bearer import Seen, ranked, told, twice
-from atlantis_netcfg.operations.links._own import Own, Silent
-from atlantis_netcfg.operations.links._router import Echo, Neighbour, Port, RouterReading
+from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, RouterReading
+from atlantis_netcfg.operations.links.status import Own, Seen, Silent, ranked, told, twice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.wifi import Family, read
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.links import _look as looking
-from atlantis_netcfg.operations.links._own import Own, Silent, of_bridge
-from atlantis_netcfg.operations.links._radio import RadioLook
+from atlantis_netcfg.operations.links import look as looking
+from atlantis_netcfg.operations.links.status import Own, RadioLook, Silent, of_bridge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.bearers.policy import Way
-from atlantis_netcfg.operations.links._router import Echo, Neighbour, Port, questions, read
+from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
 
 if TYPE_CHECKING:

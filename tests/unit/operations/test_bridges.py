@@ -8,7 +8,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.pairs import bridges
+from atlantis_netcfg.operations.schedule import bridges
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration

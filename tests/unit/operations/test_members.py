@@ -15,9 +15,8 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.pairs import far_bearer, pair_of, with_other_ends
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.schedule import members_of
+from atlantis_netcfg.operations.schedule import far_bearer, members_of, pair_of, with_other_ends
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal

@@ -16,18 +16,9 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, 
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
-from atlantis_netcfg.operations.allow_list_test import (
-    BUDGET_BYTES,
-    NothingToProve,
-    Pace,
-    Proof,
-    Proving,
-    bills,
-    previews,
-    resolve,
-    satellite_of,
-    tasks,
-)
+from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks
+from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proof, Proving
+from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of
 from atlantis_netcfg.routeros.estimate import on_the_wire
 
 if TYPE_CHECKING:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from atlantis_netcfg.report.cost import asked, cost_lines
 from atlantis_netcfg.report.drift import DriftReport
-from atlantis_netcfg.report.run import Pass, RunReport
+from atlantis_netcfg.report.run import Pass, RunReport, asked, cost_lines
 
 COST = {
     "bearer": "satellite",

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from plan_world import facts, lines, observed, rows
 
-from atlantis_netcfg.bootstrap import _preflight
+from atlantis_netcfg.bootstrap import run
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.routeros._items import Desired, Item
 from atlantis_netcfg.routeros._types import Observed
@@ -77,10 +77,9 @@ COMPARES = re.compile(
     r"[Vv]ersions? (?:[<>]=?|not in) |[<>]=? [\w.]*version\b|(?:if|while|and|or) not [\w.]*has_safe_mode"
 )
 REFUSALS = {
-    "bootstrap/_menus.py": "refuses nothing: it words a reset",
-    "bootstrap/_preflight.py": "tests/integration/adopt: every objection has a hint, which its class demands",
-    "bootstrap/_read.py": "refuses nothing: it words a question",
-    "bootstrap/_steps.py": "refuses nothing: it words a date",
+    "bootstrap/steps.py": "refuses nothing: it words a reset and a date",
+    "bootstrap/run.py": "tests/integration/adopt: every objection has a hint, which its class demands",
+    "bootstrap/classify.py": "refuses nothing: it words a question",
     "packages/plan.py": "one error with a hint for all of its reasons",
     "routeros/apply/_begin.py": "refuses nothing by version: an older device is saved in another way",
     "routeros/apply/_executor.py": "tests/integration/engine/test_refusals.py::test_a_device_without_any_protection",
@@ -108,7 +107,7 @@ OTHER_VERSIONS = ("emulator", "bundle", "gateway", "ansible_collections", "dds",
 
 def test_an_objection_cannot_be_made_without_a_hint() -> None:
     with pytest.raises(TypeError):
-        _preflight.Objection("too old")  # type: ignore[call-arg]
+        run.Objection("too old")  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("version", ["7.24.1", "7.25beta1", "7.25", "8.0"])

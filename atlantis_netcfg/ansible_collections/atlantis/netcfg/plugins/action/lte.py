@@ -21,7 +21,7 @@ class ActionModule(Door):
     def perform(asked: Asked) -> Mapping[str, Any]:
         """Converge or check the units of the play; in check mode, only plan."""
         from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.lte import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.lte.perform import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         told: dict[str, Any] = cleaned(
             perform(asked.inventory, asked.hosts, asked.request, plan_only=asked.plan_only, decrypt=asked.decrypt)

@@ -74,7 +74,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         if folder is None or not folder.is_dir():
             return
         from atlantis_netcfg.core.errors import NetcfgError  # noqa: PLC0415 - as below
-        from atlantis_netcfg.operations.request_io import declaration_of  # noqa: PLC0415 - as below
+        from atlantis_netcfg.operations.request import declaration_of  # noqa: PLC0415 - as below
 
         try:
             declaration_of(folder)

@@ -1,0 +1,554 @@
+"""The executor: opens consoles, types the planned steps, proves the new way before the old one goes."""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bootstrap.classify import fingerprint, foreign, look, recognise
+from atlantis_netcfg.bootstrap.steps import clear, close_door, prepare
+from atlantis_netcfg.bootstrap.target import CERTIFICATE, FACTORY_USER, Adopted, Facts, Standing, Status, Wish
+from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, SafeModeHeld
+from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.journal import ContactStep, ContactStepDone, DeviceObserved, Pinned
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from atlantis_netcfg.bootstrap.steps import Step
+    from atlantis_netcfg.bootstrap.target import Doorway, Way
+    from atlantis_netcfg.console.types import Console
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.journal import Pins, Recorder
+    from atlantis_netcfg.rsc import Export
+
+
+class PreflightRefused(DeviceFailed):
+    """The device cannot become what is declared; nothing was touched. `errors` are all the reasons."""
+
+    def __init__(self, objections: Sequence[Objection]) -> None:
+        super().__init__("; ".join(one.message for one in objections))
+        self.errors = tuple(DeviceFailed(one.message, hint=one.hint) for one in objections)
+
+
+class NotFactoryFresh(DeviceFailed):
+    """Somebody has configured the device; nothing was touched."""
+
+
+class StillToMove(DeviceFailed):
+    """All is ready beside the old way in; nobody has come over the new one yet."""
+
+
+class Unfinished(DeviceFailed):
+    """The device did not reach the adopted state although every command was accepted."""
+
+
+class CutOff(OutcomeUnknown):
+    """The connection was lost in the middle; first contact may be repeated."""
+
+
+OLDEST = Version(6, 49)
+_SPLIT = Version(7, 13)
+_RADIO_PACKAGES = ("wireless", "wifi-qcom", "wifi-qcom-ac", "wifi-mediatek", "wifi")
+ACTIVATION_MINUTES = 5
+"""`activation-timeout` of `/system/device-mode/update`: within it the button has to be pressed."""
+
+_ROWS = {
+    "/system/scheduler": "scheduler",
+    "/ip/hotspot": "hotspot",
+    "/ip/ipsec/peer": "ipsec",
+    "/interface/l2tp-client": "l2tp",
+    "/interface/pptp-client": "pptp",
+    "/container": "container",
+    "/zerotier/interface": "zerotier",
+}
+_SERVICES = {
+    "/ip/proxy": "proxy",
+    "/ip/socks": "socks",
+    "/ip/smb": "smb",
+    "/tool/romon": "romon",
+    "/tool/bandwidth-server": "bandwidth-test",
+    "/interface/l2tp-server/server": "l2tp",
+    "/interface/pptp-server/server": "pptp",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """Why not, and what a person does about it."""
+
+    message: str
+    hint: str
+
+
+def features_of(desired: Export) -> dict[str, str]:
+    """Features of device-mode that a declared text needs, each with the menu that needs it."""
+    needed: dict[str, str] = {}
+    for statement in desired.statements:
+        values = dict(statement.values)
+        if statement.verb == "add" and statement.menu in _ROWS and values.get("disabled") != "yes":
+            needed.setdefault(_ROWS[statement.menu], statement.menu)
+        if statement.menu in _SERVICES and values.get("enabled") == "yes":
+            needed.setdefault(_SERVICES[statement.menu], statement.menu)
+    return needed
+
+
+def objections(facts: Facts, wish: Wish) -> tuple[Objection, ...]:
+    """Everything at once, so that a person goes to the device one time."""
+    return (*_box(facts, wish), *_software(facts, wish), *_device_mode(facts, wish))
+
+
+def _box(facts: Facts, wish: Wish) -> Iterator[Objection]:
+    said, found = (wish.model or "").lower(), facts.board.lower()
+    if said and found and said not in found and found not in said:
+        yield Objection(
+            f"{wish.name} is declared as {wish.model}, but this is a {facts.board} ({facts.architecture})",
+            "plug into the right box, or correct `model` in its host_vars file",
+        )
+    ports = {row.get("default-name") or row.get("name", "") for row in facts.ethernets}
+    missing = [port for port in wish.ports if port not in ports]
+    if missing:
+        yield Objection(
+            f"{wish.name} is declared with ports that this {facts.board or 'box'} does not have: {', '.join(missing)}",
+            f"it has {', '.join(sorted(ports))}; correct `ports` in its host_vars file, or take the right box",
+        )
+
+
+def _software(facts: Facts, wish: Wish) -> Iterator[Objection]:
+    if facts.version < OLDEST:
+        yield Objection(
+            f"RouterOS {facts.version} is too old: {OLDEST} is the oldest that can be adopted",
+            f"upgrade it in Winbox (System > Packages) with the {facts.architecture} files of a newer version first",
+        )
+    if wish.radio and facts.version >= _SPLIT and not set(_RADIO_PACKAGES) & set(facts.packages):
+        yield Objection(
+            f"RouterOS {facts.version} on this {facts.board} has no package for its radio: since 7.13 `wireless` "
+            "is a package of its own",
+            f"put wireless-{facts.version}-{facts.architecture}.npk (or wifi-qcom, as its radio needs) on it in Winbox "
+            "(Files), reboot it, then run this command again",
+        )
+
+
+def _device_mode(facts: Facts, wish: Wish) -> Iterator[Objection]:
+    mode = facts.device_mode
+    if mode is None:
+        return
+    called = mode.get("mode", "unknown")
+    forbidden = [name for name in wish.features if mode.get(name) in ("false", "no")]
+    if mode.get("flagged") in ("true", "yes"):
+        yield Objection(
+            "device-mode has flagged this router: it suspects that somebody has tampered with its configuration",
+            f"look through its configuration; then {_press('flagged=no')}",
+        )
+    if forbidden:
+        menus = ", ".join(f"{name} (for {wish.features[name]})" for name in forbidden)
+        yield Objection(
+            f"device-mode `{called}` of this router forbids what {wish.name} needs: {menus}",
+            _press(" ".join(f"{name}=yes" for name in forbidden)),
+        )
+
+
+def _press(change: str) -> str:
+    return (
+        f"type on its console:  /system device-mode update {change} activation-timeout={ACTIVATION_MINUTES}m\n"
+        f"within {ACTIVATION_MINUTES} minutes press its reset or mode button once, shortly, or pull its power plug "
+        "and put it back\n"
+        "the router restarts with the new mode; then run this command again"
+    )
+
+
+@contextmanager
+def repeatable(wish: Wish) -> Iterator[None]:
+    """Say of whatever breaks in that the same command goes on."""
+    try:
+        yield
+    except ConsoleLost as lost:
+        raise CutOff(
+            f"{wish.name}: {lost}",
+            hint="run the same command again: first contact goes on where it was cut",
+        ) from lost
+    except HostKeyChanged as changed:
+        raise HostKeyChanged(
+            f"{wish.name}: the SSH host key is not the one that was pinned at first contact; "
+            f"pinned is {changed.pinned}, it showed {changed.seen}",
+            pinned=changed.pinned,
+            seen=changed.seen,
+            hint="another device, or somebody in between: no password was sent to it\n"
+            "if it is another box than before, or was reset on purpose: the same command with --replaced",
+        ) from changed
+    except SafeModeHeld as held:
+        raise DeviceFailed(
+            f"{wish.name}: somebody else holds safe mode on the device",
+            hint="a session that was cut lets go after about 9 minutes; then run the same command again",
+        ) from held
+
+
+def cut_off(wish: Wish, step: Step, lost: ConsoleLost) -> CutOff:
+    """Say at which step the connection was lost."""
+    hint = "run the same command again: first contact goes on where it was cut"
+    if step.key == "management":
+        hint = (
+            f"is the laptop plugged into {wish.port}? That port leaves the factory's network now: plug into "
+            "another one (not the first, which is for the internet), wait up to 9 minutes until the router has "
+            "taken the change back, then run the same command again"
+        )
+    return CutOff(f"{wish.name}: the connection was lost at: {step.title} ({lost})", hint=hint)
+
+
+def not_fresh(wish: Wish, facts: Facts) -> NotFactoryFresh:
+    """Say what somebody has configured, and how to take the device all the same."""
+    found = foreign(facts, wish)
+    rest = f", and {len(found) - 5} more" if len(found) > 5 else ""  # noqa: PLR2004 - what a person takes in
+    return NotFactoryFresh(
+        f"this device ({facts.board}) is not factory-fresh, so it was not touched; "
+        f"somebody has configured: {', '.join(found[:5])}{rest}",
+        hint="if it is really to become "
+        f"{wish.name}: the same command with --take-over saves its export first, then goes on",
+    )
+
+
+def still_to_move(wish: Wish, error: NetcfgError) -> StillToMove:
+    """Say where the laptop has to go."""
+    return StillToMove(
+        f"nobody answered at {wish.host} ({error}); the default configuration is still on the router, "
+        f"which can be reached both ways",
+        hint=f"plug the laptop into {wish.port}, give it the address {wish.laptop}, "
+        "then run the same command again: it goes on from here",
+    )
+
+
+GUARDED_LINES = 80
+"""Actions in one safe mode: after the 100th a session leaves it without a word (Manual, Configuration Management)."""
+_HELD_S = 30.0
+"""A session that was cut holds safe mode until the device has undone its changes."""
+_RETRY_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Typist:
+    """Types; never decides."""
+
+    wish: Wish
+    journal: Recorder
+    notify: Subscriber
+
+    def do(self, steps: Sequence[Step], console: Console, *, held: bool = False) -> None:
+        """Type every line of every step. `held`: safe mode is held already. Raises CutOff, ConsoleRefused."""
+        for step in steps:
+            self.journal.write(ContactStep(device=self.wish.name, step=step.key, commands=len(step.lines)))
+            self.notify(Event(self.wish.name, Stage.APPLYING, step.title))
+            try:
+                self._type(step, console, guarded=step.guarded and not held)
+            except ConsoleLost as lost:
+                raise cut_off(self.wish, step, lost) from lost
+            self.journal.write(ContactStepDone(device=self.wish.name, step=step.key))
+
+    def _type(self, step: Step, console: Console, *, guarded: bool) -> None:
+        size = GUARDED_LINES if guarded else len(step.lines)
+        for start in range(0, len(step.lines), size):
+            with safe(console) if guarded else nullcontext():
+                for line in step.lines[start : start + size]:
+                    console.run(line.text, timeout_s=line.timeout_s, secrets=line.secrets)
+
+
+@contextmanager
+def safe(console: Console) -> Iterator[None]:
+    """Safe mode: released when all went well, else the session ends and the device undoes."""
+    deadline = time.monotonic() + _HELD_S
+    while True:
+        try:
+            console.take_safe_mode()
+            break
+        except SafeModeHeld:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(_RETRY_S)
+    yield
+    console.release_safe_mode()
+
+
+_PAUSE_S = 0.5
+_STICKER = (
+    f"the password of {FACTORY_USER} is on the device's sticker, and empty on older devices; "
+    "type it when asked, or name a file with it: password-file=FILE\n"
+    "if nobody knows it: hold the reset button while the power comes on, until the light blinks, "
+    "then let go"
+)
+
+
+@dataclass(slots=True)
+class FirstContact:
+    """First contact with one device. Every step is journalled before it is typed, and may be repeated."""
+
+    wish: Wish
+    doorway: Doorway
+    pins: Pins
+    journal: Recorder
+    notify: Subscriber
+    factory_passwords: Callable[[], Iterator[Secret]]
+    """Passwords of the factory's user to be tried, asked for only as far as needed."""
+    take_over: bool = False
+    wait_s: float = 600.0
+    """How long to wait for the laptop on the management port."""
+    now: Callable[[], datetime] = field(default=lambda: datetime.now(UTC))
+    _agreed: bool = False
+    """Whether the SSH host key that the device has to show was known before this run."""
+
+    @property
+    def _typist(self) -> Typist:
+        return Typist(self.wish, self.journal, self.notify)
+
+    def plan(self) -> Adopted:
+        """Look, judge, and tell the steps; nothing is changed or pinned."""
+        with repeatable(self.wish), self._console(None) as (console, _):
+            facts, standing = self._judge(console)
+        if standing is Standing.ADOPTED:
+            return Adopted(Status.ALREADY, standing, facts=facts)
+        return Adopted(Status.PLANNED, standing, self._titles(facts), facts=facts)
+
+    def adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
+        """Bring the device to the adopted state; `agree` raises if a person does not want the steps.
+
+        Raises DeviceFailed with the device as it was, or as far as a repeated run goes on from; CutOff.
+        """
+        with repeatable(self.wish):
+            return self._adopt(agree)
+
+    def _adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
+        with self._console(None) as (console, way):
+            facts, standing = self._judge(console)
+            self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {standing}")
+            if standing is Standing.ADOPTED:
+                return self._already(console, facts)
+            if not way.serial and not self._agreed:
+                self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.doorway.host_key}")
+            planned = Adopted(Status.PLANNED, standing, self._titles(facts), facts=facts)
+            agree(planned)
+            state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
+            self.journal.save(self.wish.name, state)
+            self._known()
+            self._prepare(console)
+            pin = self._pin(console)
+            by_factory = console.user != self.wish.user
+        notes: list[str] = []
+        if by_factory:
+            self._let_in(way)
+        final = way if way.serial else self._move(way, pin, notes)
+        with self._console(final) as (console, _):
+            self._clear(console, final, pin)
+            self._typist.do(close_door(look(console), self.wish), console)
+            facts = self._settled(look(console))
+        if final.serial:
+            self._from_afar(pin, notes)
+        return Adopted(Status.ADOPTED, standing, planned.steps, tuple(notes), facts)
+
+    # --- looking ---------------------------------------------------------------------------------------------------
+
+    def _judge(self, console: Console) -> tuple[Facts, Standing]:
+        facts = look(console)
+        self._observed(facts)
+        standing = recognise(facts, self.wish, self.now())
+        if standing is not Standing.ADOPTED:
+            if refused := objections(facts, self.wish):
+                raise PreflightRefused(refused)
+            if standing is Standing.SOMEONES and not self.take_over:
+                raise not_fresh(self.wish, facts)
+        return facts, standing
+
+    def _observed(self, facts: Facts) -> None:
+        identity = next((dict(one.values) for one in facts.export.statements if one.menu == "/system/identity"), {})
+        self.journal.write(
+            DeviceObserved(
+                device=self.wish.name, version=str(facts.version), identity=identity.get("name") or "", state=""
+            )
+        )
+
+    def _titles(self, facts: Facts) -> tuple[str, ...]:
+        steps = [step.title for step in prepare(facts, self.wish, self.now())]
+        steps += [step.title for step in clear(facts)]
+        return (*steps, *(step.title for step in close_door(facts, self.wish)))
+
+    # --- consoles --------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _console(self, way: Way | None) -> Iterator[tuple[Console, Way]]:
+        """A console on `way` as our user; without a way: wherever and as whoever the device lets us in."""
+        if way is None:
+            console, way = self._entered()
+        else:
+            console = way.open(self.wish.user, self.wish.password)
+        try:
+            yield console, way
+        finally:
+            console.close()
+
+    def _entered(self) -> tuple[Console, Way]:
+        """Where the technician says; a device that was met before may be at its management address by now."""
+        first, final = self.doorway.first, self.doorway.final
+        self._agreed = self.doorway.host_key is not None
+        met = self.pins.get(self.wish.name) is not None
+        if met and not first.serial:
+            with suppress(ConsoleUnreachable, LoginFailed):
+                return self._at_home(final), final
+        self._tell(Stage.CONNECTING, f"to {first.shown}")
+        try:
+            return self._tried(first, ours_first=met), first
+        except ConsoleUnreachable:
+            if met or first.serial or first is final:
+                raise
+            with suppress(ConsoleUnreachable):
+                return self._tried(final, ours_first=True), final
+            raise
+
+    def _at_home(self, final: Way) -> Console:
+        """The management address; a host key that is not known yet is believed where TLS has proved the device."""
+        pin = self.pins.get(self.wish.name)
+        if self.doorway.host_key is None and pin is not None:
+            final.prove(pin)
+        return final.open(self.wish.user, self.wish.password)
+
+    def _tried(self, way: Way, *, ours_first: bool) -> Console:
+        """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
+        agreed = way.serial or self._agreed
+        if ours_first and agreed:
+            with suppress(LoginFailed):
+                return way.open(self.wish.user, self.wish.password)
+        for password in self.factory_passwords():
+            with suppress(LoginFailed):
+                return way.open(FACTORY_USER, password)
+        if not agreed:
+            raise LoginFailed(
+                f"{way.shown}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
+                f"password of {self.wish.user} was not tried",
+                hint=f"if it was adopted on another computer: {TRUST}, then type the same again\n{_STICKER}",
+            )
+        try:
+            return way.open(self.wish.user, self.wish.password)
+        except LoginFailed as failed:
+            raise LoginFailed(
+                f"{way.shown}: the device let in neither {FACTORY_USER} nor {self.wish.user}",
+                hint=_STICKER,
+            ) from failed
+
+    def _let_in(self, way: Way) -> None:
+        """Our user has to be seen to log in before the factory's is disabled."""
+        self._tell(Stage.VERIFYING, f"user {self.wish.user} logs in")
+        with self._console(way):
+            return
+
+    # --- typing ----------------------------------------------------------------------------------------------------
+
+    def _prepare(self, console: Console) -> None:
+        """Wait until no cut session holds safe mode any more, look again, then add what is missing."""
+        with safe(console):
+            pass
+        self._typist.do(prepare(look(console), self.wish, self.now()), console)
+
+    def _clear(self, console: Console, way: Way, pin: str) -> None:
+        """Remove the default configuration; a new session proves the way before safe mode lets it go for good."""
+        with safe(console):
+            steps = clear(look(console))
+            small = sum(len(step.lines) for step in steps) <= GUARDED_LINES
+            if small:
+                self._typist.do(steps, console, held=True)
+                self._still_there(way, pin)
+        if not small:
+            self._typist.do(steps, console)
+            self._still_there(way, pin)
+
+    def _still_there(self, way: Way, pin: str) -> None:
+        if not way.serial:
+            self._tell(Stage.VERIFYING, f"api-ssl at {way.shown}, in a new session")
+            way.prove(pin)
+
+    # --- trust -----------------------------------------------------------------------------------------------------
+
+    def _known(self) -> None:
+        """Record the host key: from here on the device is ours."""
+        key = self.doorway.host_key
+        if key is not None and self.pins.host_key(self.wish.name) != key:
+            self.pins.change_host_key(self.wish.name, key)
+            self._tell(Stage.CONNECTING, f"its SSH host key is pinned: {key}")
+
+    def _pin(self, console: Console) -> str:
+        """Pin the certificate by what the console says: never by what TLS shows."""
+        pin = fingerprint(console, CERTIFICATE)
+        if not pin:
+            raise Unfinished(
+                f"{self.wish.name}: the device has not signed its certificate",
+                hint="run the same command again",
+            )
+        if self.pins.get(self.wish.name) != pin:
+            self.pins.change(self.wish.name, pin)
+            self._tell(Stage.CONFIRMED, f"its certificate is pinned: SHA-256 {pin}")
+        self.journal.write(Pinned(device=self.wish.name, certificate=pin, host_key=self.doorway.host_key))
+        return pin
+
+    def _already(self, console: Console, facts: Facts) -> Adopted:
+        if self.pins.get(self.wish.name) is None or self.pins.host_key(self.wish.name) is None:
+            self._known()
+            self._pin(console)
+        return Adopted(Status.ALREADY, Standing.ADOPTED, facts=facts)
+
+    # --- the new way -----------------------------------------------------------------------------------------------
+
+    def _move(self, way: Way, pin: str, notes: list[str]) -> Way:
+        """Go on over the management port as soon as somebody is plugged in there."""
+        final = self.doorway.final
+        if way is final:
+            return final
+        self._prove_here(way, pin, notes)
+        self._tell(
+            Stage.WAITING,
+            f"now plug the laptop into {self.wish.port}, with address {self.wish.laptop}: "
+            f"{self.wish.host} is where the router is from now on",
+        )
+        deadline = time.monotonic() + self.wait_s
+        while True:
+            try:
+                final.prove(pin)
+            except NetcfgError as error:
+                if time.monotonic() > deadline:
+                    raise still_to_move(self.wish, error) from error
+                time.sleep(_PAUSE_S)
+            else:
+                return final
+
+    def _prove_here(self, way: Way, pin: str, notes: list[str]) -> None:
+        try:
+            way.prove(pin)
+        except NetcfgError as error:
+            notes.append(f"api-ssl could not be tried at {way.shown}: {error}")
+
+    def _from_afar(self, pin: str, notes: list[str]) -> None:
+        """After a serial line: the network may be within reach all the same."""
+        final = self.doorway.final
+        try:
+            final.prove(pin)
+            final.meet()
+        except NetcfgError:
+            notes.append(
+                f"not verified, because the laptop is on the serial line: that {self.wish.host} answers on "
+                f"{self.wish.port}; plug into {self.wish.port} with address {self.wish.laptop}, and "
+                "`provision site=…` verifies it"
+            )
+        self._known()
+
+    def _settled(self, facts: Facts) -> Facts:
+        if recognise(facts, self.wish, self.now()) is not Standing.ADOPTED:
+            left = ", ".join(self._titles(facts)) or "nothing that is known"
+            raise Unfinished(
+                f"{self.wish.name}: every command was accepted, yet something is still to be done: {left}",
+                hint="run the same command again; if it says the same, look at the device with Winbox",
+            )
+        return facts
+
+    # --- words -----------------------------------------------------------------------------------------------------
+
+    def _tell(self, stage: Stage, message: str) -> None:
+        self.notify(Event(self.wish.name, stage, message))

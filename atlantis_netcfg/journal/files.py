@@ -1,0 +1,145 @@
+"""Files that survive a kill or a power cut at any moment, private to their owner."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.core.eventlog import write_all
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from datetime import datetime
+    from pathlib import Path
+
+
+class JournalFailed(NetcfgError):
+    """The journal cannot be written: nothing more may be changed, because nobody could go on after a break."""
+
+    exit = ExitCode.FAILED
+
+
+class PinsDamaged(NetcfgError):
+    """The file of pinned certificates cannot be read: no device may be trusted until a person has looked."""
+
+    exit = ExitCode.FAILED
+
+
+class StateDamaged(NetcfgError):
+    """A saved state is not what was written: it must not be put on a device."""
+
+    exit = ExitCode.FAILED
+
+
+class SiteBusy(NetcfgError):
+    """Somebody else works on the site now; the message says who. Nothing was contacted."""
+
+    exit = ExitCode.FAILED
+
+
+class NoSuchRun(NothingMatched):
+    """A run that is not in the journal of the site."""
+
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+_STAMP = re.compile(r"\d{8}T\d{6}Z")
+
+
+def component(name: str) -> str:
+    """`name`, if it can be the name of a file wherever it comes from; ValueError otherwise."""
+    if _NAME.fullmatch(name) is None:
+        raise ValueError(f"not usable as a file name: {name!r}")
+    return name
+
+
+def make_private(path: Path) -> Path:
+    """Make a directory, and those above it that are missing, with mode 0700; on disk when this returns."""
+    missing = [path, *path.parents]
+    missing = [directory for directory in missing if not directory.exists()]
+    for directory in reversed(missing):
+        directory.mkdir(mode=0o700, exist_ok=True)
+        sync_directory(directory.parent)
+    return path
+
+
+def sync_directory(path: Path) -> None:
+    """Put a directory's entries on disk: a new file is only safe when its name is."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def new_run(runs: Path, now: datetime, name: str = "", *, archive: Path | None = None) -> Path:
+    """Make the folder of a run, named after its time, or after `name`; it is later than those that are there.
+
+    Where the clock was set back since the last run, or within its second, it has that one's time and a number. What
+    is in the `archive` keeps its name.
+    """
+    known = (run_order(path.name)[0] for path in runs.iterdir())
+    stamp = name or max(now.strftime("%Y%m%dT%H%M%SZ"), *filter(_STAMP.fullmatch, known), "")
+    number = 1
+    while True:
+        directory = runs / (stamp if number == 1 else f"{stamp}-{number:02}")
+        if archive is not None and (archive / directory.name).exists():
+            number += 1
+            continue
+        try:
+            directory.mkdir(mode=0o700)
+        except FileExistsError:
+            number += 1
+        else:
+            return directory
+
+
+def run_order(name: str) -> tuple[str, int]:
+    """Sort runs by time, and those of one time by number."""
+    stamp, _, number = name.partition("-")
+    return stamp, int(number) if number.isdecimal() else 1
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Replace a file so that a reader sees the old bytes or the new ones, never a part; mode 0600."""
+    scratch = path.with_name(f".{path.name}.{os.getpid()}")
+    descriptor = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    try:
+        try:
+            write_all(descriptor, data)
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        scratch.replace(path)
+    except OSError:
+        scratch.unlink(missing_ok=True)
+        raise
+    sync_directory(path.parent)
+
+
+@contextmanager
+def translated(what: str, path: Path) -> Iterator[None]:
+    """Say in words that a file of the state directory could not be written."""
+    try:
+        yield
+    except OSError as error:
+        raise unwritable(what, path, error) from error
+
+
+def unwritable(what: str, path: Path, error: OSError) -> JournalFailed:
+    """The error for a file that could not be written."""
+    reason = error.strerror or str(error)
+    return JournalFailed(
+        f"{what} cannot be written: {reason} ({path})",
+        hint="make room on the disk or correct its permissions, then run the same command again",
+    )
+
+
+def vanished(what: str, path: Path) -> JournalFailed:
+    """The error for a file that is open, but no longer where it was: nobody would find what is written to it."""
+    return JournalFailed(
+        f"{what} cannot be written: the folder of the run was deleted or replaced in mid-run ({path})",
+        hint="keep the state folder on a disk that stays, then run the same command again",
+    )

@@ -1,0 +1,208 @@
+"""A run as its journal tells it."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.journal.files import StateDamaged
+from atlantis_netcfg.journal.log import FILE, Log, read
+from atlantis_netcfg.journal.records import (
+    SETTLED,
+    ActionsAcknowledged,
+    ActionsConfirmed,
+    DeviceObserved,
+    LayerSent,
+    Outcome,
+    Protected,
+    Purpose,
+    Releasing,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    Signed,
+    StateConfirmed,
+    StateSaved,
+)
+
+if TYPE_CHECKING:
+    from datetime import datetime
+    from pathlib import Path
+
+__all__ = ["Confirmed", "Run"]
+
+
+_DONE = frozenset({"unchanged", "changed"})
+"""Outcomes that stand for a device that was read back as it was to be."""
+
+_TOUCHING = (Signed, Protected, LayerSent, Releasing)
+"""Records after which something of the run may be open on the device."""
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """The state of one device as a run has read it back; `text` is export text without secrets."""
+
+    run: str
+    at: datetime
+    path: Path
+    sha256: str
+
+    def text(self) -> str:
+        """Read it. Raises StateDamaged if the file is gone, or not what the run has written."""
+        try:
+            data = self.path.read_bytes()
+        except OSError as error:
+            raise self._damaged(error.strerror or str(error)) from error
+        if hashlib.sha256(data).hexdigest() != self.sha256:
+            raise self._damaged("it was changed since")
+        return data.decode()
+
+    def _damaged(self, why: str) -> StateDamaged:
+        return StateDamaged(
+            f"the state that run {self.run} confirmed cannot be used: {why} ({self.path})",
+            hint="take the state of another run: `provision runs` lists them",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run, finished or not."""
+
+    directory: Path
+    log: Log
+
+    @classmethod
+    def load(cls, directory: Path) -> Run:
+        """Read a run's journal; a directory that was made just before a kill has none."""
+        path = directory / FILE
+        return cls(directory, read(path) if path.exists() else Log(()))
+
+    @property
+    def id(self) -> str:
+        """The run's name, sortable by time."""
+        return self.directory.name
+
+    @property
+    def started(self) -> RunStarted | None:
+        """The first record; None if the run was killed before it."""
+        return next((record for record in self.log.records if isinstance(record, RunStarted)), None)
+
+    @property
+    def at(self) -> datetime | None:
+        """When it started."""
+        return self.log.entries[0].at if self.log.entries else None
+
+    @property
+    def exit(self) -> int | None:
+        """How it ended; None if it runs or was killed."""
+        ends: int | None = None
+        for record in self.log.records:
+            if isinstance(record, RunEnded):
+                ends = record.exit
+            elif isinstance(record, RunResumed):
+                ends = None
+        return ends
+
+    @property
+    def outcomes(self) -> dict[str, Outcome]:
+        """How each device ended, if that is the last word about it: a run that is resumed may have gone on with it."""
+        found: dict[str, Outcome] = {}
+        for record in self.log.records:
+            if isinstance(record, Outcome):
+                found[record.device] = record
+            elif isinstance(record, _TOUCHING):
+                found.pop(record.device, None)
+        return found
+
+    @property
+    def purpose(self) -> Purpose:
+        """What it was for."""
+        return self.started.purpose if self.started is not None else Purpose.CONFIGURE
+
+    @property
+    def next_command(self) -> str:
+        """What a person types to go on with it: what is no run of the engine is repeated."""
+        if self.started is None or self.purpose is Purpose.CONFIGURE:
+            typed = shlex.split(self.started.command) if self.started is not None else []
+            declared = [shlex.quote(word) for word in typed if word.startswith("inventory=")]
+            return " ".join([f"provision resume site={self.directory.parent.parent.name} run={self.id}", *declared])
+        return self.started.command
+
+    @property
+    def settled(self) -> frozenset[str]:
+        """Devices on which nothing of this run is open."""
+        return frozenset(
+            device for device, outcome in self.outcomes.items() if outcome.status in SETTLED and not outcome.open
+        )
+
+    @property
+    def unsettled(self) -> tuple[str, ...]:
+        """Devices of the run whose outcome is unknown or was never reached; a backup leaves nothing open."""
+        settled = self.settled
+        return tuple(host for host in self._changing if host not in settled)
+
+    @property
+    def undone(self) -> tuple[str, ...]:
+        """Devices of the run that were not read back as they were to be, also where nothing is open on them."""
+        settled, outcomes = self.settled, self.outcomes
+        return tuple(host for host in self._changing if host not in settled or outcomes[host].status not in _DONE)
+
+    @property
+    def _changing(self) -> tuple[str, ...]:
+        """Devices that the run was to change: none of a backup."""
+        return self.started.hosts if self.started is not None and self.purpose is not Purpose.BACKUP else ()
+
+    def settles(self, earlier: Run) -> frozenset[str]:
+        """Devices on which this run has ended what an earlier one had left open: it did the same, and read it back.
+
+        One that was refused, or rolled back, has ended nothing of the earlier one.
+        """
+        alike = self.purpose is earlier.purpose
+        if not alike and (self.purpose, earlier.purpose) != (Purpose.CONFIGURE, Purpose.ADOPT):
+            return frozenset()
+        outcomes = self.outcomes
+        return frozenset(device for device in self.settled if outcomes[device].status in _DONE)
+
+    def signed(self, device: str, sign: str) -> bool:
+        """Whether this sign on the device is of this run."""
+        return any(isinstance(record, Signed) and record.sign == sign for record in self._of(device))
+
+    def before(self, device: str) -> Path | None:
+        """The device's state before the run's first change, if the run came that far."""
+        saved = next((record for record in self._of(device) if isinstance(record, StateSaved)), None)
+        return None if saved is None else self.directory / saved.file
+
+    def confirmed_state(self, device: str) -> Confirmed | None:
+        """The device's state as it was read back at the end of the run; None if the run did not come to that."""
+        for entry in reversed(self.log.entries):
+            record = entry.record
+            if isinstance(record, StateConfirmed) and record.device == device:
+                site = self.directory.parent.parent
+                return Confirmed(self.id, entry.at, site / record.file, record.sha256)
+        return None
+
+    @property
+    def confirmed_devices(self) -> frozenset[str]:
+        """Devices of which the run has kept the state that it read back."""
+        return frozenset(record.device for record in self.log.records if isinstance(record, StateConfirmed))
+
+    def state_before(self, device: str) -> str | None:
+        """The digest of what was read at the start."""
+        seen = next((record for record in self._of(device) if isinstance(record, DeviceObserved)), None)
+        return None if seen is None else seen.state
+
+    def acknowledged(self, device: str) -> tuple[int, ...]:
+        """Actions that the device says it executed."""
+        found = (record for record in self._of(device) if isinstance(record, ActionsAcknowledged))
+        return tuple(sorted({number for record in found for number in record.actions}))
+
+    def confirmed(self, device: str) -> tuple[int, ...]:
+        """Actions that were read back and are permanent."""
+        found = (record for record in self._of(device) if isinstance(record, ActionsConfirmed))
+        return tuple(sorted({number for record in found for number in record.actions}))
+
+    def _of(self, device: str) -> list[object]:
+        return [record for record in self.log.records if getattr(record, "device", None) == device]

@@ -1,0 +1,319 @@
+"""The state directory: runs, locks and pins of real sites, and apart from them those of rehearsals."""
+
+from __future__ import annotations
+
+import fcntl
+import getpass
+import json
+import os
+import socket
+import time
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.core.eventlog import write_all
+from atlantis_netcfg.journal.files import (
+    NoSuchRun,
+    SiteBusy,
+    component,
+    make_private,
+    new_run,
+    run_order,
+    sync_directory,
+    translated,
+)
+from atlantis_netcfg.journal.log import Journal, utc_now
+from atlantis_netcfg.journal.pins import Pins
+from atlantis_netcfg.journal.runs import Confirmed, Run
+from atlantis_netcfg.journal.usage import Usage
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.journal.records import RunResumed, RunStarted
+
+
+_ATTEMPTS = 10
+_PAUSE_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who works on a site."""
+
+    user: str
+    host: str
+    pid: int
+    since: str
+    command: str
+
+    @classmethod
+    def me(cls, command: str) -> Self:
+        """This process."""
+        try:
+            user = getpass.getuser()
+        except (KeyError, OSError):
+            user = f"user {os.getuid()}"
+        return cls(user, socket.gethostname(), os.getpid(), utc_now().isoformat(timespec="seconds"), command)
+
+    def __str__(self) -> str:
+        return f"{self.user} on {self.host} (process {self.pid}) since {self.since}: {self.command}"
+
+
+class SiteLock:
+    """Held from `__enter__` to `__exit__`. Raises SiteBusy, naming the holder, when somebody else has it."""
+
+    def __init__(self, path: Path, site: str, command: str) -> None:
+        self._path = path
+        self._site = site
+        self._command = command
+        self._descriptor = -1
+
+    def __enter__(self) -> Self:
+        with translated("the site lock", self._path):
+            make_private(self._path.parent)
+            self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            busy = self._busy()
+            self._close()
+            raise busy from error
+        self._sign()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # The file stays: were it removed, a third process could lock a new file while a second holds the old one.
+        try:
+            os.ftruncate(self._descriptor, 0)
+        finally:
+            # Closing is not enough: a child that was forked meanwhile, and that is about to end, has it open as well.
+            fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+            self._close()
+
+    def _sign(self) -> None:
+        """Say who we are. The name is a courtesy to the loser: a full disk does not make the lock weaker."""
+        data = json.dumps(asdict(Holder.me(self._command))).encode()
+        try:
+            os.ftruncate(self._descriptor, 0)
+            os.lseek(self._descriptor, 0, os.SEEK_SET)
+            write_all(self._descriptor, data)
+        except OSError:
+            return
+
+    def _close(self) -> None:
+        os.close(self._descriptor)
+        self._descriptor = -1
+
+    def _busy(self) -> SiteBusy:
+        holder = self._holder()
+        who = str(holder) if holder is not None else "somebody who has just started"
+        return SiteBusy(
+            f"{self._site} is being worked on by {who}",
+            hint="wait until that run has ended, then run the same command again",
+        )
+
+    def _holder(self) -> Holder | None:
+        """Read who has it. Between lock and signature the file still names the one before, who may be dead."""
+        for _ in range(_ATTEMPTS):
+            holder = _read(self._path)
+            if holder is not None and _may_live(holder):
+                return holder
+            time.sleep(_PAUSE_S)
+        return None
+
+
+def _read(path: Path) -> Holder | None:
+    try:
+        return Holder(**json.loads(path.read_bytes()))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _may_live(holder: Holder) -> bool:
+    if holder.host != socket.gethostname():
+        return True
+    try:
+        os.kill(holder.pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+KEPT = 10
+"""So many of the latest runs of a site are listed and searched; older ones are archived once nothing needs them."""
+_ARCHIVE = "archive"
+
+
+def unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Those of a site's runs, oldest first, that have left a device open which no later one has settled."""
+    found: list[Run] = []
+    for place, run in enumerate(runs):
+        if run.unsettled and set(run.unsettled).difference(*(later.settles(run) for later in runs[place + 1 :])):
+            found.append(run)
+    return tuple(found)
+
+
+def _needed(run: Run, later: Iterator[Run]) -> bool:
+    """Whether its outcome is open, or it has the latest confirmed state of a device. Few of `later` are read."""
+    still_open, states = set(run.unsettled), set(run.confirmed_devices)
+    while (still_open or states) and (one := next(later, None)) is not None:
+        still_open -= one.settles(run)
+        states -= one.confirmed_devices
+    return bool(still_open or states)
+
+
+def _listed(folder: Path) -> list[str]:
+    return sorted((path.name for path in folder.iterdir()), key=run_order) if folder.is_dir() else []
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceHistory:
+    """What earlier runs have left on a device, as the journal of this computer tells; read when it is asked."""
+
+    _store: Store
+    _site: str
+    _device: str
+    _current: str
+    _dead: str | None
+
+    def unfinished(self) -> bool:
+        """Whether a run of this computer has left the outcome on the device open. It is dead: we hold its lock."""
+        runs = self._store.unfinished(self._site)
+        return any(self._device in run.unsettled for run in runs if run.id != self._current)
+
+    def signed(self, run: str, sign: str) -> bool:
+        """Whether a sign on the device is of a dead run that may be taken over: ours, or one that a person named."""
+        if run == self._dead:
+            return True
+        with suppress(NoSuchRun):
+            return self._store.run(self._site, run).signed(self._device, sign)
+        return False
+
+
+class Store:
+    """Everything that outlives a run, for real sites or for rehearsals."""
+
+    def __init__(self, state: Path, *, rehearsed: bool = False, now: Callable[[], datetime] = utc_now) -> None:
+        self.root = state / ("rehearsal" if rehearsed else "real")
+        self._now = now
+
+    @property
+    def pins(self) -> Pins:
+        """The pinned certificates."""
+        return Pins(self.root / "pins.json")
+
+    def usage(self, site: str) -> Usage:
+        """What the site's bearers have carried."""
+        return Usage(self._site(site) / "usage.json")
+
+    def lock(self, site: str, command: str) -> SiteLock:
+        """The site's lock, to be entered before anything of the site is read for a change."""
+        return SiteLock(self._site(site) / "lock", site, command)
+
+    def start(self, started: RunStarted, name: str = "") -> Journal:
+        """Open the journal of a new run, under this name if it is free. Raises JournalFailed.
+
+        A run that changes devices of two sites as one has one name at both, so that it is resumed and taken back whole.
+        """
+        directory = self._new(started.site, name)
+        journal = Journal(directory, self._now)
+        with translated("the journal", directory):
+            sync_directory(directory)
+        journal.write(started)
+        self._archive(started.site)
+        return journal
+
+    def resume(self, site: str, run: str, resumed: RunResumed) -> Journal:
+        """Open the journal of an old run again. Raises NoSuchRun, JournalFailed."""
+        journal = Journal(self.run(site, run).directory, self._now)
+        journal.write(resumed)
+        return journal
+
+    def run(self, site: str, run: str) -> Run:
+        """One run by its name. Raises NoSuchRun."""
+        known = self._names(site)
+        if run not in known and run not in self.archived(site):
+            listing = ", ".join(known[-5:]) or "none yet"
+            raise NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
+        return self._load(site, run)
+
+    def runs(self, site: str) -> tuple[Run, ...]:
+        """The latest runs of a site and those that are still needed, oldest first; the others are archived."""
+        return tuple(self._load(site, name) for name in self._names(site))
+
+    def archived(self, site: str) -> tuple[str, ...]:
+        """The names of the runs that were put aside, oldest first: nothing but a person needs them."""
+        return tuple(_listed(self._site(site) / _ARCHIVE))
+
+    def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, Confirmed]:
+        """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
+        missing = set(devices)
+        found: dict[str, Confirmed] = {}
+        for name in reversed(self._names(site)):
+            if not missing:
+                break
+            run = self._load(site, name)
+            states = {device: run.confirmed_state(device) for device in missing}
+            found |= {device: state for device, state in states.items() if state is not None}
+            missing -= found.keys()
+        return found
+
+    def unfinished(self, site: str) -> tuple[Run, ...]:
+        """Runs that were killed, or left a device unknown, and that no later run has settled; oldest first."""
+        return unfinished(self.runs(site))
+
+    def history(self, site: str, device: str, *, current: str = "", dead: str | None = None) -> DeviceHistory:
+        """What earlier runs have left on a device, for the `current` one, which holds the lock of its site.
+
+        `dead`: a run that a person says has died, of whatever computer.
+        """
+        return DeviceHistory(self, site, device, current, dead)
+
+    def sites(self) -> tuple[str, ...]:
+        """Sites that have runs."""
+        if not self.root.is_dir():
+            return ()
+        return tuple(sorted(path.name for path in self.root.iterdir() if (path / "runs").is_dir()))
+
+    def _site(self, site: str) -> Path:
+        return self.root / component(site)
+
+    def _runs(self, site: str) -> Path:
+        return self._site(site) / "runs"
+
+    def _names(self, site: str) -> list[str]:
+        return _listed(self._runs(site))
+
+    def _load(self, site: str, name: str) -> Run:
+        """Read a run, from wherever it is: it may just have been archived."""
+        directory = self._runs(site) / name
+        return Run.load(directory if directory.is_dir() else self._site(site) / _ARCHIVE / name)
+
+    def _archive(self, site: str) -> None:
+        """Put the runs aside that are neither among the latest ones nor needed; the lock of the site is ours.
+
+        A run whose outcome is open is needed, and one that has the latest confirmed state of a device. A disk that
+        does not take that leaves them where they are.
+        """
+        names = self._names(site)
+        load = cache(lambda name: self._load(site, name))
+        archive = self._site(site) / _ARCHIVE
+        with suppress(OSError):
+            for place, name in enumerate(names[:-KEPT]):
+                if not _needed(load(name), map(load, reversed(names[place + 1 :]))):
+                    (self._runs(site) / name).rename(make_private(archive) / name)
+
+    def _new(self, site: str, name: str) -> Path:
+        runs = self._runs(site)
+        with translated("the journal", runs):
+            make_private(runs)
+            directory = new_run(runs, self._now(), name, archive=self._site(site) / _ARCHIVE)
+            sync_directory(runs)
+            return directory

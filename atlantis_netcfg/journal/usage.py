@@ -1,0 +1,190 @@
+"""How many bytes each bearer of a site has carried this month, as far as somebody has looked.
+
+A router counts the bytes of a port since it was started and forgets them at the next start. Every look at these
+counters, whatever it was for, is kept here; the sum of what they rose by between two looks is the month. What no look
+can know (from the last look to a restart, before the first look) is named as a gap and never guessed. What was carried
+between two looks counts in the month of the later one. Months are those of UTC; the moments are this computer's.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from enum import Enum, auto
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+
+from atlantis_netcfg.journal.files import StateDamaged, make_private, translated, write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+__all__ = ["Counters", "MonthBytes", "Usage"]
+
+_WHAT = "the bytes of this month"
+_BOOT_SLACK = timedelta(seconds=120)
+"""A device that was not restarted seems to have been started at another moment by so much: clocks are set, and an
+answer over a satellite may be 70 s old."""
+_KEPT = 13
+"""Months that are kept of each bearer."""
+_GAPS = 20
+"""Gaps that are kept of each month: the latest."""
+_Count = Annotated[int, Field(ge=0)]
+
+
+class _Data(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Counters(_Data):
+    """One look at the counters of the port that a bearer hangs on."""
+
+    device: str
+    interface: str
+    rx_bytes: _Count
+    """Into the port: from the bearer to the site."""
+    tx_bytes: _Count
+    at: AwareDatetime
+    """When, by this computer's clock, with its time zone."""
+    uptime_s: float | None = None
+    """Since the device was started, in seconds; None: not asked."""
+
+    @property
+    def bytes(self) -> int:
+        """Both directions together, as a bearer is billed."""
+        return self.rx_bytes + self.tx_bytes
+
+
+class _Month(_Data):
+    bytes: _Count = 0
+    since: AwareDatetime
+    gaps: tuple[str, ...] = ()
+
+
+class _Bearer(_Data):
+    last: Counters
+    months: dict[str, _Month] = {}
+
+
+class _File(_Data):
+    bearers: dict[str, _Bearer] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class MonthBytes:
+    """What a bearer has carried in a calendar month (UTC), as far as it was looked at."""
+
+    bytes: int | None = None
+    """Both directions; a lower bound where there are gaps. None: nobody has looked in this month."""
+    since: datetime | None = None
+    """From when on it was counted: the first look, which may be of an earlier month."""
+    gaps: tuple[str, ...] = ()
+    """What was not counted, and why, oldest first."""
+
+
+class Usage:
+    """The file of one site; several processes may write at once."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def record(self, bearer: str, counters: Counters) -> int | None:
+        """Keep a look; return by how much the counters rose since the last one, None where that is not known.
+
+        Raises JournalFailed if it cannot be written, StateDamaged if the file is not ours any more.
+        """
+        with self._writing() as bearers:
+            known = bearers.get(bearer)
+            rise, gap = _rise(known.last if known else None, counters)
+            months = dict(known.months) if known else {}
+            name = _month(counters.at)
+            since = counters.at if known is None or rise is None else min(known.last.at, counters.at)
+            month = months.get(name, _Month(since=since))
+            gaps = (*month.gaps, gap)[-_GAPS:] if gap is not None else month.gaps
+            months[name] = _Month(bytes=month.bytes + (rise or 0), since=month.since, gaps=gaps)
+            bearers[bearer] = _Bearer(last=counters, months={each: months[each] for each in sorted(months)[-_KEPT:]})
+        return rise
+
+    def month(self, bearer: str, now: datetime) -> MonthBytes:
+        """What is known of the month of `now`. Raises StateDamaged."""
+        known = self._read().get(bearer)
+        month = known.months.get(_month(now)) if known is not None else None
+        return MonthBytes() if month is None else MonthBytes(month.bytes, month.since, month.gaps)
+
+    def last(self, bearer: str) -> Counters | None:
+        """The latest look. Raises StateDamaged."""
+        known = self._read().get(bearer)
+        return None if known is None else known.last
+
+    @contextmanager
+    def _writing(self) -> Iterator[dict[str, _Bearer]]:
+        with translated(_WHAT, self._path):
+            make_private(self._path.parent)
+            guard = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            try:
+                fcntl.flock(guard, fcntl.LOCK_EX)
+                bearers = self._read()
+                yield bearers
+                text = _File(bearers=bearers).model_dump_json(indent=1)
+                write_atomically(self._path, text.encode() + b"\n")
+            finally:
+                os.close(guard)
+
+    def _read(self) -> dict[str, _Bearer]:
+        try:
+            return dict(_File.model_validate(json.loads(self._path.read_bytes())).bearers)
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, ValidationError) as error:
+            raise StateDamaged(
+                f"{_WHAT} cannot be read: {self._path}",
+                hint="restore the file from a copy, or move it away: then the month is counted from the next look on",
+            ) from error
+
+
+def _month(moment: datetime) -> str:
+    return f"{moment.astimezone(UTC):%Y-%m}"
+
+
+def _rise(last: Counters | None, counters: Counters) -> tuple[int | None, str | None]:
+    """By how much the counters rose between two looks, and what of it nobody knows."""
+    if last is None:
+        return None, None
+    between = f"between {_stamp(last.at)} and {_stamp(counters.at)}"
+    if (last.device, last.interface) != (counters.device, counters.interface):
+        was, now = (f"{one.interface} of {one.device}" for one in (last, counters))
+        return None, f"{between} the link moved from {was} to {now}: what it carried meanwhile is not counted"
+    shrunk = counters.rx_bytes < last.rx_bytes or counters.tx_bytes < last.tx_bytes
+    restarted = _restarted(last, counters)
+    if restarted and (shrunk or restarted is _Restart.CERTAIN):
+        return counters.bytes, f"{between} the router was restarted: what was carried before that is not counted"
+    if shrunk:
+        why = "were reset or ran over"
+        return counters.bytes, f"{between} the counters {why}: what was carried before that is not counted"
+    gap = "the router was restarted, or the clock of this computer was set: more may have been carried"
+    return counters.bytes - last.bytes, f"{between} {gap}" if restarted else None
+
+
+class _Restart(Enum):
+    CERTAIN = auto()
+    POSSIBLE = auto()
+
+
+def _restarted(last: Counters, counters: Counters) -> _Restart | None:
+    """Tell by the uptime; the moment of the start, which is told by our own clock too, moves when that clock is set."""
+    if last.uptime_s is None or counters.uptime_s is None:
+        return None
+    if counters.uptime_s < last.uptime_s:
+        return _Restart.CERTAIN
+    before, now = (look.at - timedelta(seconds=look.uptime_s or 0.0) for look in (last, counters))
+    return _Restart.POSSIBLE if now - before > _BOOT_SLACK else None
+
+
+def _stamp(moment: datetime) -> str:
+    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"

@@ -1,0 +1,296 @@
+"""What is tried, and how: pure, from the declaration."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
+from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, Probe
+from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
+from atlantis_netcfg.declaration.model import Transport
+from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed
+from atlantis_netcfg.routeros.api import Command
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.api import Reply
+
+
+BUDGET_BYTES = 20_000
+"""What a proof may send and receive over the satellite, counted by the router's own port counters."""
+ECHO_BYTES = 84
+"""One echo request as an IP packet with RouterOS' 56 bytes of data; its answer is as long."""
+_ROUND_BYTES = {Probe.ICMP: 2 * ECHO_BYTES, Probe.TCP: 180, Probe.TIME: 2 * 76}
+"""A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
+HELD = (Probe.TCP, Probe.TIME)
+"""What can only be tried with rows on the router for a moment."""
+_READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
+"""Bytes of one reading of the counters above TLS, question and answer: rules of each target, routes of each link.
+
+Measured on emulated routers: 3.1 kB with 3 targets and 2 links, 3.8 kB with 3 links; a test holds the sum.
+"""
+_LOGIN, _TERMINAL, _PING, _ROWS = 100, 700, 200, 2_000
+_NO_TCP = "a TCP connection needs a row of netwatch for a moment: add --try-all"
+_NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment: add --try-all"
+_FOLLOWS = "the router sends to the VPN's address over the best link, which is not the satellite now"
+_QUIET = "the satellite does not carry the traffic now, so nothing asks this target over it"
+_NO_UDP = "silence of UDP proves nothing, and nothing of the router's asks this target; try it by hand"
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One target and the way to try it."""
+
+    name: str
+    target: str
+    """As a person would say it: `203.0.113.2 udp 1194`."""
+    address: str
+    port: int | None
+    transport: str
+    expected: Expected
+    probe: Probe
+    why_not: str = ""
+    """Why there is no way; of probe `none` only."""
+
+
+def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
+    """What is to be tried over a satellite link; `active`: whether it carries the site's traffic now.
+
+    `try_all`: rows may be added to the router for a moment.
+    """
+    how = _How(pilot, active, try_all)
+    reached = (_task(target, Expected.REACHED, how) for target in allowed(pilot, bearer))
+    refused = (_task(target, Expected.REFUSED, how) for target in bearer.refused_probes)
+    return (*reached, *refused)
+
+
+@dataclass(frozen=True, slots=True)
+class _How:
+    """What decides by which way a target is tried."""
+
+    pilot: Pilot
+    active: bool
+    try_all: bool
+
+    def elsewhere(self, target: AllowedTarget) -> bool:
+        """Whether the router would send to it over another link."""
+        return target.address == self.pilot.vpn.endpoint and not self.active
+
+    def tells_time(self, target: AllowedTarget) -> bool:
+        """Whether it is a time server of the pilot."""
+        servers = {server.address for server in self.pilot.time_servers}
+        return target.port == NTP_PORT and target.address in servers
+
+
+def expected_bytes(planned: tuple[Task, ...], rounds: int) -> int:
+    """What is sent and received at most; what is only counted costs nothing more than it does anyway."""
+    return sum(_ROUND_BYTES.get(task.probe, 0) * rounds for task in planned)
+
+
+def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_filter: bool) -> tuple[int, int]:
+    """What the session to the router carries at most, above TLS: what it always does, and the asking by turns.
+
+    `links`: bearers of the site, each of which has its routes.
+    """
+    reached = [task for task in planned if task.expected is Expected.REACHED]
+    read = _READ + _READ_TARGET * len(reached) + _READ_LINK * links
+    turns = {task.probe for task in reached if task.probe not in (Probe.NONE, *HELD)}
+    refused = sum(task.expected is Expected.REFUSED and task.probe is Probe.ICMP for task in planned)
+    held = any(task.probe in HELD for task in planned)
+    opened = refused if open_filter else 0
+    always = _LOGIN + _TERMINAL + (2 + 2 * refused + opened + held) * (read + _PING) + (opened + held) * _ROWS
+    by_turns = rounds * ((1 + (turns != {Probe.ICMP})) * bool(turns) + opened + held) * (read + _PING)
+    return always, by_turns
+
+
+def _task(target: AllowedTarget, expected: Expected, how: _How) -> Task:
+    probe, why_not = _probe(target, expected, how)
+    words = str(target.address) if target.port is None else f"{target.address} {target.transport} {target.port}"
+    return Task(target.name, words, str(target.address), target.port, target.transport.value, expected, probe, why_not)
+
+
+def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[Probe, str]:
+    if target.port is None:
+        return (Probe.NONE, _FOLLOWS) if how.elsewhere(target) else (Probe.ICMP, "")
+    if target.transport is Transport.TCP:
+        if not how.try_all:
+            return Probe.NONE, _NO_TCP
+        return (Probe.NONE, _FOLLOWS) if how.elsewhere(target) else (Probe.TCP, "")
+    if expected is Expected.REFUSED:
+        return Probe.NONE, _NO_UDP
+    return _answering(target, how)
+
+
+def _answering(target: AllowedTarget, how: _How) -> tuple[Probe, str]:
+    """How an allowed UDP target is tried: by the answers that something of the router's own gets."""
+    if how.tells_time(target) and (how.try_all or not how.active):
+        return (Probe.TIME, "") if how.try_all else (Probe.NONE, _NO_TIME)
+    if not how.active:
+        return Probe.NONE, _QUIET
+    tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
+    return (Probe.TUNNEL if tunnel else Probe.UDP_COUNTER), ""
+
+
+_TRUE = frozenset({"true", "yes"})
+_RULE = ".id,chain,action,comment,packets,src-address,src-port,dst-address,dst-port,protocol"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The counters at one moment; packets and bytes since they were made or reset."""
+
+    port_bytes: int
+    """Both directions."""
+    port_name: str
+    """What the port is called now: its identity is its default name."""
+    rules: tuple[Row, ...]
+    """Of the two chains of the satellite."""
+    routes: tuple[Row, ...]
+    tunnels: tuple[Row, ...]
+
+    def chain(self, name: str) -> tuple[Row, ...]:
+        """The rules of a chain, in their order."""
+        return tuple(row for row in self.rules if row.get("chain") == name)
+
+    @property
+    def tunnel_up(self) -> bool | None:
+        """Whether one of its OpenVPN tunnels runs; None: it has none."""
+        return any(row.get("running") in _TRUE for row in self.tunnels) if self.tunnels else None
+
+    def dropped(self, chain: str) -> int:
+        """Packets that the drop rules of a chain have met."""
+        return sum(_number(row, "packets") for row in self.chain(chain) if row.get("action") == "drop")
+
+    def answers(self, chain: str, task: Task) -> int:
+        """Packets that came back from a target, by the rule that lets its answers in."""
+        return self._passed(chain, task, "src")
+
+    def questions(self, chain: str, task: Task) -> int:
+        """Packets that went out to a target, by the rule that lets them out."""
+        return self._passed(chain, task, "dst")
+
+    def _passed(self, chain: str, task: Task, side: str) -> int:
+        wanted = {f"{side}-address": task.address, f"{side}-port": str(task.port), "protocol": task.transport}
+        return sum(
+            _number(row, "packets")
+            for row in self.chain(chain)
+            if row.get("action") == "return" and all(row.get(name) == value for name, value in wanted.items())
+        )
+
+
+def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
+    """The questions, for one flight; `read` understands the answers in this order."""
+    both = (*(f"?chain={chain}" for chain in chains), "?#|")
+    return (
+        Command("/interface/print", ((".proplist", "name,default-name,rx-byte,tx-byte"),), (f"?default-name={port}",)),
+        Command("/ip/firewall/filter/print", ((".proplist", _RULE),), both),
+        Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
+        Command("/interface/ovpn-client/print", ((".proplist", "name,running"),)),
+    )
+
+
+def read(port: str, replies: Sequence[Reply]) -> Reading:
+    """Understand the answers to `reads`. Raises DeviceFailed if the port is not there, Refused."""
+    interfaces, rules, routes, tunnels = (reply.checked().rows for reply in replies)
+    found = next((row for row in interfaces if row.get("default-name") == port), None)
+    if found is None or "rx-byte" not in found or "tx-byte" not in found:
+        raise DeviceFailed(
+            f"the router tells no byte counters of port {port}, and without them nothing is sent",
+            hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
+        )
+    return Reading(
+        port_name=found.get("name", port),
+        port_bytes=_number(found, "rx-byte") + _number(found, "tx-byte"),
+        rules=tuple(rules),
+        routes=tuple(routes),
+        tunnels=tuple(tunnels),
+    )
+
+
+def ping(address: str, source: str, count: int = 1) -> Command:
+    """Echo requests from the link's own address; `/tool/ping` is in the trees of all versions, `/ping` left at 7.23."""
+    return Command("/tool/ping", (("address", address), ("src-address", source), ("count", str(count))))
+
+
+def factory_ping(address: str, port: str) -> Command:
+    """Ask by ARP who has an address on a port, by the name that it has now.
+
+    It costs no airtime, and needs no address of that network.
+    """
+    return Command("/tool/ping", (("address", address), ("arp-ping", "yes"), ("interface", port), ("count", "2")))
+
+
+def answered(reply: Reply) -> bool:
+    """Whether any of the echoes came back; the router's own refusal to send is no answer."""
+    rows = reply.rows if reply.trap is None else ()
+    return any(_number(row, "received") > 0 for row in rows)
+
+
+def _number(row: Row, name: str) -> int:
+    text = row.get(name, "")
+    return int(text) if text.isdecimal() else 0
+
+
+TIMEOUT_S = 10.0
+"""For all names together: a resolver that has not answered by then is told as silent."""
+
+
+def named_targets(declaration: Declaration, site: str, bearer: Bearer) -> tuple[NamedTarget, ...]:
+    """The entries of a link's allow-list that have a name, the VPN's among them."""
+    return tuple(
+        NamedTarget(
+            target.name,
+            target.dns_name,
+            str(target.address),
+            "pilot.vpn in group_vars/all/pilot.yml"
+            if target.name == VPN_TARGET and target.address == declaration.pilot.vpn.endpoint
+            else f"`allow` of `{bearer.name}` in group_vars/{site}.yml",
+        )
+        for target in allowed(declaration.pilot, bearer)
+        if target.dns_name is not None
+    )
+
+
+def _ask(name: str) -> frozenset[str] | None:
+    """IPv4 addresses of a name; empty if it does not exist, None if the resolver could not tell."""
+    try:
+        found = socket.getaddrinfo(name, None, family=socket.AF_INET, type=socket.SOCK_STREAM)
+    except socket.gaierror as error:
+        gone = (socket.EAI_NONAME, getattr(socket, "EAI_NODATA", socket.EAI_NONAME))
+        return frozenset() if error.errno in gone else None
+    except OSError:
+        return None
+    return frozenset(str(address[4][0]) for address in found)
+
+
+async def resolve(
+    names: Iterable[str],
+    *,
+    timeout_s: float = TIMEOUT_S,
+    ask: Callable[[str], frozenset[str] | None] = _ask,
+) -> Mapping[str, frozenset[str] | None]:
+    """Ask this computer's resolver for all names at once; a name without an answer in time is None.
+
+    A computer without network also says that a name does not exist: what it says is only as good as its resolver.
+    """
+    wanted = tuple(dict.fromkeys(names))
+    work = {name: asyncio.ensure_future(asyncio.to_thread(ask, name)) for name in wanted}
+    if work:
+        await asyncio.wait(work.values(), timeout=timeout_s)
+    found: dict[str, frozenset[str] | None] = {}
+    for name, one in work.items():
+        done = one.done() and not one.cancelled()
+        one.cancel()
+        found[name] = one.result() if done else None
+    return found
+
+
+class NothingToProve(NothingMatched):
+    """The site has no such satellite link, or no router that could try it."""

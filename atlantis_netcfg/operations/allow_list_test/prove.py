@@ -1,0 +1,511 @@
+"""One proof, from the first reading of the counters to the last."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from math import ceil
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.policy import active_bearer
+from atlantis_netcfg.bearers.satellite import (
+    FACTORY_ADDRESSES,
+    WINDOW_S,
+    Attempt,
+    Expected,
+    Outcome,
+    Probe,
+    judge_attempt,
+    judge_factory_address,
+)
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, complete
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.operations.allow_list_test.plan import (
+    BUDGET_BYTES,
+    HELD,
+    answered,
+    expected_bytes,
+    factory_ping,
+    ping,
+    read,
+    reads,
+    session_bytes,
+    tasks,
+)
+from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_wire
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration.model import Bearer, Pilot
+    from atlantis_netcfg.operations.allow_list_test.plan import Reading, Task
+    from atlantis_netcfg.routeros.api import Reply, Session
+
+
+MARK = "atlantis: for a proof, taken back after it"
+"""Comment of the rows, by which a person would know them."""
+_FILTER = "/ip/firewall/filter"
+_TRUE = frozenset({"true", "yes"})
+
+
+@asynccontextmanager
+async def temporarily(session: Session, rows: Sequence[Command]) -> AsyncIterator[None]:
+    """Have these rows (`…/add` commands, marked by `MARK`) on the router while the context lasts.
+
+    Raises DeviceFailed with the router as it was, or OutcomeUnknown if it does not say that the rows are gone.
+    """
+    await _take(session)
+    added: list[Reply] = []
+    try:
+        added = await session.flight(rows)
+        for reply in added:
+            reply.checked()
+        yield
+    finally:
+        await _close(session, rows, added)
+
+
+def filter_rows(reading: Reading, chains: tuple[str, str], address: str) -> tuple[Command, ...]:
+    """Rows that let ICMP to and from one host pass both chains, ahead of all others. Raises DeviceFailed."""
+    words = (("action", "return"), ("comment", MARK), ("protocol", "icmp"))
+    out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first(reading, chains[0])))
+    back = (("chain", chains[1]), ("src-address", address), ("place-before", _first(reading, chains[1])))
+    return (
+        Command(f"{_FILTER}/add", (*out, *words)),
+        Command(f"{_FILTER}/add", (*back, *words, ("connection-state", "established"))),
+    )
+
+
+async def _take(session: Session) -> None:
+    take, state = await session.flight([Command("/safe-mode/take"), Command("/safe-mode/print")])
+    row = state.rows[0] if state.trap is None and state.rows else {}
+    if take.trap is not None or row.get("current") not in _TRUE:
+        words = take.trap.message if take.trap is not None else "somebody else holds it"
+        raise DeviceFailed(
+            f"safe mode could not be taken, so nothing was changed for the proof: {words}",
+            hint="it needs RouterOS 7.18 or later, and nobody else may hold it",
+        )
+
+
+def _first(reading: Reading, chain: str) -> str:
+    rows = reading.chain(chain)
+    if not rows or ".id" not in rows[0]:
+        raise DeviceFailed(f"the router has no chain {chain}: provision the site first")
+    return rows[0][".id"]
+
+
+def _menu(command: Command) -> str:
+    return command.path.removesuffix("/add")
+
+
+async def _close(session: Session, rows: Sequence[Command], added: Sequence[Reply]) -> None:
+    """Remove the rows, see that none is left, and only then let safe mode go; otherwise everything is unrolled."""
+    there = zip(rows, added, strict=False)
+    removals = [Command(f"{_menu(row)}/remove", ((".id", one.ret),)) for row, one in there if one.ret is not None]
+    await session.flight(removals)
+    if await _gone(session, rows):
+        await session.flight([Command("/safe-mode/release")])
+        return
+    await session.flight([Command("/safe-mode/unroll")])
+    if not await _gone(session, rows):
+        raise OutcomeUnknown(
+            "the router does not say that the rows of the proof are gone",
+            hint=f"remove the rows that say `{MARK}`; or run the site, which removes them, too: `provision site=…`",
+        )
+
+
+async def _gone(session: Session, rows: Sequence[Command]) -> bool:
+    menus = dict.fromkeys(_menu(row) for row in rows)
+    asked = [Command(f"{menu}/print", ((".proplist", ".id"),), (f"?comment={MARK}",)) for menu in menus]
+    return all(reply.trap is None and not reply.rows for reply in await session.flight(asked))
+
+
+RULES = Command("/routing/rule/print", ((".proplist", ".id"),))
+"""The first of them is where ours goes."""
+STATUS = Command("/tool/netwatch/print", ((".proplist", "host,port,status"),), (f"?comment={MARK}",))
+_INTERVAL, _PATIENCE = "10s", "8s"
+
+
+def rows(todo: Sequence[Task], bearer: Bearer, rules: Reply, *, active: bool) -> tuple[Command, ...]:
+    """What has to be on the router to ask these targets; nothing that it has already moves but the time."""
+    return (*_connections(todo, bearer), *(() if active else _ways(todo, bearer, rules)))
+
+
+def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
+    for task in todo:
+        if task.probe is Probe.TCP:
+            where = (("host", task.address), ("port", str(task.port)), ("src-address", str(bearer.address)))
+            pace = (("interval", _INTERVAL), ("timeout", _PATIENCE), ("thr-tcp-conn-time", _PATIENCE))
+            yield Command("/tool/netwatch/add", (("type", "tcp-conn"), ("comment", MARK), *where, *pace))
+
+
+def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply) -> Iterator[Command]:
+    first = next((("place-before", row[".id"]) for row in rules.checked().rows if ".id" in row), None)
+    for task in todo:
+        if task.probe is Probe.TIME:
+            where = (("dst-address", f"{task.address}/32"), ("table", f"via-{bearer.name}"))
+            words = (("action", "lookup-only-in-table"), ("comment", MARK), *where)
+            yield Command("/routing/rule/add", (*words, first) if first is not None else words)
+
+
+async def ask_now(session: Session) -> None:
+    """Switch the time client off and on. Raises Refused; safe mode takes back what was half done."""
+    for enabled in ("no", "yes"):
+        (await session.command(Command("/system/ntp/client/set", (("enabled", enabled),)))).checked()
+
+
+def connected(todo: Sequence[Task], status: Reply) -> set[Task]:
+    """The TCP targets to which a connection came up."""
+    up = {(row.get("host"), row.get("port")) for row in status.checked().rows if row.get("status") == "up"}
+    return {task for task in todo if task.probe is Probe.TCP and (task.address, str(task.port)) in up}
+
+
+def outcome(task: Task, answered: Collection[Task], before: Reading, now: Reading, out: str) -> tuple[Outcome, str]:
+    """What was seen of one of these targets; `out` is the chain of what goes out."""
+    if task in answered:
+        return Outcome.ANSWERED, ""
+    if task.probe is Probe.TIME and now.questions(out, task) <= before.questions(out, task):
+        return Outcome.NOT_TRIED, "the time client did not ask it, although it was switched off and on"
+    if task.expected is Expected.REFUSED and now.dropped(out) > before.dropped(out):
+        return Outcome.REFUSED_HERE, ""
+    return Outcome.SILENT, ""
+
+
+_BAD = (Verdict.FAIL, Verdict.ERROR)
+_PROVED = (Verdict.PASS, Verdict.WARN)
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """Everything that was tried, judged, and counted."""
+
+    site: str
+    bearer: str
+    active: bool
+    """Whether the satellite carried the site's traffic meanwhile."""
+    judged: tuple[tuple[Attempt, Finding], ...]
+    findings: tuple[Finding, ...]
+    """Of the terminal and of names, which no probe has shown."""
+    bytes_counted: int
+    """By the router, on the satellite's port, both directions, whoever caused them."""
+    budget_bytes: int
+    kept_off: int
+    """Packets that the filter has kept off the satellite since its rules were made."""
+    turned_away: int
+    """Packets that came in by the satellite and were dropped, since then."""
+    carrier: str
+    """The link that the session to the router goes over."""
+    opening_bytes: int = 0
+    """What was carried before the first count, TLS and an attempt that learnt the certificate included."""
+    session_bytes: int = 0
+    """All that was carried, as above."""
+    sessions: int = 1
+    """Connections to the router."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """0 if everything was proved; 6 if anything failed or stays open; 7 if nothing was tried and nothing failed."""
+        verdicts = [one.verdict for one in (*(finding for _, finding in self.judged), *self.findings)]
+        if any(verdict in _BAD for verdict in verdicts):
+            return ExitCode.CHECKS_FAILED
+        if all(attempt.outcome is Outcome.NOT_TRIED for attempt, _ in self.judged):
+            return ExitCode.NOTHING
+        proved = all(verdict in _PROVED for verdict in verdicts)
+        return ExitCode.DONE if proved else ExitCode.CHECKS_FAILED
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "site": self.site,
+            "bearer": self.bearer,
+            "exit": int(self.exit),
+            "active": self.active,
+            "targets": [_told(attempt, finding) for attempt, finding in self.judged],
+            "findings": [finding.as_dict() for finding in self.findings],
+            "bytes_counted": self.bytes_counted,
+            "budget_bytes": self.budget_bytes,
+            "kept_off_packets": self.kept_off,
+            "turned_away_packets": self.turned_away,
+        }
+
+    def as_text(self) -> str:
+        """The lines that a person reads."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterable[str]:
+        carries = "carries the traffic now" if self.active else "does not carry the traffic now"
+        yield f"{self.site}, {self.bearer}: {carries}"
+        for finding in (*(finding for _, finding in self.judged), *self.findings):
+            yield f"  {finding.verdict.value:<12} {finding.message}"
+            if finding.hint:
+                yield f"  {'':<12} {finding.hint}"
+        tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not Outcome.NOT_TRIED]
+        proved = sum(verdict in _PROVED for verdict in tried)
+        yield f"  {proved} of {len(self.judged)} targets proved, {len(self.judged) - len(tried)} could not be tried"
+        counted = f"{self.bytes_counted} bytes on the satellite's port meanwhile (asking stops at {self.budget_bytes})"
+        yield f"  the router counted {counted}; kept off {self.kept_off} packets, turned away {self.turned_away}"
+
+
+def _told(attempt: Attempt, finding: Finding) -> dict[str, Any]:
+    return {
+        "name": attempt.name,
+        "target": attempt.target,
+        "expected": attempt.expected.value,
+        "probe": attempt.probe.value,
+        "outcome": attempt.outcome.value,
+        "after_s": attempt.after_s,
+        "window_s": attempt.window_s,
+        "filter_open": attempt.filter_open,
+        **finding.as_dict(),
+    }
+
+
+_COUNTED = (Probe.UDP_COUNTER, Probe.TUNNEL)
+_REFUSALS = 3
+"""Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How often and how long silence is asked again, in seconds; a window below 90 s proves nothing about silence."""
+
+    window_s: float = WINDOW_S
+    every_s: float = 5.0
+    sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
+
+    @property
+    def rounds(self) -> int:
+        """Turns of asking in a window; each asks once, and is over after `every_s`."""
+        return max(1, round(self.window_s / self.every_s))
+
+
+@dataclass(slots=True)
+class Proving:
+    """The satellite link of a site, and the session to its router."""
+
+    pilot: Pilot
+    site: str
+    bearer: Bearer
+    router: str
+    """Name of the router, for progress."""
+    port: str
+    ways: Sequence[Way]
+    terminal: str
+    """Name of the terminal, for findings."""
+    carrier: str
+    """The link that the session to the router goes over."""
+    open_filter: bool = False
+    try_all: bool = False
+    pace: Pace = Pace()
+    notify: Subscriber = lambda _event: None
+    _attempts: list[Attempt] = field(default_factory=list)
+    _start_bytes: int = 0
+    _opening_bytes: int = 0
+
+    @property
+    def expected_bytes(self) -> int:
+        """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        probes = expected_bytes(planned, self.pace.rounds)
+        if self.carrier != self.bearer.name:
+            return min(BUDGET_BYTES, probes)
+        always, by_turns = self._session()
+        return min(BUDGET_BYTES, probes + ceil((1 + HEADERS) * by_turns)) + on_the_wire(always + HANDSHAKE_BYTES, 1)
+
+    @property
+    def session_bytes(self) -> int:
+        """What the session to the router carries at most where it goes over another link."""
+        return on_the_wire(sum(self._session()) + HANDSHAKE_BYTES, 1)
+
+    def _session(self) -> tuple[int, int]:
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return session_bytes(planned, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts at most, about."""
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
+        held = any(task.probe in HELD for task in planned)
+        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + held)
+
+    async def run(self, session: Session) -> Proof:
+        """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
+        before = await self._read(session)
+        self._start_bytes = before.port_bytes
+        self._opening_bytes = session.traffic.bytes
+        active = active_bearer(before.routes, self.ways) == self.bearer.name
+        terminal = await self._terminal(session, before.port_name)
+        planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
+        for task in planned:
+            if task.probe is Probe.NONE:
+                self._attempts.append(_attempt(task, Outcome.NOT_TRIED, note=task.why_not))
+        alone = [task for task in planned if task.probe not in (Probe.NONE, *HELD)]
+        reached = [task for task in alone if task.expected is Expected.REACHED]
+        self._attempts += await self._reach(session, reached, before)
+        for task in planned:
+            if task.expected is Expected.REFUSED and task.probe is Probe.ICMP:
+                self._attempts.append(await self._refuse(session, task))
+                if self.open_filter:
+                    self._attempts.append(await self._beyond(session, task))
+        held = [task for task in planned if task.probe in HELD]
+        if held:
+            self._attempts += await self._ask(session, held, active=active)
+        after = await self._read(session)
+        proof = self._proof(before, after, terminal, active=active)
+        return replace(proof, session_bytes=session.traffic.bytes)
+
+    def _proof(self, before: Reading, after: Reading, terminal: Sequence[Finding], *, active: bool) -> Proof:
+        seen = any(one.expected is Expected.REACHED and one.outcome is Outcome.ANSWERED for one in self._attempts)
+        return Proof(
+            site=self.site,
+            bearer=self.bearer.name,
+            active=active,
+            judged=tuple((one, self._judged(one, link_seen=seen)) for one in self._attempts),
+            findings=tuple(terminal),
+            bytes_counted=after.port_bytes - before.port_bytes,
+            budget_bytes=BUDGET_BYTES,
+            kept_off=after.dropped(self._chains[0]),
+            turned_away=after.dropped(self._chains[1]),
+            carrier=self.carrier,
+            opening_bytes=self._opening_bytes,
+        )
+
+    def _judged(self, attempt: Attempt, *, link_seen: bool) -> Finding:
+        finding = judge_attempt(attempt, link_seen=link_seen)
+        return replace(finding, hint=finding.hint and complete(finding.hint, site=self.site))
+
+    @property
+    def _chains(self) -> tuple[str, str]:
+        return f"to-{self.bearer.name}", f"from-{self.bearer.name}"
+
+    async def _read(self, session: Session) -> Reading:
+        return read(self.port, await session.flight(reads(self.port, self._chains)))
+
+    async def _terminal(self, session: Session, port: str) -> tuple[Finding, ...]:
+        """Who answers on the port, on this side of the satellite: no airtime."""
+        self._say("who answers on the terminal's port")
+        there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
+        asked = [there, *(factory_ping(address, port) for address in FACTORY_ADDRESSES)]
+        own, *factory = await session.flight(asked)
+        if refused := next((reply.trap for reply in factory if reply.trap is not None), None):
+            message = f"the router would not ask who is on {port}: {refused.message}"
+            return (Finding(Verdict.INCONCLUSIVE, "box-not-asked", message),)
+        strangers = [address for address, reply in zip(FACTORY_ADDRESSES, factory, strict=True) if answered(reply)]
+        return judge_factory_address(
+            self.terminal,
+            self.port,
+            str(self.bearer.gateway),
+            answers=answered(own),
+            answers_at_factory=strangers[0] if strangers else None,
+        )
+
+    async def _reach(self, session: Session, todo: Sequence[Task], before: Reading) -> list[Attempt]:
+        """Ask all of them in each round until each has answered, the window is over, or the budget is used up."""
+        answers: dict[Task, float] = {}
+        waited_s, now = 0.0, before
+        for turn in range(self.pace.rounds):
+            left = [task for task in todo if task not in answers]
+            if not left or (turn and await self._spent(session)):
+                break
+            self._say(f"{len(left)} allowed targets have not answered yet", turn, self.pace.rounds)
+            pings = [task for task in left if task.probe is Probe.ICMP]
+            replies = await session.flight([ping(task.address, str(self.bearer.address)) for task in pings])
+            answers.update({task: waited_s for task, reply in zip(pings, replies, strict=True) if answered(reply)})
+            now = await self._read(session) if len(pings) < len(left) else now
+            answers.update({task: waited_s for task in left if self._more(before, now, task)})
+            if len(answers) < len(todo):
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+        return [self._reached(task, answers.get(task), waited_s, before, now) for task in todo]
+
+    def _more(self, before: Reading, now: Reading, task: Task) -> bool:
+        chain = self._chains[1]
+        return task.probe in (*_COUNTED, Probe.TIME) and now.answers(chain, task) > before.answers(chain, task)
+
+    def _reached(self, task: Task, after_s: float | None, waited_s: float, before: Reading, now: Reading) -> Attempt:
+        if after_s is not None:
+            return replace(_attempt(task, Outcome.ANSWERED, window_s=waited_s), after_s=after_s)
+        if task.probe not in _COUNTED:
+            return _attempt(task, Outcome.SILENT, window_s=waited_s)
+        earlier = before.answers(self._chains[1], task)
+        note = f"no answer of it was counted in {waited_s:.0f} s, {earlier} before that"
+        if task.probe is Probe.TUNNEL and now.tunnel_up is not False:
+            # A tunnel that is up, or that hangs on another box, need not say anything for so long.
+            return replace(_attempt(task, Outcome.SILENT, window_s=waited_s, note=note), probe=Probe.UDP_COUNTER)
+        return _attempt(task, Outcome.SILENT, window_s=waited_s, note=note)
+
+    async def _refuse(self, session: Session, task: Task) -> Attempt:
+        """Ask with the filter closed: the router's own drop counter says that nothing was sent."""
+        self._say(f"{task.name}, which is to be refused")
+        before = await self._read(session)
+        reply = await session.command(ping(task.address, str(self.bearer.address), count=_REFUSALS))
+        after = await self._read(session)
+        if answered(reply):
+            return _attempt(task, Outcome.ANSWERED)
+        chain = self._chains[0]
+        if after.dropped(chain) - before.dropped(chain) >= _REFUSALS:
+            return _attempt(task, Outcome.REFUSED_HERE)
+        return _attempt(task, Outcome.SILENT, note="the router's drop counter did not count it")
+
+    async def _beyond(self, session: Session, task: Task) -> Attempt:
+        """Ask with the filter open for this one host: does the terminal, or the network behind it, enforce anything."""
+        self._say(f"{task.name}, with the router's filter open for it")
+        reading = await self._read(session)
+        waited_s, found = 0.0, False
+        async with temporarily(session, filter_rows(reading, self._chains, task.address)):
+            for turn in range(self.pace.rounds):
+                if turn and await self._spent(session):
+                    break
+                found = answered(await session.command(ping(task.address, str(self.bearer.address))))
+                if found:
+                    break
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+        outcome = Outcome.ANSWERED if found else Outcome.SILENT
+        attempt = _attempt(task, outcome, window_s=waited_s)
+        return replace(attempt, filter_open=True, after_s=waited_s if found else None)
+
+    async def _ask(self, session: Session, todo: Sequence[Task], *, active: bool) -> list[Attempt]:
+        """Ask what needs rows on the router, all in one window; who is to be refused is asked to its end."""
+        before = now = await self._read(session)
+        answers: dict[Task, float] = {}
+        waited_s = 0.0
+        added = rows(todo, self.bearer, await session.command(RULES), active=active)
+        async with temporarily(session, added):
+            if any(task.probe is Probe.TIME for task in todo):
+                await ask_now(session)
+            for turn in range(self.pace.rounds):
+                self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, self.pace.rounds)
+                await self.pace.sleep(self.pace.every_s)
+                waited_s += self.pace.every_s
+                now = await self._read(session)
+                found = connected(todo, await session.command(STATUS))
+                found |= {task for task in todo if self._more(before, now, task)}
+                answers = dict.fromkeys(found, waited_s) | answers
+                if len(answers) == len(todo) or now.port_bytes - self._start_bytes >= BUDGET_BYTES:
+                    break
+        return [self._asked(task, answers, waited_s, before, now) for task in todo]
+
+    def _asked(
+        self, task: Task, answers: Mapping[Task, float], waited_s: float, before: Reading, now: Reading
+    ) -> Attempt:
+        found, note = outcome(task, answers, before, now, self._chains[0])
+        return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
+
+    async def _spent(self, session: Session) -> bool:
+        """Whether the satellite's port has carried the budget since the proof began, whoever has used it."""
+        return (await self._read(session)).port_bytes - self._start_bytes >= BUDGET_BYTES
+
+    def _say(self, message: str, done: int = 0, total: int = 0) -> None:
+        self.notify(Event(self.router, Stage.VERIFYING, message, done, total))
+
+
+def _attempt(task: Task, outcome: Outcome, *, window_s: float = 0.0, note: str = "") -> Attempt:
+    return Attempt(task.name, task.target, task.expected, task.probe, outcome, window_s=window_s, note=note)

@@ -1,0 +1,144 @@
+"""The satellite of a declared site, and the session to its router."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.bearers.satellite import judge_names
+from atlantis_netcfg.declaration.model import BearerKind, Router
+from atlantis_netcfg.journal import NoJournal
+from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
+from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proving
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import links_of, ports_of, ways_of
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.routeros.api import Session, Traffic
+from atlantis_netcfg.routeros.estimate import on_the_wire
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.cost import Bill, Preview
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.allow_list_test.prove import Proof
+    from atlantis_netcfg.operations.request import Request
+
+__all__ = ["Satellite", "bills", "names_of", "previews", "satellite_of", "try_out"]
+
+
+@dataclass(frozen=True, slots=True)
+class Satellite:
+    """A satellite link, its terminal, and the router that it hangs on."""
+
+    site: str
+    bearer: Bearer
+    router: Host
+    port: str
+    terminal: Host
+
+    def proving(
+        self,
+        declaration: Declaration,
+        *,
+        open_filter: bool = False,
+        rehearsed: bool,
+        try_all: bool = False,
+        via: str | None = None,
+    ) -> Proving:
+        """What is to be done; in a rehearsal nobody waits, each turn counts as the seconds that it stands for.
+
+        `via`: the link to the router, where it is not the declared one. Raises UsageError if there is none of the name.
+        """
+        return Proving(
+            pilot=declaration.pilot,
+            site=self.site,
+            bearer=self.bearer,
+            router=self.router.name,
+            port=self.port,
+            ways=ways_of(declaration, self.router),
+            terminal=self.terminal.name,
+            carrier=bearer_of(declaration, self.router, via).name,
+            open_filter=open_filter,
+            try_all=try_all,
+            pace=Pace(sleep=_no_wait) if rehearsed else Pace(),
+        )
+
+
+def satellite_of(declaration: Declaration, site: str, name: str | None) -> Satellite:
+    """Find the satellite of a site: the one that is named, or the only one. Raises NothingToProve."""
+    bearer = _bearer(declaration, site, name)
+    router = next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+    port = None
+    if router is not None:
+        port = next((port for port, link in ports_of(router).items() if link == bearer.name), None)
+    if router is None or port is None:
+        raise NothingToProve(f"no router of `{site}` has a port for `{bearer.name}`")
+    # A valid declaration gives every satellite link its terminal.
+    return Satellite(site, bearer, router, port, declaration.hosts[str(bearer.device)])
+
+
+def _bearer(declaration: Declaration, site: str, name: str | None) -> Bearer:
+    if site not in declaration.sites:
+        raise NothingToProve("prove one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
+    bearers = declaration.sites[site].bearers
+    satellites = [bearer for bearer in bearers if bearer.kind is BearerKind.SATELLITE]
+    listed = ", ".join(f"bearer={bearer.name}" for bearer in satellites) or "it has none"
+    if not satellites:
+        raise NothingToProve(f"`{site}` has no satellite link, so there is nothing to prove")
+    found = [bearer for bearer in satellites if name in {None, bearer.name}]
+    if len(found) != 1:
+        why = f"`{site}` has several satellite links" if name is None else f"`{site}` has no satellite link `{name}`"
+        raise NothingToProve(why, hint=f"type one of: {listed}")
+    return found[0]
+
+
+def names_of(declaration: Declaration, site: str, name: str | None) -> tuple[Finding, ...]:
+    """Ask this computer for every name of the allow-list, and say which have moved."""
+    targets = named_targets(declaration, site, _bearer(declaration, site, name))
+    resolved = asyncio.run(resolve(target.dns_name for target in targets))
+    return judge_names(targets, resolved, "this computer")
+
+
+def try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
+    """Open a session to the router and carry out a proof. Raises DeviceFailed, OutcomeUnknown."""
+    return asyncio.run(_try_out(declaration, router, request, proving))
+
+
+async def _try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
+    job = device_job(declaration, router, request, NoJournal(), proving.notify)
+    spent: list[Traffic] = []
+    async with await Session.open(replace(job.endpoint, opening=spent.append)) as session:
+        proof = await proving.run(session)
+    return replace(proof, sessions=Traffic.total(spent).connections)
+
+
+def previews(declaration: Declaration, proving: Proving) -> tuple[Preview, ...]:
+    """What a proof costs at most: over the link of its session where that is another one, then over the satellite."""
+    links = links_of(declaration, proving.site)
+    satellite = preview(proving.expected_bytes, proving.seconds, links[proving.bearer.name], at_most=True)
+    if proving.carrier == proving.bearer.name:
+        return (satellite,)
+    return preview(proving.session_bytes, proving.seconds, links[proving.carrier], at_most=True), satellite
+
+
+def bills(declaration: Declaration, proof: Proof, seconds: float) -> Mapping[str, Bill]:
+    """What a proof has cost, by link: the satellite first, and the link of its session where that is another one.
+
+    The router's count begins within the session: what opened it is added.
+    """
+    links = links_of(declaration, proof.site)
+    if proof.carrier == proof.bearer:
+        opening = on_the_wire(proof.opening_bytes, proof.sessions)
+        return {proof.bearer: preview(proof.bytes_counted + opening, seconds, links[proof.bearer]).bill}
+    carried = on_the_wire(proof.session_bytes, proof.sessions)
+    found = {proof.bearer: proof.bytes_counted, proof.carrier: carried}
+    return {name: preview(nbytes, seconds, links[name]).bill for name, nbytes in found.items()}
+
+
+async def _no_wait(_seconds: float) -> None:
+    """Stand for a wait."""

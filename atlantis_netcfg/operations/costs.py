@@ -1,0 +1,406 @@
+"""What a request costs on the links that are paid by the byte: told and agreed to first, counted after.
+
+Every door ends here, so that neither a command nor a playbook can forget to ask: `gate` refuses a request before its
+first byte, a `Meter` stands beside each device's run, and `Costs.told` is the bill.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, Link, Tariff, bill, preview, size
+from atlantis_netcfg.bearers.policy import Way, active_bearer
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.declaration.model import Gateway, LteDriver, LteRouter, Router, VpnServer
+from atlantis_netcfg.journal import CostCounted, Counters, Store
+from atlantis_netcfg.operations import request as requests
+from atlantis_netcfg.operations.bearers import LAN, bearer_of
+from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.request import Mode
+from atlantis_netcfg.routeros.apply import Admission
+from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
+from atlantis_netcfg.routeros.estimate import beforehand as before_reading
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.bearers.cost import Bill, Preview
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros._types import Observed
+    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
+    from atlantis_netcfg.routeros.estimate import Bearer as Carrier
+
+__all__ = ["Costs", "Meter", "beforehand", "gate", "link_of", "links_of", "ports_of", "unpaid", "ways_of"]
+
+
+_MB: Final = 1_000_000
+
+
+def links_of(declaration: Declaration, site: str) -> Mapping[str, Link]:
+    """Every link of a site by its name, the technician's cable among them."""
+    declared = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
+    return {LAN.name: Link(LAN.name, site, metered=False), **{link.name: link for link in declared}}
+
+
+def link_of(declaration: Declaration, site: str, name: str) -> Link:
+    """One link of a site. KeyError if it has none of that name: `bearer_of` has looked before."""
+    return links_of(declaration, site)[name]
+
+
+def ways_of(declaration: Declaration, host: Host) -> tuple[Way, ...]:
+    """The bearers as the router of the site knows them; none for a device that is not a router."""
+    if not isinstance(host.device, Router):
+        return ()
+    ports = {bearer: port for port, bearer in ports_of(host).items()}
+    return tuple(
+        Way(
+            name=bearer.name,
+            gateway=str(bearer.gateway),
+            address=str(bearer.address),
+            canaries=tuple(map(str, bearer.canaries)),
+            port=ports.get(bearer.name),
+            kind=bearer.kind.value,
+            metered=bearer.metered,
+        )
+        for bearer in declaration.sites[host.site].bearers
+    )
+
+
+def ports_of(host: Host) -> Mapping[str, str]:
+    """Port of a router to the link that hangs on it, in the order of the declaration."""
+    if not isinstance(host.device, Router):
+        return {}
+    return {port.name: port.link for port in host.device.ports if port.link is not None}
+
+
+def _link(site: str, bearer: Bearer) -> Link:
+    billing = bearer.billing if bearer.metered else None
+    tariff = None
+    if billing is not None:
+        tariff = Tariff(
+            price_per_mb=Decimal(str(billing.price_per_mb)),
+            currency=billing.currency,
+            min_session_bytes=billing.min_session_bytes,
+            floor_bytes_per_s=billing.floor_bytes_per_s,
+            floor_after_s=billing.floor_after_s,
+        )
+    return Link(bearer.name, site, bearer.metered, tariff, round(bearer.cap_mb * _MB) if bearer.metered else None)
+
+
+_TOOL: Final = 60_000
+"""Bytes of the program that runs our modules on a gateway, packed; a test holds that it is no more."""
+_LOOK: Final = (28_000, 10_000)
+"""Bytes up and down of all roles where nothing is to be done."""
+_WORK: Final = (94_000, 46_000)
+"""The same on a gateway that has nothing yet, the program among them."""
+
+
+def beforehand(
+    declaration: Declaration, hosts: Sequence[Host], request: Request, *, at_most: bool = True
+) -> tuple[Preview, ...]:
+    """One preview for each metered link that sessions of this request go over, devices on one link added up.
+
+    `at_most`: a run that may write is told as if all of its text had to be written, since nobody has read the device
+    yet, and a plan as if the device's parser had to see all of it; otherwise the reading alone.
+
+    Raises UsageError for a link that a site does not have.
+    """
+    sums: dict[Link, list[Estimate]] = {}
+    bounds: set[Link] = set()
+    for host in hosts:
+        bearer = _carrier(declaration, host, request)
+        if bearer is not None and bearer.metered:
+            link = link_of(declaration, host.site, bearer.name)
+            sums.setdefault(link, []).append(_host(host, bearer, request, at_most=at_most))
+            if at_most and (_writes(request) or (request.mode is Mode.PLAN and handled(host))):
+                bounds.add(link)
+    return tuple(
+        preview(
+            sum(each.wire_bytes for each in found),
+            sum(each.seconds for each in found),
+            link,
+            at_most=link in bounds,
+        )
+        for link, found in sums.items()
+    )
+
+
+def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> None:
+    """Let a request through, or raise CostRefused before its first byte; a rehearsal costs nothing.
+
+    Beyond the cap nothing helps. What a run would write is judged against the cap once its plan is known.
+    Raises UsageError for a link that a site does not have.
+    """
+    readings = beforehand(declaration, hosts, request, at_most=False)
+    if request.rehearsed:
+        return
+    for reading in readings:
+        if reading.over_cap:
+            raise reading.refusal()
+    if not request.accept_cost:
+        dear = beforehand(declaration, hosts, request)
+        if dear:
+            raise unpaid([each.words for each in dear], request.command)
+
+
+def unpaid(words: Sequence[str], command: str = "provision") -> CostRefused:
+    """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
+    return CostRefused(
+        f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
+        hint=f"type the same with {accepting(command)} (`--yes` does not say that), or go over another link: `via=lan`",
+    )
+
+
+def accepting(command: str) -> str:
+    """What a person types to pay, by the door that they came in by."""
+    return f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{ACCEPT}`"
+
+
+def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier | None:
+    """What a session to a host goes over; None: none is opened, or it is a modem of this computer.
+
+    A RutOS unit says nothing of a way of its own: it stands behind the router of its site, and is reached as that is.
+    Of a computer nothing is backed up.
+    """
+    if handled(host) or (isinstance(host.device, Gateway | VpnServer) and request.mode is not Mode.BACKUP):
+        return bearer_of(declaration, host, request.via.get(host.name))
+    if not isinstance(host.device, LteRouter) or host.device.driver is not LteDriver.RUTOS:
+        return None
+    here = (one for one in declaration.hosts.values() if one.site == host.site and isinstance(one.device, Router))
+    router = next(here, None)
+    if router is None:
+        return None
+    return bearer_of(declaration, router, request.via.get(host.name) or request.via.get(router.name))
+
+
+def _host(host: Host, bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
+    if handled(host):
+        return _estimate(bearer, request, at_most=at_most)
+    if isinstance(host.device, Gateway | VpnServer):
+        return _computer(bearer, writes=at_most and _writes(request))
+    return _unit(bearer)
+
+
+def _computer(bearer: Carrier, *, writes: bool) -> Estimate:
+    """All roles of a computer over SSH; measured on an emulated gateway behind 700 ms and 352/704 kbit/s.
+
+    Nothing to do: 26.5 kB up, 9.5 kB down and 44 s in 49 round trips, with a new connection and the role of a bundle.
+    All to do: 81 kB up with a program of 53 kB, 45 kB down, 21 s of work on the spot; its round trips are inferred.
+    Whether the computer has the program that runs our modules in the version of today nobody knows beforehand, so it is
+    always counted. What it fetches by itself, packages and sources, comes on top: the modules that fetch it keep to the
+    cap.
+    """
+    up, down = _WORK if writes else (_LOOK[0] + _TOOL, _LOOK[1])
+    trips, work_s = (60, 25.0) if writes else (50, 3.0)
+    seconds = trips * bearer.rtt_s + 8 * up / bearer.rate_up_bps + 8 * down / bearer.rate_down_bps + work_s
+    return Estimate(bearer.name, trips, up, down, seconds)
+
+
+def _unit(bearer: Carrier) -> Estimate:
+    """A look at a RutOS unit: two HTTPS sessions with a few kB of JSON (inferred, not measured on a unit)."""
+    return Estimate(bearer.name, 8, 4_000, 12_000, 12 * bearer.rtt_s, sessions=2)
+
+
+def _estimate(bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
+    if request.mode is Mode.BACKUP:
+        return before_reading(bearer, exports=True)
+    plans = at_most and request.mode is Mode.PLAN
+    return before_reading(bearer, writes=at_most and _writes(request), plans=plans)
+
+
+def _writes(request: Request) -> bool:
+    return not request.mode.reads_only and request.mode is not Mode.BACKUP
+
+
+@dataclass(slots=True)
+class Meter:
+    """The engine's `Toll` of one device.
+
+    A session goes over the declared link (`access.via`, or the one that a person named with `via=`) as long as nothing
+    else is known. On the router of a site its active default route tells which bearer really carries what comes from
+    beyond the site, and with it the session; over the technician's cable no bearer carries it. An emulated device is
+    behind the declared link, whatever its own routes say.
+    """
+
+    declaration: Declaration
+    host: Host
+    request: Request
+    declared: str = field(init=False)
+    active: str | None = field(init=False, default=None)
+    """The bearer of the active default route; None: not read, or not one alone."""
+    expected: Preview | None = field(init=False, default=None)
+    """What the run was expected to cost over the link that carries it, where that is metered."""
+
+    def __post_init__(self) -> None:
+        self.declared = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name)).name
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Ports whose counters are read along."""
+        return tuple(port for port, link in ports_of(self.host).items() if link in self._links)
+
+    @property
+    def link(self) -> Link:
+        """What carries the session, as far as it is known."""
+        if self.active is None or self.declared == LAN.name or self.request.rehearsed:
+            return self._links[self.declared]
+        return self._links[self.active]
+
+    @property
+    def _links(self) -> Mapping[str, Link]:
+        return links_of(self.declaration, self.host.site)
+
+    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
+        """Look at the active route, then at what the plan would send: whether it is agreed to, and below the cap."""
+        self.active = active_bearer(seen.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
+        notes = tuple(self._elsewhere())
+        if not self.link.metered or estimate is None:
+            return Admission(notes)
+        self.expected = preview(estimate.wire_bytes, estimate.seconds, self.link)
+        refusal = self._refusal(planned=planned) if spends else None
+        if refusal is None:
+            return Admission(notes)
+        if self.request.rehearsed:
+            return Admission((*notes, f"a real run would be refused: {refusal}"))
+        return Admission(notes, str(refusal), refusal.hint)
+
+    def _refusal(self, *, planned: bool) -> CostRefused | None:
+        """Why what the plan would send may not be sent; a plan alone needs nobody's consent, nor does a rehearsal."""
+        assert self.expected is not None  # noqa: S101 - `judge` has just said what it expects
+        if self.expected.over_cap:
+            return self.expected.refusal()
+        if planned or self.request.rehearsed or self.request.accept_cost:
+            return None
+        return CostRefused(
+            f"nobody has agreed to pay for it: {self.expected.words}",
+            hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared} is back",
+        )
+
+    def told(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
+        """Write down what it came to; return what the result shall say of it: `cost`, where it was paid by the byte.
+
+        What cannot be written is said in the result: what has happened must not be lost over it.
+        """
+        notes = [*result.notes, *self._keep(result, store)]
+        if not self.link.metered:
+            return {"notes": notes}
+        spent = bill(on_the_wire(result.sent + result.received, result.sessions), result.seconds, self.link.tariff)
+        router = self._counted(result)
+        try:
+            journal.write(self._record(spent, router))
+        except NetcfgError as failure:
+            notes.append(str(failure))
+        return {"notes": notes, "cost": self._cost(spent, router)}
+
+    def _elsewhere(self) -> Iterator[str]:
+        """Say that the session goes over another link than declared, above all if that is the dearer one."""
+        if self.link.name == self.declared or self.active is None:
+            return
+        said = (
+            f"{self.host.name} is declared to be reached over {self.declared}, but its traffic goes over {self.active}"
+        )
+        dear = ", which is paid by the byte" if self.link.metered else ""
+        order = [way.name for way in ways_of(self.declaration, self.host)]
+        down = order.index(self.declared) < order.index(self.active)
+        yield f"{said} now{dear}" + (f": {self.declared} is down" if down else "")
+
+    def _keep(self, result: DeviceResult, store: Store) -> Iterator[str]:
+        """Keep the last look at every port for the month; yield what went wrong."""
+        if not result.counts:
+            return
+        last, usage = result.counts[-1], store.usage(self.host.site)
+        for port, name in ports_of(self.host).items():
+            if port not in last.ports or name not in self._links:
+                continue
+            rx, tx = last.ports[port]
+            look = Counters(
+                device=self.host.name, interface=port, rx_bytes=rx, tx_bytes=tx, at=last.at, uptime_s=last.uptime_s
+            )
+            try:
+                usage.record(name, look)
+            except NetcfgError as failure:
+                yield str(failure)
+                return
+
+    def _counted(self, result: DeviceResult) -> dict[str, Any] | None:
+        """By how much the router's own counters rose between the first and the last look; None if that is unknown."""
+        port = next((port for port, link in ports_of(self.host).items() if link == self.link.name), None)
+        if port is None or not result.counts:
+            return None
+        first, last = result.counts
+        if first is last or port not in first.ports or port not in last.ports:
+            return None
+        rx, tx = (after - before for before, after in zip(first.ports[port], last.ports[port], strict=True))
+        if rx < 0 or tx < 0:
+            return None
+        return {"interface": port, "rx_bytes": rx, "tx_bytes": tx, "bytes": rx + tx}
+
+    def _cost(self, spent: Bill, router: dict[str, Any] | None) -> dict[str, Any]:
+        return {
+            "bearer": self.link.name,
+            "declared": self.declared,
+            "active": self.active,
+            "cap_bytes": self.link.cap_bytes,
+            "accepted": self.request.accept_cost,
+            "expected": None if self.expected is None else dict(self.expected.bill.as_dict()),
+            "words": self._asks(),
+            "instead": next(self._elsewhere(), None),
+            "bill": dict(spent.as_dict()),
+            "bill_words": _words(spent, router),
+            "router": router,
+        }
+
+    def _asks(self) -> str:
+        return "" if self.expected is None else self.expected.words
+
+    def _record(self, spent: Bill, router: dict[str, Any] | None) -> CostCounted:
+        return CostCounted(
+            device=self.host.name,
+            bearer=self.link.name,
+            declared=self.declared,
+            accepted=self.request.accept_cost,
+            expected_bytes=None if self.expected is None else self.expected.bill.payload_bytes,
+            sent_bytes=spent.payload_bytes,
+            router_bytes=None if router is None else router["bytes"],
+            billed_bytes=spent.billed_bytes,
+            price=None if spent.price is None else str(spent.price),
+            currency=spent.currency,
+        )
+
+
+def _words(spent: Bill, router: dict[str, Any] | None) -> str:
+    if router is None:
+        return f"{spent.words}; not counted by the router"
+    return (
+        f"{spent.words}; the router counted {size(router['bytes'])} on {router['interface']}, others' traffic included"
+    )
+
+
+@dataclass(slots=True)
+class Costs:
+    """The meters of one request, made when their device's turn comes."""
+
+    declaration: Declaration
+    request: Request
+    _meters: dict[str, Meter] = field(default_factory=dict)
+
+    def beside(self, job: DeviceJob) -> DeviceJob:
+        """Give a job its meter."""
+        meter = self._meter(job.name)
+        return replace(job, toll=meter, counted=meter.ports)
+
+    def told(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
+        """What a device's result says besides, once it has ended; before its site's journal is closed."""
+        told = self._meter(result.name).told(result, journal, store)
+        del self._meters[result.name]
+        return told
+
+    def _meter(self, name: str) -> Meter:
+        if name not in self._meters:
+            self._meters[name] = Meter(self.declaration, self.declaration.hosts[name], self.request)
+        return self._meters[name]

@@ -1,0 +1,334 @@
+"""The kinds of devices that the RouterOS engine handles: one entry a kind, and everything else asks this table.
+
+A new kind is a subclass of `Managed` in a module of its own and its name in `_KINDS`; its group stands in
+`playbooks/site.yml` (a test holds the two together).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from ipaddress import IPv4Interface, IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.declaration.model import (
+    Access,
+    Cpe,
+    LteDriver,
+    LteRouter,
+    PortUse,
+    PtpProtocol,
+    RadioMenus,
+    Router,
+)
+from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
+from atlantis_netcfg.render import (
+    cpe,
+    cpe_prerequisites,
+    cpe_view,
+    lte,
+    lte_bearer,
+    lte_prerequisites,
+    lte_view,
+    prerequisites,
+    radio_name,
+    router,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Ptp
+    from atlantis_netcfg.render import Prerequisite
+
+__all__ = ["Hardware", "Managed", "ManagedCpe", "Place", "Text", "families", "handled", "managed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """One desired text of a device."""
+
+    text: str
+    """Secrets in clear: never print it."""
+    radio: str = ""
+    """Menu in which the device has to have its radio for this text to be the right one; empty: it is the only text."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """By which port and address the device is managed, as the adopted device has it."""
+
+    address: str
+    """With prefix length."""
+    port: str
+    """By its factory name."""
+    technician: str
+    """Where the packets come from: the laptop, or the router that it stands behind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hardware:
+    """What an emulated device of this kind is made of; names are factory names."""
+
+    ports: tuple[str, ...]
+    poe_ports: tuple[str, ...] = ()
+    radios: tuple[str, ...] = ()
+    modem: ModemSpec | None = None
+    packages: tuple[str, ...] = ("routeros",)
+    board: str = "RB5009UPr+S+"
+
+
+@dataclass(frozen=True, slots=True)
+class Managed(ABC):
+    """A declared device that the RouterOS engine brings to its declared state. A kind of device is a subclass."""
+
+    declaration: Declaration
+    host: Host
+
+    @staticmethod
+    @abstractmethod
+    def takes(host: Host) -> bool:
+        """Tell whether a host is of this kind."""
+
+    @property
+    @abstractmethod
+    def access(self) -> Access:
+        """Address, port, user and password, and the bearer that leads there."""
+
+    @abstractmethod
+    def texts(self) -> tuple[Text, ...]:
+        """Render what the device should hold; more than one where the device decides which fits. Raises RenderError."""
+
+    @abstractmethod
+    def prerequisites(self) -> tuple[Prerequisite, ...]:
+        """Say what must be on the device before a text can be written."""
+
+    @property
+    @abstractmethod
+    def place(self) -> Place:
+        """Where it is managed."""
+
+    @property
+    @abstractmethod
+    def hardware(self) -> Hardware:
+        """What its twin is made of."""
+
+    def unfit(self, radios: Collection[str]) -> tuple[str, str]:
+        """Say why none of the texts fits a device with radios in these menus, and what to do about it."""
+        there = " and ".join(sorted(radios)) or "no radio"
+        return f"{self.host.name} has {there}, for which nothing is declared", "correct its host_vars file"
+
+    @property
+    def certificates(self) -> tuple[str, ...]:
+        """Names of the certificates that its text refers to."""
+        return tuple(one.name for one in self.prerequisites() if one.menu == "/certificate")
+
+
+_MENUS = {"wireless": "/interface/wireless", "wifi": "/interface/wifi"}
+_PACKAGES = {"wireless": "wireless", "wifi": "wifi-qcom"}
+_AX = "802.11ax"
+_INSTALL = (
+    "put the package `wireless` on it (802.11ax and some newer 802.11ac devices: `wifi-qcom`, `wifi-qcom-ac`), of the "
+    "same version as RouterOS, reboot it, and run this command again"
+)
+_OR_WIRELESS = ", or put the package `wireless` on both if their radios can do with it"
+
+
+def families(ptp: Ptp) -> tuple[str, ...]:
+    """Return the families of radio menus that can do what is declared, the one with nv2 first."""
+    allowed = ("wireless", "wifi") if ptp.menus is RadioMenus.AUTO else (ptp.menus.value,)
+    plain = ptp.protocol is PtpProtocol.IEEE_80211
+    legacy = ptp.standard != _AX and not (plain and ptp.wpa == "wpa3")
+    return tuple(family for family in allowed if (legacy if family == "wireless" else plain))
+
+
+class ManagedCpe(Managed):
+    """Managed at its one cable, from the router's side; which menus its radio has is asked when it is read."""
+
+    __slots__ = ()
+
+    @staticmethod
+    def takes(host: Host) -> bool:
+        """Tell whether a host is of this kind."""
+        return isinstance(host.device, Cpe)
+
+    @property
+    def cpe(self) -> Cpe:
+        """What is declared of it."""
+        assert isinstance(self.host.device, Cpe)  # noqa: S101 - `takes` has said so
+        return self.host.device
+
+    @property
+    def access(self) -> Access:
+        """As declared."""
+        return self.cpe.access
+
+    def texts(self) -> tuple[Text, ...]:
+        """Return one text for each family of menus that can do what is declared."""
+        return tuple(Text(cpe(self.declaration, self.host, one), _MENUS[one]) for one in families(self.cpe.ptp))
+
+    def prerequisites(self) -> tuple[Prerequisite, ...]:
+        """Its port and its certificate."""
+        return cpe_prerequisites(self.declaration, self.host)
+
+    @property
+    def place(self) -> Place:
+        """The cable; the technician stands behind this site's router, which masquerades, or beside it with a laptop.
+
+        The laptop's address is the highest of the link's network that no declared device has.
+        """
+        view = cpe_view(self.declaration, self.host, families(self.cpe.ptp)[0])
+        return Place(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
+
+    def _laptop(self, network: IPv4Network) -> str:
+        boxes = (host.device for host in self.declaration.hosts.values())
+        taken = {str(box.access.address) for box in boxes if isinstance(box, Cpe)}
+        for site in self.declaration.sites.values():
+            taken |= {str(bearer.address) for bearer in site.bearers} | {
+                str(each.address) for each in site.served_links
+            }
+        free = [str(address) for address in network.hosts() if str(address) not in taken]
+        return free[-1] if free else str(IPv4Interface(network[-2]).ip)
+
+    @property
+    def hardware(self) -> Hardware:
+        """A box with one port and one radio; its driver is the first that can do what is declared."""
+        family = families(self.cpe.ptp)[0]
+        return Hardware(
+            ports=(self.cpe.port,),
+            radios=(radio_name(family),),
+            packages=("routeros", _PACKAGES[family]),
+            board="SXTsq 5 ac",
+        )
+
+    def unfit(self, radios: Collection[str]) -> tuple[str, str]:
+        """Say why: no driver at all, or one that cannot do what is declared."""
+        name, ptp = self.host.name, self.cpe.ptp
+        if not radios:
+            why = "has no radio that is driven: since RouterOS 7.13 `wireless` is a package of its own"
+            todo = _INSTALL
+        elif ptp.menus not in (RadioMenus.AUTO, there := "wifi" if _MENUS["wifi"] in radios else "wireless"):
+            why = f"is declared with the `{ptp.menus}` menus, and its radio is driven by the `{there}` ones"
+            todo = f"write `menus: {there}` or `menus: auto` under `ptp` in host_vars/{name}.yml"
+        elif there == "wifi":
+            why = f"is declared with protocol {ptp.protocol}, and its radio has the `wifi` menus, which only do 802.11"
+            todo = f'write `protocol: "802.11"` under `ptp` of {name} and of {ptp.peer}{_OR_WIRELESS}'
+        else:
+            newer, older = (_AX, "an older standard") if ptp.standard == _AX else ("wpa3", "`wpa: wpa2`")
+            why = f"is declared with {newer}, and its radio has the `wireless` menus, which do not know it"
+            todo = f"choose {older} under `ptp` of {name} and of {ptp.peer}, or take devices with the `wifi` menus"
+        return f"{name} {why}", todo
+
+
+class ManagedLte(Managed):
+    """Managed at its one cable, from the router's side."""
+
+    __slots__ = ()
+
+    @staticmethod
+    def takes(host: Host) -> bool:
+        """Tell whether a host is of this kind: other 4G units have drivers of their own."""
+        return isinstance(host.device, LteRouter) and host.device.driver is LteDriver.ROUTEROS
+
+    @property
+    def access(self) -> Access:
+        """As declared; the box is always at the site's own 4G link."""
+        device = self.host.device
+        assert isinstance(device, LteRouter)  # noqa: S101 - `takes` has said so
+        assert device.access is not None  # noqa: S101 - a rule of the declaration has said so
+        known = {"user": device.access.user, "password": device.access.password}
+        port = {} if device.access.port is None else {"port": device.access.port}
+        return Access.model_validate({"address": device.address, **known, **port})
+
+    def texts(self) -> tuple[Text, ...]:
+        """Return the one text."""
+        return (Text(lte(self.declaration, self.host)),)
+
+    def prerequisites(self) -> tuple[Prerequisite, ...]:
+        """Modem, port and certificate."""
+        return lte_prerequisites(self.declaration, self.host)
+
+    @property
+    def place(self) -> Place:
+        """The cable; the technician stands behind the site's router, which masquerades."""
+        view = lte_view(self.declaration, self.host)
+        return Place(view.management.address, view.port, str(lte_bearer(self.declaration, self.host).address))
+
+    @property
+    def hardware(self) -> Hardware:
+        """A box with one port and one modem; its SIM has the declared PIN, its network only the declared access point.
+
+        It is a SIM of that network: what happens abroad is for those who try it on purpose.
+        """
+        view = lte_view(self.declaration, self.host)
+        cell = CellSpec(apns=() if view.apn is None else (view.apn,), bands=view.bands or (3,))
+        card = SimSpec(pin="" if view.pin is None else view.pin.reveal())
+        bands = tuple(sorted({*ModemSpec().bands, *view.bands}))
+        modem = ModemSpec(name=view.modem, sim=card, cell=cell, bands=bands)
+        return Hardware(ports=(view.port,), modem=modem, board="LHG LTE6 kit")
+
+
+class ManagedRouter(Managed):
+    """Managed from the technician's port."""
+
+    __slots__ = ()
+
+    @staticmethod
+    def takes(host: Host) -> bool:
+        """Tell whether a host is of this kind."""
+        return isinstance(host.device, Router)
+
+    @property
+    def _router(self) -> Router:
+        assert isinstance(self.host.device, Router)  # noqa: S101 - `takes` has said so
+        return self.host.device
+
+    @property
+    def access(self) -> Access:
+        """As declared."""
+        return self._router.access
+
+    def texts(self) -> tuple[Text, ...]:
+        """Return the one text."""
+        return (Text(router(self.declaration, self.host)),)
+
+    def prerequisites(self) -> tuple[Prerequisite, ...]:
+        """Ports and certificates."""
+        return prerequisites(self.declaration, self.host)
+
+    @property
+    def place(self) -> Place:
+        """The management port."""
+        network = self.declaration.sites[self.host.site].management
+        return Place(
+            address=str(IPv4Interface(f"{self.access.address}/{network.network.prefixlen}")),
+            port=next(port.name for port in self._router.ports if port.use is PortUse.MANAGEMENT),
+            technician=str(network.technician),
+        )
+
+    @property
+    def hardware(self) -> Hardware:
+        """The declared ports."""
+        ports = self._router.ports
+        return Hardware(
+            ports=tuple(port.name for port in ports),
+            poe_ports=tuple(port.name for port in ports if port.poe is not None),
+        )
+
+
+_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedCpe, ManagedLte)
+
+
+def handled(host: Host) -> bool:
+    """Tell whether the RouterOS engine handles a host."""
+    return any(kind.takes(host) for kind in _KINDS)
+
+
+def managed(declaration: Declaration, host: Host) -> Managed:
+    """Return what is known of a host's kind. Raises NothingMatched if the engine does not handle it."""
+    for kind in _KINDS:
+        if kind.takes(host):
+            return kind(declaration, host)
+    raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: no role handles it yet")

@@ -1,0 +1,456 @@
+"""Whom a look at the links of a site asks, and how; whoever is not asked is named, with the reason."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers.cost import bill
+from atlantis_netcfg.bearers.policy import active_bearers, probe_commands
+from atlantis_netcfg.bearers.satellite import judge_names
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.declaration.model import BearerKind, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
+from atlantis_netcfg.journal import Counters, MonthBytes, Store
+from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
+from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
+from atlantis_netcfg.operations.costs import links_of, ways_of
+from atlantis_netcfg.operations.jobs import endpoint_of
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.links.session import PINGS, Door, RouterReading, read_router
+from atlantis_netcfg.operations.links.status import (
+    Own,
+    Seen,
+    Silent,
+    UnitLook,
+    kept_off,
+    of_bridge,
+    of_terminal,
+    of_unit,
+    ranked,
+    read_by_driver,
+    read_radio,
+    read_routeros,
+    told,
+    twice,
+)
+from atlantis_netcfg.operations.lte.unit import Unit
+from atlantis_netcfg.report.links import LinksReport
+from atlantis_netcfg.routeros.estimate import on_the_wire
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.bearers import BearerStatus, Finding
+    from atlantis_netcfg.bearers.cost import Bill
+    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.journal import Usage
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.estimate import Bearer as Carrier
+
+
+@dataclass(slots=True)
+class Round:
+    """All questions of one look; `ask` sends them to all devices at once."""
+
+    declaration: Declaration
+    router: Host
+    """Of the site that is looked at."""
+    request: Request
+    notify: Subscriber
+    patience_s: float = PATIENCE_S
+    answers: dict[str, Any] = field(default_factory=dict)
+    """Host name to its reading, or to Silent."""
+    not_asked: dict[str, str] = field(default_factory=dict)
+    """Host name to the reason."""
+    doors: dict[str, Door] = field(default_factory=dict)
+    """Host name to what was spent on it; RouterOS devices only."""
+
+    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], ways: Sequence[Way]) -> None:
+        """Ask every host that is `chosen` and can be asked, all at the same time."""
+        names = {host.name for host in chosen}
+        work = []
+        for host in hosts:
+            reason = self._why_not(host) if host.name in names else "left out by `only=`"
+            if reason is None:
+                work.append(self._one(host, ways))
+            else:
+                self.not_asked[host.name] = reason
+        await asyncio.gather(*work)
+
+    @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Who was asked and did not answer."""
+        return tuple(answer for answer in self.answers.values() if isinstance(answer, Silent))
+
+    def _why_not(self, host: Host) -> str | None:
+        """Why a host is not to be asked; None if it is."""
+        device = host.device
+        if isinstance(device, SatelliteTerminal):
+            return "no machine interface of it is documented: a person looks at its pages"
+        if isinstance(device, LteRouter) and device.driver is LteDriver.MANUAL:
+            return "`driver: manual`: a person looks at its own page"
+        if not handled(host) and not isinstance(device, LteRouter):
+            return f"nobody reads a {device.kind.replace('_', ' ')} yet"
+        missing = self.request.rehearsed and host.name not in self.request.targets
+        return "it is not emulated in this rehearsal" if missing else None
+
+    async def _one(self, host: Host, ways: Sequence[Way]) -> None:
+        self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
+        try:
+            self.answers[host.name] = await self._reading(host, ways)
+        except NetcfgError as error:
+            self.answers[host.name] = Silent(
+                host.name, str(error), error.hint and complete(error.hint, site=host.site, device=host.name)
+            )
+            self.notify(Event(host.name, Stage.FAILED, str(error)))
+        else:
+            self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))
+
+    def _reading(self, host: Host, ways: Sequence[Way]) -> Awaitable[Any]:
+        if isinstance(host.device, Router):
+            return read_router(self._door(host), ways)
+        if isinstance(host.device, Cpe):
+            return read_radio(self._door(host))
+        assert isinstance(host.device, LteRouter)  # noqa: S101 - `boxes` yields no other kind that can be asked
+        unit = self.unit(host, host.device)
+        if host.device.driver is LteDriver.ROUTEROS:
+            return read_routeros(self._door(host), unit)
+        return read_by_driver(unit)
+
+    def carrier(self, host: Host) -> Carrier:
+        """What a session to a host goes over; to the far end of a bridge, what leads to the site that is looked at.
+
+        Raises UsageError for a link that its site does not have.
+        """
+        return _carrier(self.declaration, self.router, host, self.request)
+
+    def unit(self, host: Host, device: LteRouter) -> Unit:
+        """A 4G unit as its driver wants it."""
+        store = Store(self.request.state, rehearsed=self.request.rehearsed)
+        target = self.request.targets.get(host.name)
+        return Unit(host, device, store, self.notify, self.request.rehearsed, target)
+
+    def _door(self, host: Host) -> Door:
+        """Raises UsageError for a link that its site does not have."""
+        made = door_to(self.declaration, self.router.site, host, self.request, self.patience_s)
+        self.doors[host.name] = made
+        return made
+
+    def _spent(self, name: str) -> str:
+        answer = self.answers[name]
+        if name in self.doors:
+            door = self.doors[name]
+            return f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        return f"read in {answer.requests} requests" if isinstance(answer, UnitLook) else "read"
+
+
+def door_to(declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = PATIENCE_S) -> Door:
+    """The way to a RouterOS device for one who is at a site, or looks at it from afar; nothing is opened yet.
+
+    `patience_s`: for a connection over a fast link. Raises NothingMatched for a device of another kind, UsageError for
+    a link that its site does not have, and for one that a rehearsal has no twin of.
+    """
+    endpoint = endpoint_of(host, managed(declaration, host).access, request)
+    router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), host)
+    if _carrier(declaration, router, host, request).rtt_s < FAST_S:
+        endpoint = replace(endpoint, connect_timeout_s=patience_s)
+    return Door(host.name, endpoint)
+
+
+def _carrier(declaration: Declaration, router: Host, host: Host, request: Request) -> Carrier:
+    here = host if host.site == router.site else router
+    return bearer_of(declaration, here, request.via.get(here.name))
+
+
+def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
+    """Yield the router and the boxes of its site's bearers, each once, both ends of a bridge among them."""
+    yield router
+    seen = {router.name}
+    for bearer in declaration.sites[router.site].bearers:
+        box = declaration.hosts.get(bearer.device or "")
+        far = declaration.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, Cpe) else None
+        for host in (box, far):
+            if host is not None and host.name not in seen:
+                seen.add(host.name)
+                yield host
+
+
+def ping_bytes(ways: Sequence[Way]) -> Mapping[str, int]:
+    """Bearer to what its pings come to on the wire if all are answered."""
+    costs: dict[str, int] = {}
+    for probe in probe_commands(ways, count=PINGS):
+        costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
+    return costs
+
+
+def months(
+    usage: Usage, device: str, reading: RouterReading | None, ways: Sequence[Way], now: datetime
+) -> dict[str, MonthBytes]:
+    """Keep the counters of this look, and say what is known of the month. Raises JournalFailed, StateDamaged."""
+    for name, counters in _counters(device, reading, ways, now):
+        usage.record(name, counters)
+    return {way.name: usage.month(way.name, now) for way in ways}
+
+
+def _counters(
+    device: str, reading: RouterReading | None, ways: Sequence[Way], now: datetime
+) -> Iterator[tuple[str, Counters]]:
+    if reading is None or reading.ports is None:
+        return
+    for way in ways:
+        port = reading.ports.get(way.port or "")
+        if port is None or way.port is None or port.rx_bytes is None or port.tx_bytes is None:
+            continue
+        yield (
+            way.name,
+            Counters(
+                device=device,
+                interface=way.port,
+                rx_bytes=port.rx_bytes,
+                tx_bytes=port.tx_bytes,
+                at=reading.at or now,
+                uptime_s=reading.uptime_s,
+            ),
+        )
+
+
+def bills(turn: Round, active: tuple[str, ...] | None, seconds: float) -> dict[str, Bill]:
+    """Price the sessions with RouterOS devices that went over metered links, by bearer.
+
+    Whoever works over a link of the site really goes where its default route leads; an emulated device is behind the
+    link that is declared, whatever its routes say.
+    """
+    links = links_of(turn.declaration, turn.router.site)
+    spent: dict[str, int] = {}
+    for name, door in turn.doors.items():
+        link = turn.carrier(turn.declaration.hosts[name]).name
+        if link != LAN.name and active is not None and len(active) == 1 and not turn.request.rehearsed:
+            link = active[0]
+        if links[link].metered and door.spent:
+            spent[link] = spent.get(link, 0) + on_the_wire(door.bytes, door.connections)
+    return {name: bill(nbytes, seconds, links[name].tariff) for name, nbytes in spent.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """What one look has shown, in the order of preference."""
+
+    bearers: tuple[BearerStatus, ...]
+    boxes: Mapping[str, str]
+    """Bearer to the box or boxes of it."""
+    months: Mapping[str, MonthBytes]
+    probe_bytes: Mapping[str, int]
+    """Bearer to what its pings may have cost on the wire."""
+    unreachable: tuple[Silent, ...]
+    not_asked: Mapping[str, str]
+    """Device to the reason."""
+    round_trips: Mapping[str, int]
+    """Of each RouterOS device that was asked, its login included."""
+    asked: tuple[str, ...]
+    """Devices, whether or not they answered."""
+    bills: Mapping[str, Bill]
+    """Metered bearer to what this look has cost on it, as far as sessions with RouterOS devices went over it."""
+    notes: tuple[str, ...] = ()
+    """What went wrong beside the links."""
+
+    def report(self, site: str, title: str, *, rehearsed: bool, not_rehearsed: tuple[str, ...] = ()) -> LinksReport:
+        """For whoever reads it."""
+        return LinksReport(
+            site=site,
+            title=title,
+            rehearsed=rehearsed,
+            bearers=self.as_dict(),
+            asked=self.asked,
+            unreachable=[{"device": one.device, "message": one.message, "hint": one.hint} for one in self.unreachable],
+            not_asked=self.not_asked,
+            round_trips=self.round_trips,
+            costs={name: {**one.as_dict(), "words": one.words} for name, one in self.bills.items()},
+            notes=self.notes,
+            not_rehearsed=not_rehearsed,
+        )
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """Each bearer as JSON-able data: what `BearerStatus` promises, and what was found beside it."""
+        return {
+            one.name: {
+                **one.as_dict(),
+                "verdict": one.verdict.value,
+                "box": self.boxes[one.name],
+                "probe_bytes": self.probe_bytes.get(one.name, 0),
+                "month_since": _stamp(self.months[one.name].since),
+                "month_gaps": list(self.months[one.name].gaps),
+            }
+            for one in self.bearers
+        }
+
+
+def _stamp(moment: datetime | None) -> str | None:
+    return None if moment is None else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+
+
+async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
+    declaration: Declaration,
+    site: str,
+    chosen: Sequence[Host],
+    request: Request,
+    notify: Subscriber,
+    patience_s: float = PATIENCE_S,
+) -> Looked:
+    """Look at a site; of its boxes only those `chosen` are asked, and of a bridge with one end the other one, too.
+
+    What does not answer is a finding and no error; `patience_s`: for a connection to a device over a fast link. Raises
+    NothingMatched for a site without a router.
+    """
+    router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), None)
+    if router is None:
+        raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
+    ways = ways_of(declaration, router)
+    began = datetime.now(UTC)
+    turn = Round(declaration, router, request, notify, patience_s)
+    await turn.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), ways)
+    moved = {} if request.rehearsed else await _names(declaration, site)
+    return _Site(declaration, router, ways, turn, request, began, datetime.now(UTC), moved).put_together()
+
+
+async def _names(declaration: Declaration, site: str) -> dict[str, tuple[Finding, ...]]:
+    """Ask this computer whether the names of each satellite's allow-list are still where it says."""
+    found = {}
+    for bearer in declaration.sites[site].bearers:
+        targets = named_targets(declaration, site, bearer)
+        resolved = await resolve(target.dns_name for target in targets)
+        found[bearer.name] = judge_names(targets, resolved, "this computer")
+    return found
+
+
+def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Host]:
+    peers = [declaration.hosts.get(one.device.ptp.peer) for one in chosen if isinstance(one.device, Cpe)]
+    return [*chosen, *(one for one in peers if one is not None)]
+
+
+def _told(seen: Sequence[Seen]) -> list[BearerStatus]:
+    shared = twice(seen)
+    return [_with(told(one), [finding for name, finding in shared if name == one.way.name]) for one in seen]
+
+
+def _with(status: BearerStatus, more: list[Finding]) -> BearerStatus:
+    return replace(status, findings=(*status.findings, *more))
+
+
+@dataclass(slots=True)
+class _Site:
+    declaration: Declaration
+    router: Host
+    ways: tuple[Way, ...]
+    turn: Round
+    request: Request
+    began: datetime
+    now: datetime
+    moved: Mapping[str, tuple[Finding, ...]]
+    """Bearer to what is to be said of the names in its allow-list."""
+    notes: list[str] = field(default_factory=list)
+
+    def put_together(self) -> Looked:
+        """Judge what was heard, and keep the counters."""
+        site = self.declaration.sites[self.router.site]
+        month = self._months()
+        active = self._active()
+        seen = [
+            Seen(
+                way=way,
+                router=self._answer(self.router),
+                own=self._own(way, bearer),
+                active=None if active is None else way.name in active,
+                month_bytes=month[way.name].bytes,
+                box=bearer.device,
+                next_hop=str(bearer.gateway),
+                network=bearer.network,
+                powered=self._powered(bearer),
+            )
+            for way, bearer in zip(self.ways, site.bearers, strict=True)
+        ]
+        return Looked(
+            bearers=ranked(_told(seen), site.failover.fail_back_s),
+            boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
+            months=month,
+            probe_bytes={one.way.name: ping_bytes(self.ways)[one.way.name] for one in seen if one.echoes},
+            unreachable=self.turn.silent,
+            not_asked=dict(self.turn.not_asked),
+            round_trips={name: door.round_trips for name, door in self.turn.doors.items()},
+            asked=tuple(self.turn.answers),
+            bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
+            notes=tuple(self.notes),
+        )
+
+    @property
+    def _reading(self) -> RouterReading | None:
+        answer = self._answer(self.router)
+        return answer if isinstance(answer, RouterReading) else None
+
+    def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
+        return None if host is None else self.turn.answers.get(host.name)
+
+    def _active(self) -> tuple[str, ...] | None:
+        reading = self._reading
+        return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
+
+    def _own(self, way: Way, bearer: Bearer) -> Own:
+        box = self.declaration.hosts.get(bearer.device or "")
+        if bearer.kind is BearerKind.SATELLITE:
+            own = self._terminal(box)
+            findings = (*own.findings, *self.moved.get(bearer.name, ()))
+            return replace(own, quality=kept_off(bearer, way.port, self._reading) | own.quality, findings=findings)
+        if box is not None and isinstance(box.device, Cpe):
+            far = self.declaration.hosts.get(box.device.ptp.peer)
+            return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))
+        if box is not None and isinstance(box.device, LteRouter):
+            return self._unit(box, box.device)
+        return Own()
+
+    def _unit(self, box: Host, device: LteRouter) -> Own:
+        """Of a unit that only a person can look at its driver says so without being asked."""
+        answer = self._answer(box)
+        if isinstance(answer, Silent):
+            return Own(silent=(answer,))
+        if device.driver is LteDriver.MANUAL:
+            found = self.turn.unit(box, device).look()
+            answer = UnitLook(found.reading, found.findings)
+        return Own() if answer is None else of_unit(box.name, answer, device.driver, forwards=self._forwards)
+
+    @property
+    def _forwards(self) -> bool:
+        return isinstance(self.router.device, Router) and bool(self.router.device.forwards)
+
+    def _terminal(self, box: Host | None) -> Own:
+        store = Store(self.request.state, rehearsed=self.request.rehearsed)
+        try:
+            return of_terminal(self.declaration, box, store, self.now.astimezone().date())
+        except NetcfgError as error:
+            self.notes.append(str(error))
+            return Own()
+
+    def _boxes(self, bearer: Bearer) -> str:
+        box = self.declaration.hosts.get(bearer.device or "")
+        if box is not None and isinstance(box.device, Cpe):
+            return f"{box.name} to {box.device.ptp.peer}"
+        if box is not None and isinstance(box.device, LteRouter):
+            return f"{box.name} ({box.device.driver.value})"
+        return bearer.device or ""
+
+    def _powered(self, bearer: Bearer) -> str | None:
+        box = self.declaration.hosts.get(bearer.device or "")
+        source = getattr(box.device, "powered_by", None) if box is not None else None
+        return source.port if source is not None and source.device == self.router.name else None
+
+    def _months(self) -> dict[str, MonthBytes]:
+        usage = Store(self.request.state, rehearsed=self.request.rehearsed).usage(self.router.site)
+        try:
+            return months(usage, self.router.name, self._reading, self.ways, self.now)
+        except NetcfgError as error:
+            self.notes.append(f"the bytes of this month are not known: {error}")
+            return dict.fromkeys((way.name for way in self.ways), MonthBytes())

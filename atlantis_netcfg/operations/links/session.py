@@ -1,0 +1,245 @@
+"""The way to one device that is only read: its endpoint, and what the reading has cost."""
+
+from __future__ import annotations
+
+import re
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from ipaddress import AddressValueError, IPv4Address
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Way, probe_commands
+from atlantis_netcfg.routeros.api import Command, Session, Traffic
+from atlantis_netcfg.routeros.counters import seconds
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Mapping, Sequence
+
+    from atlantis_netcfg.bearers.policy import Probe
+    from atlantis_netcfg.bearers.query import Query
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.api import Endpoint, Reply
+
+
+@dataclass(slots=True)
+class Door:
+    """A RouterOS device by its name in the inventory."""
+
+    name: str
+    endpoint: Endpoint
+    spent: list[Traffic] = field(default_factory=list)
+
+    @asynccontextmanager
+    async def opened(self) -> AsyncIterator[Session]:
+        """A session that is closed at the end. Raises what `Session.open` raises, all of it a DeviceFailed."""
+        session = await Session.open(replace(self.endpoint, opening=self.spent.append))
+        try:
+            yield session
+        finally:
+            await session.close(wait=False)
+
+    @property
+    def connections(self) -> int:
+        """How many were made, also those whose session failed before its login was over."""
+        return Traffic.total(self.spent).connections
+
+    @property
+    def round_trips(self) -> int:
+        """Turns on the link, handshakes and logins included."""
+        return Traffic.total(self.spent).round_trips
+
+    @property
+    def bytes(self) -> int:
+        """Sent and received, handshakes and TLS included."""
+        return Traffic.total(self.spent).bytes
+
+
+def command(query: Query) -> Command:
+    """A reader's question as a sentence of the API."""
+    return Command(query.path, query.words)
+
+
+def rows(reply: Reply) -> tuple[Row, ...] | None:
+    """What was answered; None if the device refused the question, as it does for a menu that it has not got."""
+    return None if reply.trap is not None else reply.rows
+
+
+PINGS = 3
+"""To each canary."""
+_PORT = ("name", "default-name", "running", "disabled", "rx-byte", "tx-byte")
+_RULE = ("chain", "action", "disabled", "packets", "bytes")
+_NEIGHBOUR = ("address", "interface", "mac-address", "complete", "disabled", "invalid")
+_MENUS = 5
+"""Questions besides the pings."""
+_TRUE = frozenset({"true", "yes"})
+_TIME = re.compile(r"(?:(\d+)s)?(?:(\d+)ms)?(?:(\d+)us)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """An interface of the router; None: not said."""
+
+    running: bool | None
+    disabled: bool | None
+    rx_bytes: int | None
+    """Since the router was started."""
+    tx_bytes: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """How a canary answered to pings over one link."""
+
+    target: str
+    sent: int
+    received: int
+    rtt_ms: float | None
+    """Mean of those that came back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """Who has answered ARP on a port."""
+
+    address: str
+    mac: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class RouterReading:
+    """What a router said of its links at one moment; None: a question that it refused."""
+
+    at: datetime | None = None
+    """When it had answered, by this computer's clock."""
+    uptime_s: float | None = None
+    ports: Mapping[str, Port] | None = None
+    """By factory name."""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    """Factory names of ports that are called otherwise on the router, and how."""
+    routes: tuple[Row, ...] | None = None
+    """The default routes of all tables."""
+    echoes: Mapping[str, tuple[Echo, ...]] | None = None
+    """By bearer; only the canaries whose pings were carried out."""
+    neighbours: Mapping[str, tuple[Neighbour, ...]] | None = None
+    """By port; None, too, where a port is called otherwise: what its name stands for is another one then."""
+    dropped: Mapping[str, tuple[int, int]] | None = None
+    """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
+
+
+def questions(ways: Sequence[Way]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
+    """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
+    probes = probe_commands(ways, count=PINGS)
+    ports = [way.port for way in ways if way.port is not None]
+    menus = (
+        Command("/system/resource/print", ((".proplist", "uptime"),)),
+        Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("default-name", ports)),
+        Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
+        Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
+        Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
+    )
+    return (*menus, *(Command(probe.path, probe.arguments) for probe in probes)), probes
+
+
+def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
+    """Query words for rows in which a field has one of these values (Manual, API, "Queries")."""
+    return tuple(
+        word for place, value in enumerate(values) for word in (f"?{field}={value}", "?#|")[: 2 if place else 1]
+    )
+
+
+async def read_router(door: Door, ways: Sequence[Way]) -> RouterReading:
+    """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
+    asked, probes = questions(ways)
+    async with door.opened() as session:
+        replies = await session.flight(asked)
+        return replace(read(replies, probes), at=datetime.now(UTC))
+
+
+def read(replies: Sequence[Reply], probes: Sequence[Probe]) -> RouterReading:
+    """Read the answers to `questions`, in their order."""
+    resource, ports, routes, neighbours, rules = (rows(reply) for reply in replies[:_MENUS])
+    called = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
+    renamed = {port: name for port, name in called.items() if name != port}
+    return RouterReading(
+        uptime_s=seconds(resource[0].get("uptime", "")) if resource else None,
+        ports=None if ports is None else {row["default-name"]: _port(row) for row in ports if "default-name" in row},
+        renamed=renamed,
+        routes=routes,
+        echoes=_echoes(probes, replies[_MENUS:]),
+        neighbours=None if neighbours is None or renamed else _by_port(neighbours),
+        dropped=None if rules is None else _by_chain(rules),
+    )
+
+
+def _port(row: Row) -> Port:
+    return Port(
+        _truth(row.get("running")), _truth(row.get("disabled")), _whole(row.get("rx-byte")), _whole(row.get("tx-byte"))
+    )
+
+
+def _truth(text: str | None) -> bool | None:
+    return None if text is None else text in _TRUE
+
+
+def _whole(text: str | None) -> int | None:
+    return int(text) if text is not None and text.isdecimal() else None
+
+
+def _echoes(probes: Sequence[Probe], replies: Sequence[Reply]) -> dict[str, tuple[Echo, ...]]:
+    found: dict[str, tuple[Echo, ...]] = {}
+    for probe, reply in zip(probes, replies, strict=True):
+        echo = _echo(probe.target, rows(reply))
+        if echo is not None:
+            found[probe.bearer] = (*found.get(probe.bearer, ()), echo)
+    return found
+
+
+def _echo(target: str, told: Sequence[Row] | None) -> Echo | None:
+    """Read the rows of a ping: each carries the sums so far, so the last one is the result."""
+    if not told:
+        return None
+    sent, received = (_whole(told[-1].get(name)) for name in ("sent", "received"))
+    if not sent or received is None:
+        return None
+    return Echo(target, sent, received, _milliseconds(told[-1].get("avg-rtt")) if received else None)
+
+
+def _milliseconds(text: str | None) -> float | None:
+    """Read `4ms`, `4ms530us`, `1s20ms`."""
+    found = _TIME.fullmatch(text or "")
+    if not text or found is None:
+        return None
+    whole, thousandths, millionths = (int(part or 0) for part in found.groups())
+    return whole * 1000 + thousandths + millionths / 1000
+
+
+def _by_port(told: Sequence[Row]) -> dict[str, tuple[Neighbour, ...]]:
+    """Who is there: an entry without a MAC address is only a question that nobody has answered."""
+    found: dict[str, tuple[Neighbour, ...]] = {}
+    for row in told:
+        dead = any(row.get(flag) in _TRUE for flag in ("disabled", "invalid")) or row.get("complete") in {"false", "no"}
+        if dead or not row.get("mac-address") or not _is_address(row.get("address", "")):
+            continue
+        port = row.get("interface", "")
+        found[port] = (*found.get(port, ()), Neighbour(row["address"], row["mac-address"]))
+    return found
+
+
+def _is_address(text: str) -> bool:
+    try:
+        IPv4Address(text)
+    except AddressValueError:
+        return False
+    return True
+
+
+def _by_chain(rules: Sequence[Row]) -> dict[str, tuple[int, int]]:
+    found: dict[str, tuple[int, int]] = {}
+    for row in rules:
+        packets, nbytes = _whole(row.get("packets")), _whole(row.get("bytes"))
+        if row.get("disabled") in _TRUE or packets is None or nbytes is None:
+            continue
+        before = found.get(row.get("chain", ""), (0, 0))
+        found[row.get("chain", "")] = before[0] + packets, before[1] + nbytes
+    return found

@@ -1,0 +1,482 @@
+"""What a bearer's own boxes say of it, and of a bridge what both of its ends say."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState, Quality
+from atlantis_netcfg.bearers import wifi as radios
+from atlantis_netcfg.bearers.lte import Registration, judge, routeros
+from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_address
+from atlantis_netcfg.bearers.wifi import Family, WifiWanted, queries
+from atlantis_netcfg.bearers.wifi import read as read_wifi
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import Cpe, LteDriver, PtpMode
+from atlantis_netcfg.operations.links.session import command, rows
+from atlantis_netcfg.operations.terminals import is_terminal, look
+from atlantis_netcfg.routeros.api import Command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from datetime import date
+    from ipaddress import IPv4Network
+
+    from atlantis_netcfg.bearers.lte import LteReading
+    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.bearers.wifi import WifiReading
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.operations.links.session import Door, Echo, Port, RouterReading
+    from atlantis_netcfg.operations.lte.unit import Unit
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.api import Reply, Session
+
+
+_MENUS = {family: f"/interface/{family}/print" for family in Family}
+_RADIO = "name,default-name,mac-address,disabled"
+
+
+@dataclass(frozen=True, slots=True)
+class RadioLook:
+    """What a CPE said of its radio."""
+
+    reading: WifiReading | None
+    """None: the device has no radio that its menus show."""
+    mac: str | None = None
+    """Of its own radio, upper case."""
+
+
+async def read_radio(door: Door) -> RadioLook:
+    """Read in one session of three round trips: login, which radio it has, that radio. Raises DeviceFailed."""
+    async with door.opened() as session:
+        replies = await session.flight([Command(path, ((".proplist", _RADIO),)) for path in _MENUS.values()])
+        found = _radio([(family, rows(reply)) for family, reply in zip(_MENUS, replies, strict=True)])
+        if found is None:
+            return RadioLook(None)
+        family, row = found
+        table, monitor = await session.flight([command(query) for query in queries(family, row["name"])])
+    shown = rows(monitor)
+    reading = read_wifi(family, rows(table), shown[0] if shown else None, row["name"])
+    return RadioLook(reading, (row.get("mac-address") or "").upper() or None)
+
+
+def _radio(told: list[tuple[Family, tuple[Row, ...] | None]]) -> tuple[Family, Row] | None:
+    """The board's first radio; virtual ones have no `default-name` and come after it."""
+    radios = [(family, row) for family, menu in told for row in menu or () if "name" in row]
+    return next((one for one in radios if "default-name" in one[1]), radios[0] if radios else None)
+
+
+def wanted_of(end: Host, other: Host, other_mac: str | None) -> WifiWanted:
+    """What is declared of one end."""
+    assert isinstance(end.device, Cpe)  # noqa: S101 - the ends of a bridge are CPEs
+    ptp = end.device.ptp
+    return WifiWanted(
+        peer=other.name,
+        peer_macs=frozenset({other_mac} if other_mac else ()),
+        access_point=ptp.mode is PtpMode.ACCESS_POINT,
+        ssid=ptp.ssid,
+        protocol=ptp.protocol.value,
+        frequency_mhz=ptp.frequency_mhz,
+        width_mhz=ptp.width_mhz,
+        weakest_dbm=ptp.signal.weakest_dbm,
+        strongest_dbm=ptp.signal.strongest_dbm,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Silent:
+    """A device that was asked and did not answer, or not as one of its kind does."""
+
+    device: str
+    message: str
+    hint: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """What the boxes of one bearer said."""
+
+    state: LinkState | None = None
+    """None: they say nothing of it, or there is no box that could."""
+    quality: Quality = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    silent: tuple[Silent, ...] = ()
+
+
+def of_bridge(near: tuple[Host, RadioLook | Silent | None], far: tuple[Host, RadioLook | Silent | None] | None) -> Own:
+    """Judge both ends; the readings are the near end's, with what the far end hears beside them.
+
+    An end is a look, a silence, or None where it was not to be asked; `far` is None where nobody declares one.
+    """
+    ends = [end for end in (near, far) if end is not None]
+    macs = {host.name: told.mac for host, told in ends if isinstance(told, RadioLook)}
+    own = Own(silent=tuple(told for _, told in ends if isinstance(told, Silent)))
+    for host, told in ends:
+        if isinstance(told, RadioLook):
+            judged = _of_end(host, told, [other for other, _ in ends if other is not host], macs)
+            own = _joined(own, judged if host is near[0] else _far(judged))
+    return _expected(own, far[1]) if far is not None and isinstance(far[1], Silent) else own
+
+
+def _expected(own: Own, far: Silent) -> Own:
+    """While the near end hears nobody, that the far one does not answer is no news."""
+    if own.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in own.silent:
+        return own
+    message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
+    hint = "repair the bridge first; if it stays away after that, look at its power"
+    found = Finding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
+    rest = tuple(one for one in own.silent if one is not far)
+    return replace(own, findings=(*own.findings, found), silent=rest)
+
+
+def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> Own:
+    if look.reading is None:
+        message = f"{host.name}: its menus show no radio"
+        hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi-link.md"
+        return Own(LinkState.DOWN, {}, (Finding(Verdict.FAIL, "no-radio", message, hint),))
+    if not others:
+        return Own(radios.link_state(look.reading), radios.quality(look.reading))
+    wanted = wanted_of(host, others[0], macs.get(others[0].name))
+    found = (_said_by(host, finding) for finding in radios.judge(look.reading, wanted))
+    return Own(radios.link_state(look.reading), radios.quality(look.reading, wanted), tuple(found))
+
+
+def _said_by(host: Host, finding: Finding) -> Finding:
+    return replace(finding, message=f"{host.name}: {finding.message}")
+
+
+def _far(own: Own) -> Own:
+    """Of the far end's readings only what it hears."""
+    return replace(own, quality={"far_signal_dbm": own.quality.get("signal_dbm")})
+
+
+def _joined(first: Own, second: Own) -> Own:
+    """The worse state of the two holds."""
+    states = [state for state in (first.state, second.state) if state is not None]
+    return Own(
+        max(states, key=_WORSE.index, default=None),
+        first.quality | second.quality,
+        (*first.findings, *second.findings),
+        (*first.silent, *second.silent),
+    )
+
+
+_WORSE = (LinkState.UP, LinkState.UNKNOWN, LinkState.SEARCHING, LinkState.DOWN)
+
+
+def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[Finding, ...]:
+    """What follows from a box that does not answer: little where its link answers, much where nothing does."""
+    verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
+    told = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
+    return tuple(
+        Finding(verdict, "device-unreachable", f"{one.device} cannot be read{told}: {one.message}", one.hint)
+        for one in silent
+    )
+
+
+def of_terminal(declaration: Declaration, host: Host | None, store: Store, today: date) -> Own:
+    """Tell what a person has seen of the terminal, and what is wrong with that. Raises StateDamaged."""
+    if host is None or not is_terminal(host):
+        return Own()
+    found = look(declaration, host, store, today=today)
+    evidence = found.evidence
+    quality: Quality = {
+        "firmware": None if evidence is None else evidence.firmware,
+        "seen_by": None if evidence is None else evidence.by,
+        "seen_on": None if evidence is None else evidence.seen_on.isoformat(),
+    }
+    return Own(None, quality, found.findings)
+
+
+def kept_off(bearer: Bearer, port: str | None, router: RouterReading | None) -> Quality:
+    """What the router has kept off the link, and whether the next hop has answered ARP on the port of late.
+
+    The chain's name is that of `render.view.Uplink.chain`. An entry of ARP ages, so that its absence proves nothing.
+    """
+    there = None if router is None or router.neighbours is None else router.neighbours.get(port or "", ())
+    counted = None if router is None or router.dropped is None else router.dropped.get(f"to-{bearer.name}")
+    seen = None if there is None else str(bearer.gateway) in {one.address for one in there}
+    return {
+        "next_hop_seen": {None: None, True: "yes", False: "no"}[seen],
+        "kept_off_packets": None if counted is None else counted[0],
+        "kept_off_bytes": None if counted is None else counted[1],
+    }
+
+
+_INTERFACE = "lte1"
+"""RouterOS' factory name of the one modem that a unit has."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnitLook:
+    """What a unit said, and what its driver says of it."""
+
+    reading: LteReading
+    findings: tuple[Finding, ...]
+    requests: int | None = None
+    """Sent to it by a driver that counts requests."""
+
+
+async def read_routeros(door: Door, unit: Unit) -> UnitLook:
+    """Read in one session. Raises DeviceFailed.
+
+    Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
+    """
+    async with door.opened() as session:
+        reading = await modem_reading(session)
+    if reading.state is Registration.SIM_PIN_REQUIRED and unit.pin_tried:
+        reading = replace(reading, pin_refused=True)
+    return UnitLook(reading, judge.judge(reading, unit.wanted))
+
+
+async def modem_reading(session: Session) -> LteReading:
+    """Read in one round trip; one more where only the log tells of the SIM, and one for a modem with another name."""
+    replies = await session.flight([command(query) for query in routeros.queries(_INTERFACE)])
+    name = routeros.modem_name(rows(replies[1]), _INTERFACE)
+    if name != _INTERFACE:
+        replies[0] = await session.command(command(routeros.monitor_query(name)))
+    reading = _reading(replies)
+    if reading.state is Registration.UNKNOWN:
+        reading = _reading(replies, rows(await session.command(command(routeros.log_query()))))
+    return reading
+
+
+def _reading(replies: list[Reply], log: tuple[Row, ...] | None = None) -> LteReading:
+    monitor, interfaces, profiles, addresses = (rows(reply) for reply in replies)
+    return routeros.read(monitor[0] if monitor else None, interfaces, profiles, addresses, log, _INTERFACE)
+
+
+async def read_by_driver(unit: Unit) -> UnitLook:
+    """Read a unit of another make, in a thread: its driver waits for answers. Raises NetcfgError."""
+    found = await asyncio.to_thread(unit.look)
+    return UnitLook(found.reading, found.findings, found.requests)
+
+
+def of_unit(name: str, told: UnitLook, driver: LteDriver, *, forwards: bool) -> Own:
+    """Put into the words of its bearer. `forwards`: ports of the site's outer addresses are declared to lead inside."""
+    reading = told.reading
+    if driver is LteDriver.MANUAL:
+        return Own(findings=told.findings)
+    hidden = judge_carrier_nat(name, reading.address, forwards=forwards)
+    nat = None if reading.address is None else "yes" if hidden else "no"
+    found = (replace(finding, message=f"{name}: {finding.message}") for finding in told.findings)
+    state = judge.link_state(reading)
+    return Own(state, judge.quality(reading) | {"carrier_nat": nat}, (*found, *(hidden if forwards else ())))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """Everything that one look has brought of one bearer."""
+
+    way: Way
+    router: RouterReading | Silent | None
+    """None: it was not to be asked."""
+    own: Own
+    active: bool | None
+    month_bytes: int | None = None
+    box: str | None = None
+    """The device of the declaration at this end, if there is one."""
+    next_hop: str | None = None
+    network: IPv4Network | None = None
+    """Of the link."""
+    powered: str | None = None
+    """The router's PoE port that feeds the box, if one does."""
+
+    @property
+    def reading(self) -> RouterReading | None:
+        """What the router said, if it did."""
+        return self.router if not isinstance(self.router, Silent) else None
+
+    @property
+    def port(self) -> Port | None:
+        """The interface that the bearer is on."""
+        reading = self.reading
+        return None if reading is None or self.way.port is None else (reading.ports or {}).get(self.way.port)
+
+    @property
+    def strangers(self) -> tuple[str, ...]:
+        """Addresses outside the link's network that have answered ARP on its port."""
+        reading, network = self.reading, self.network
+        if reading is None or reading.neighbours is None or network is None:
+            return ()
+        there = (one.address for one in reading.neighbours.get(self.way.port or "", ()))
+        return tuple(address for address in there if IPv4Address(address) not in network)
+
+    @property
+    def echoes(self) -> tuple[Echo, ...]:
+        """How its canaries answered."""
+        reading = self.reading
+        return () if reading is None else (reading.echoes or {}).get(self.way.name, ())
+
+    @property
+    def answers(self) -> bool | None:
+        """Whether somebody answers over it; None: nobody was asked."""
+        return any(echo.received for echo in self.echoes) if self.echoes else None
+
+    @property
+    def dark(self) -> bool:
+        """Whether its port has no link."""
+        return self.port is not None and (self.port.running is False or self.port.disabled is True)
+
+
+def told(seen: Seen) -> BearerStatus:
+    """Reduce it to a status."""
+    return BearerStatus(
+        name=seen.way.name,
+        kind=seen.way.kind,
+        state=_state(seen),
+        active=seen.active,
+        metered=seen.way.metered,
+        quality=_quality(seen),
+        month_bytes=seen.month_bytes,
+        findings=tuple(_findings(seen)),
+    )
+
+
+def _state(seen: Seen) -> LinkState:
+    if seen.dark:
+        return LinkState.DOWN
+    if seen.answers is not None:
+        waiting = seen.own.state is LinkState.SEARCHING
+        return LinkState.UP if seen.answers else LinkState.SEARCHING if waiting else LinkState.DOWN
+    return seen.own.state or LinkState.UNKNOWN
+
+
+def _quality(seen: Seen) -> Quality:
+    port, echoes = seen.port, seen.echoes
+    sent = sum(echo.sent for echo in echoes)
+    times = [echo.rtt_ms for echo in echoes if echo.rtt_ms is not None]
+    lost = sent - sum(echo.received for echo in echoes)
+    found: Quality = {
+        "port": seen.way.port,
+        "port_link": None if port is None or port.running is None else "up" if not seen.dark else "down",
+        "rtt_ms": round(min(times), 1) if times else None,
+        "loss_percent": round(100 * lost / sent) if sent else None,
+    }
+    return found | seen.own.quality
+
+
+def _findings(seen: Seen) -> Iterator[Finding]:
+    if isinstance(seen.router, Silent):
+        message = f"the router cannot be read, so nobody knows whether this link works: {seen.router.message}"
+        yield Finding(Verdict.INCONCLUSIVE, "router-unreachable", message, seen.router.hint)
+    yield from _of_port(seen)
+    yield from _of_strangers(seen)
+    own = tuple(_believed(seen))
+    yield from own
+    yield from unheard(seen.own.silent, answers=False if seen.dark else seen.answers)
+    if not seen.dark:
+        yield from _of_canaries(seen, explained=any(one.verdict is Verdict.FAIL for one in own))
+
+
+def _believed(seen: Seen) -> Iterator[Finding]:
+    """A unit that shows no address has one all the same if canaries answer over it."""
+    for finding in seen.own.findings:
+        if finding.code != "no-address" or not seen.answers:
+            yield finding
+
+
+def _of_port(seen: Seen) -> Iterator[Finding]:
+    name, port = seen.way.port, seen.port
+    reading = seen.reading
+    if reading is not None and reading.ports is not None and port is None:
+        hint = "compare `ports` in the router's host_vars with the box"
+        yield Finding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
+    elif reading is not None and (called := reading.renamed.get(name or "")) is not None:
+        hint = "run the site: ports get their names back, and what is declared for a port comes to its socket"
+        message = f"port {name} of the router is called {called} there: what the router does by names is elsewhere"
+        yield Finding(Verdict.FAIL, "port-renamed", message, hint)
+    elif port is not None and port.disabled:
+        hint = "run the site to enable it, or look who has disabled it"
+        yield Finding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
+    elif port is not None and port.running is False:
+        fed = f" from PoE of {seen.powered}" if seen.powered else ""
+        hint = f"is the cable plugged in at both ends, and has the box power{fed}?"
+        yield Finding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
+
+
+def _of_strangers(seen: Seen) -> Iterator[Finding]:
+    """A box that answers on its port from another network is one as its factory made it (devices.md, section 3)."""
+    reading = seen.reading
+    if seen.box is None or seen.next_hop is None or reading is None or reading.neighbours is None:
+        return
+    answers = seen.next_hop in {one.address for one in reading.neighbours.get(seen.way.port or "", ())}
+    for stranger in seen.strangers:
+        yield from judge_factory_address(
+            seen.box, seen.way.port or "", seen.next_hop, answers=answers, answers_at_factory=stranger
+        )
+
+
+def _of_canaries(seen: Seen, *, explained: bool) -> Iterator[Finding]:
+    """Say which canaries are silent; a link that is down is told once, by whoever knows why."""
+    silent = [echo.target for echo in seen.echoes if not echo.received]
+    if seen.answers is False and not explained:
+        message = f"no canary answers over this link ({', '.join(silent)})"
+        waits = seen.own.state is LinkState.UP
+        hint = (
+            "its own box is connected: look beyond it, at the far router or the provider"
+            if waits
+            else "look at the box of this link, then at what is beyond it"
+        )
+        yield Finding(Verdict.FAIL, "canaries-silent", message, hint)
+    elif seen.answers and silent:
+        message = f"{', '.join(silent)} does not answer over this link, the others do"
+        hint = "one canary alone proves the link; if it stays silent, declare another one in `canaries`"
+        yield Finding(Verdict.WARN, "canary-silent", message, hint)
+    elif seen.answers and any(echo.received < echo.sent for echo in seen.echoes):
+        sent, received = sum(echo.sent for echo in seen.echoes), sum(echo.received for echo in seen.echoes)
+        message = f"{sent - received} of {sent} pings were lost"
+        yield Finding(Verdict.WARN, "loss", message, "look again; a link that keeps losing packets is about to fail")
+
+
+def twice(seen: Sequence[Seen]) -> tuple[tuple[str, Finding], ...]:
+    """Name boxes that have one address on two ports, most often the factory's, by bearer."""
+    ports: dict[str, list[Seen]] = {}
+    for one in seen:
+        for stranger in one.strangers:
+            ports.setdefault(stranger, []).append(one)
+    return tuple(
+        (one.way.name, _twice(address, many)) for address, many in ports.items() if len(many) > 1 for one in many
+    )
+
+
+def _twice(address: str, many: Sequence[Seen]) -> Finding:
+    where = " and ".join(f"{one.way.port} ({one.way.name})" for one in many)
+    message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
+    return Finding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
+
+
+def ranked(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
+    """Say of each what follows from the order of preference; `statuses` stand in that order."""
+    if any(status.active is None for status in statuses):
+        return tuple(statuses)
+    active = [status.name for status in statuses if status.active]
+    if not active:
+        first, *others = statuses
+        message = "no default route leads over any link: nothing leaves the site"
+        hint = "a router that was never configured has none: run the site; else see what is said of each link"
+        return (_with(first, Finding(Verdict.FAIL, "no-way-out", message, hint)), *others)
+    place = min(number for number, status in enumerate(statuses) if status.active)
+    return tuple(_ranked(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
+
+
+def _ranked(
+    status: BearerStatus, number: int, place: int, statuses: Sequence[BearerStatus], fail_back_s: int
+) -> BearerStatus:
+    if number < place and status.state is LinkState.UP:
+        message = f"it answers, but {statuses[place].name} carries the traffic"
+        hint = f"it is taken again when it has answered for {fail_back_s} s without a break: look again after that"
+        return _with(status, Finding(Verdict.WARN, "not-taken-yet", message, hint))
+    if number and status.active:
+        paid = ", and every byte is paid" if status.metered else ""
+        message = f"it carries the traffic in place of {statuses[0].name}{paid}"
+        return _with(status, Finding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}"))
+    return status
+
+
+def _with(status: BearerStatus, finding: Finding) -> BearerStatus:
+    return replace(status, findings=(*status.findings, finding))

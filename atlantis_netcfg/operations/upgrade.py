@@ -1,0 +1,523 @@
+"""Upgrading RouterOS on one device of the declaration from package files that a person gives.
+
+`Prepared.of` reads the files and the device and decides what would happen, changing nothing; a person agrees;
+`carry_out` saves the device's state, sends the files, reboots, and reads back. It never starts by itself and downloads
+nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import dataclass, field, replace
+from math import ceil
+from typing import TYPE_CHECKING, Any, Self
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.console.ssh import upload
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.journal import (
+    Journal,
+    NoJournal,
+    Outcome,
+    PackagesConfirmed,
+    PackageSent,
+    Purpose,
+    Rebooting,
+    RunEnded,
+    RunStarted,
+    StatesOnly,
+    Store,
+    conclude,
+    unrecorded,
+)
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import gate, link_of, unpaid
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.request import Mode as Asked
+from atlantis_netcfg.packages import Installed, Package, Upgrade, plan, read_npk
+from atlantis_netcfg.routeros.api import Command, Session, SessionLost
+from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.estimate import beforehand
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.bearers.cost import Link, Preview
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.journal import Recorder
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.packages import Npk
+    from atlantis_netcfg.routeros.api import Endpoint, Reply
+    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, SshEndpoint
+    from atlantis_netcfg.routeros.estimate import Bearer
+
+__all__ = [
+    "REBOOTED_WITHIN_S",
+    "Prepared",
+    "Seen",
+    "Upgraded",
+    "Upgrading",
+    "Waiting",
+    "_configuration",
+    "_cost",
+    "log_of",
+    "look",
+]
+
+
+_PROGRESS_STEPS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """How long to wait for a device that reboots and installs, in seconds."""
+
+    until_s: float = 900.0
+    poll_s: float = 5.0
+    connect_s: float = 15.0
+    """For one attempt; an attempt that meets a device still booting must not use up all of the time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upgrading:
+    """One device and the files for it."""
+
+    name: str
+    endpoint: Endpoint
+    ssh: SshEndpoint
+    """Where files go; without a pinned host key none is sent."""
+    given: tuple[Npk, ...]
+    give_up: tuple[str, ...] = ()
+    notify: Subscriber = lambda _event: None
+    waiting: Waiting = Waiting()
+
+    async def look(self) -> tuple[Seen, Upgrade]:
+        """Read the device and decide; nothing is changed. Raises UpgradeRefused, and what a session raises."""
+        self._say(Stage.CONNECTING, f"to {self.endpoint}")
+        seen = await look(self.endpoint)
+        self._say(Stage.OBSERVED, f"{seen.installed.board}, RouterOS {seen.installed.version}")
+        strangers = sorted(seen.files.keys() - {package.path.name for package in self.given})
+        if strangers:
+            raise DeviceFailed(
+                f"other packages lie on the device, and its next reboot would install them: {', '.join(strangers)}",
+                hint="remove them (/file remove), or give them too, then run the same command again",
+            )
+        return seen, plan(seen.installed, self.given, give_up=self.give_up)
+
+    async def carry_out(self, seen: Seen, upgrade: Upgrade, journal: Recorder) -> Seen:
+        """Send, reboot, wait, and return what was read back.
+
+        Raises DeviceFailed with the device as it was, or OutcomeUnknown if it has not come back.
+        """
+        await self._send(seen, upgrade, journal)
+        journal.write(Rebooting(device=self.name, version=str(upgrade.version)))
+        self._say(Stage.APPLYING, f"rebooting into RouterOS {upgrade.version}")
+        await _reboot(self.endpoint)
+        back = await self._back()
+        await self._verify(back, upgrade)
+        journal.write(
+            PackagesConfirmed(device=self.name, version=str(back.installed.version), packages=upgrade.expected)
+        )
+        self._say(Stage.CONFIRMED, f"RouterOS {back.installed.version}")
+        return back
+
+    async def _send(self, seen: Seen, upgrade: Upgrade, journal: Recorder) -> None:
+        """Put every file on the device; what was put there is taken away again if one does not arrive."""
+        done = 0
+        try:
+            for package in upgrade.send:
+                if not seen.holds(package):
+                    await asyncio.to_thread(self._upload, package, done, upgrade.size)
+                done += package.size
+                self._say(Stage.APPLYING, f"kB sent, {package.path.name} is whole", done // 1000, upgrade.size // 1000)
+            await self._all_there(upgrade)
+        except BaseException:
+            await _remove(self.endpoint, upgrade.send)
+            raise
+        for package in upgrade.send:
+            journal.write(PackageSent(device=self.name, file=package.path.name, sha256=package.sha256))
+
+    async def _all_there(self, upgrade: Upgrade) -> None:
+        there = await look(self.endpoint)
+        missing = [package.path.name for package in upgrade.send if not there.holds(package)]
+        if missing:
+            raise DeviceFailed(f"the device does not take these files for packages: {', '.join(missing)}")
+
+    def _upload(self, package: Npk, before: int, total: int) -> None:
+        told = before
+
+        def progress(sent: int, _size: int) -> None:
+            nonlocal told
+            if before + sent - told >= total // _PROGRESS_STEPS:
+                told = before + sent
+                self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", told // 1000, total // 1000)
+
+        ssh = self.ssh
+        upload(
+            ssh.host,
+            ssh.port,
+            ssh.user,
+            ssh.password,
+            pin=ssh.pin,
+            source=package.path,
+            name=package.path.name,
+            progress=progress,
+        )
+
+    async def _back(self) -> Seen:
+        """Wait for a device that was up for less time than has gone by: then it has rebooted. Raises OutcomeUnknown."""
+        clock = asyncio.get_running_loop().time
+        asked = clock()
+        patient_s = self.waiting.connect_s
+        endpoint = replace(self.endpoint, connect_timeout_s=patient_s, reply_timeout_s=patient_s)
+        why = "it did not answer"
+        while (gone_s := clock() - asked) < self.waiting.until_s:
+            self._say(Stage.WAITING, f"for the device to come back: {gone_s:.0f} s")
+            await asyncio.sleep(self.waiting.poll_s)
+            try:
+                seen = await look(endpoint)
+            except DeviceFailed as away:
+                why = str(away)
+                continue
+            if seen.uptime_s <= clock() - asked + REBOOTED_WITHIN_S:
+                return seen
+            why = "it answers, but it has not rebooted"
+        raise OutcomeUnknown(
+            f"{self.name} was told to reboot and is not back after {self.waiting.until_s:.0f} s: {why}",
+            hint="is it powered? Look at its lights or its serial line, then run the same command again",
+        )
+
+    async def _verify(self, back: Seen, upgrade: Upgrade) -> None:
+        """Compare what came back with what was planned. Raises DeviceFailed with the device's own words."""
+        there = {package.name: package for package in back.installed.packages if not package.disabled}
+        wrong = [name for name in upgrade.expected if name not in there or there[name].version != upgrade.version]
+        if back.installed.version == upgrade.version and not wrong:
+            return
+        words = await log_of(self.endpoint)
+        told = f"; its log says: {'; '.join(words)}" if words else ""
+        missing = f", without {', '.join(wrong)}" if wrong else ""
+        raise DeviceFailed(
+            f"{self.name} rebooted and runs RouterOS {back.installed.version}{missing}{told}",
+            hint="are the files whole and from MikroTik, for this very board?",
+        )
+
+    def _say(self, stage: Stage, message: str, done: int = 0, total: int = 0) -> None:
+        self.notify(Event(self.name, stage, message, done, total))
+
+
+async def _reboot(endpoint: Endpoint) -> None:
+    """Tell it; a device that goes down before it has answered has heard us."""
+    session = await Session.open(endpoint)
+    try:
+        (await session.command(Command("/system/reboot"))).checked()
+    except SessionLost:
+        pass
+    finally:
+        await session.close()
+
+
+async def _remove(endpoint: Endpoint, packages: Sequence[Npk]) -> None:
+    """Take sent files away, as far as the device can be reached."""
+    try:
+        session = await Session.open(endpoint)
+    except DeviceFailed:
+        return
+    try:
+        await session.flight([Command("/file/remove", (("numbers", package.path.name),)) for package in packages])
+    except DeviceFailed:
+        return
+    finally:
+        await session.close()
+
+
+_OVERHEAD = 1.1
+"""Bytes on the wire for one byte of a file: SSH, TCP and IP (inferred)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upgraded:
+    """How it ended; what is told as done was read back."""
+
+    device: str
+    status: Status
+    exit: ExitCode
+    message: str
+    hint: str | None = None
+    before: str = ""
+    after: str = ""
+    packages: tuple[str, ...] = ()
+    run: str = ""
+    notes: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "device": self.device,
+            "status": self.status.value,
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": self.hint,
+            "before": self.before,
+            "after": self.after,
+            "packages": list(self.packages),
+            "run": self.run,
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """An upgrade that has been judged and not begun."""
+
+    upgrading: Upgrading
+    seen: Seen
+    upgrade: Upgrade
+    bearer: Bearer
+    cost: Preview
+    """What sending comes to, with saving and reading back; the reboot itself sends nothing."""
+    job: DeviceJob = field(repr=False)
+
+    @classmethod
+    def of(  # noqa: PLR0913 - all that a command line says
+        cls,
+        declaration: Declaration,
+        host: Host,
+        files: Sequence[Path],
+        request: Request,
+        notify: Subscriber,
+        *,
+        give_up: Sequence[str] = (),
+        waiting: Waiting = Waiting(),
+    ) -> Self:
+        """Read files, then the device. Raises NotAPackage and CostRefused before it is contacted.
+
+        UpgradeRefused and DeviceFailed after.
+        """
+        if not isinstance(host.device, Router):
+            raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
+        given = tuple(read_npk(path) for path in files)
+        gate(declaration, [host], request.model_copy(update={"mode": Asked.PLAN}))
+        job = device_job(declaration, host, request, NoJournal(), notify)
+        assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
+        upgrading = Upgrading(host.name, job.endpoint, job.ssh, given, tuple(give_up), notify, waiting)
+        seen, upgrade = asyncio.run(upgrading.look())
+        bearer = bearer_of(declaration, host, request.via.get(host.name))
+        cost = _cost(upgrade, bearer, link_of(declaration, host.site, bearer.name))
+        return cls(upgrading, seen, upgrade, bearer, cost, job)
+
+    @property
+    def seconds(self) -> float:
+        """How long sending takes at the bearer's declared rate; the reboot comes on top."""
+        return self.upgrade.size * _OVERHEAD * 8 / self.bearer.rate_up_bps
+
+    def carry_out(self, declaration: Declaration, request: Request) -> Upgraded:
+        """Do it under the site's lock, with a journal.
+
+        Raises CostRefused, SiteBusy and JournalFailed before anything is sent.
+        """
+        self.affordable(request)
+        if self.bearer.metered and not request.rehearsed and not request.accept_cost:
+            raise unpaid([self.cost.words], request.command)
+        store = Store(request.state, rehearsed=request.rehearsed)
+        with store.lock(self.job.site, request.command), store.start(self._started(declaration, request)) as journal:
+            result = self._journalled(journal)
+            outcome = Outcome(
+                device=result.device, status=result.status.value, exit=int(result.exit), message=result.message
+            )
+            return unrecorded(result, conclude(journal, outcome, RunEnded(exit=int(result.exit))))
+
+    def affordable(self, request: Request) -> None:
+        """Raise CostRefused for files beyond the bearer's cap, which nobody's consent lifts; a rehearsal goes on."""
+        if self.cost.over_cap and not request.rehearsed:
+            raise self.cost.refusal()
+
+    def planned(self) -> Upgraded:
+        """The words for a plan: nothing was sent."""
+        before, after = str(self.seen.installed.version), str(self.upgrade.version)
+        message = f"planned: RouterOS {before} -> {after}, {len(self.upgrade.send)} files, {self.upgrade.size} bytes"
+        names = tuple(package.name for package in self.upgrade.send)
+        return Upgraded(self.job.name, Status.PLANNED, ExitCode.CHANGES, message, None, before, after, names)
+
+    def unchanged(self) -> Upgraded:
+        """The words for a device that has all of it."""
+        version = str(self.seen.installed.version)
+        return Upgraded(
+            self.job.name,
+            Status.UNCHANGED,
+            ExitCode.DONE,
+            f"already so: RouterOS {version}",
+            before=version,
+            after=version,
+            packages=self.upgrade.expected,
+        )
+
+    def _started(self, declaration: Declaration, request: Request) -> RunStarted:
+        return RunStarted(
+            site=self.job.site,
+            revision=declaration.revision,
+            tool=__version__,
+            hosts=(self.job.name,),
+            rehearsed=request.rehearsed,
+            command=request.command,
+            purpose=Purpose.UPGRADE,
+        )
+
+    def _journalled(self, journal: Journal) -> Upgraded:
+        before = str(self.seen.installed.version)
+        try:
+            back, differs = asyncio.run(self._run(journal))
+        except NetcfgError as failure:
+            status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
+            hint = failure.hint and complete(failure.hint, site=self.job.site, device=self.job.name)
+            return Upgraded(self.job.name, status, failure.exit, str(failure), hint, before, run=journal.run)
+        after = str(back.installed.version)
+        return Upgraded(
+            self.job.name,
+            Status.CHANGED,
+            ExitCode.DONE,
+            f"RouterOS {before} -> {after}, read back: {', '.join(self.upgrade.expected)}",
+            None,
+            before,
+            after,
+            self.upgrade.expected,
+            journal.run,
+            (_configuration(differs, self.job.site),),
+        )
+
+    async def _run(self, journal: Journal) -> tuple[Seen, DeviceResult]:
+        saved = await converge(replace(self.job, journal=StatesOnly(journal)), mode=Mode.BACKUP)
+        if saved.exit is not ExitCode.DONE:
+            raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
+        back = await self.upgrading.carry_out(self.seen, self.upgrade, journal)
+        return back, await converge(self.job, mode=Mode.PLAN)
+
+
+def _cost(upgrade: Upgrade, bearer: Bearer, link: Link) -> Preview:
+    beside = (beforehand(bearer, exports=True), beforehand(bearer), beforehand(bearer))
+    sent = ceil(upgrade.size * _OVERHEAD) + sum(each.wire_bytes for each in beside)
+    return preview(sent, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link)
+
+
+def _configuration(planned: DeviceResult, site: str) -> str:
+    """Say what the new version made of the configuration."""
+    if planned.exit is ExitCode.DONE:
+        return "the configuration is as declared"
+    if planned.exit is ExitCode.CHANGES:
+        return (
+            f"{planned.planned} changes to the declared configuration: look at them with "
+            f"`provision site={site} only={planned.name} --plan`"
+        )
+    return f"the configuration could not be compared: {planned.message}"
+
+
+REBOOTED_WITHIN_S = 5.0
+"""How far the device's count of its uptime and our clock may be apart."""
+
+_RESOURCE = "version,architecture-name,board-name,free-hdd-space,factory-software,uptime"
+_READS = (
+    Command("/system/resource/print", ((".proplist", _RESOURCE),)),
+    Command("/system/package/print", ((".proplist", "name,version,disabled"),)),
+    Command("/interface/print", ((".proplist", "name,type"),), ("?type=wlan", "?type=wifi", "?#|")),
+    Command(
+        "/file/print",
+        ((".proplist", "name,size,package-name,package-version,package-architecture"),),
+        ("?type=package",),
+    ),
+)
+_WEIGHT_S = {"w": 604800, "d": 86400, "h": 3600, "m": 60, "s": 1}
+_LOG_LINES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One look at a device."""
+
+    installed: Installed
+    uptime_s: float
+    files: Mapping[str, Mapping[str, str]]
+    """Package files on its flash, by name, as `/file` shows them."""
+
+    def holds(self, package: Npk) -> bool:
+        """Whether this very package lies on the flash, whole: of its size, and understood by the device itself."""
+        file = self.files.get(package.path.name)
+        if file is None or file.get("size") != str(package.size):
+            return False
+        return "package-name" not in file or file.get("package-version") == str(package.version)
+
+
+async def look(endpoint: Endpoint) -> Seen:
+    """Read it in one session of two round trips. Raises DeviceFailed, also for answers that are not understood."""
+    session = await Session.open(endpoint)
+    try:
+        resource, packages, radios, files = await session.flight(_READS)
+    finally:
+        await session.close()
+    about = next(iter(resource.checked().rows), {})
+    return Seen(
+        Installed(
+            version=_version(about.get("version", "")),
+            architecture=about.get("architecture-name", ""),
+            board=about.get("board-name", ""),
+            packages=tuple(_packages(packages)),
+            free_bytes=_number(about.get("free-hdd-space", "")),
+            radios=tuple(row.get("name", "") for row in radios.checked().rows),
+            factory=_maybe(about.get("factory-software", "")),
+        ),
+        uptime_s=_seconds(about.get("uptime", "")),
+        files={row.get("name", ""): row for row in files.checked().rows},
+    )
+
+
+async def log_of(endpoint: Endpoint) -> list[str]:
+    """Return what the device wrote about packages, latest last; empty if it cannot be read."""
+    try:
+        session = await Session.open(endpoint)
+    except DeviceFailed:
+        return []
+    try:
+        reply = await session.command(Command("/log/print", ((".proplist", "topics,message"),)))
+    except DeviceFailed:
+        return []
+    finally:
+        await session.close()
+    about = re.compile(r"install|package|npk|removed", re.IGNORECASE)
+    return [row["message"] for row in reply.rows if about.search(row.get("message", ""))][-_LOG_LINES:]
+
+
+def _packages(reply: Reply) -> list[Package]:
+    """Return what is installed; from 7.18 on the list also has packages that a server offers, without a version."""
+    return [
+        Package(row.get("name", ""), _version(row["version"]), row.get("disabled") in ("true", "yes"))
+        for row in reply.checked().rows
+        if row.get("version")
+    ]
+
+
+def _version(text: str) -> Version:
+    found = _maybe(text)
+    if found is None:
+        raise DeviceFailed(f"this is no RouterOS that we know: it names a version `{text}`")
+    return found
+
+
+def _maybe(text: str) -> Version | None:
+    try:
+        return Version.parse(text)
+    except ValueError:
+        return None
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isdecimal() else 0
+
+
+def _seconds(text: str) -> float:
+    """Read `1w2d3h4m5s`."""
+    return float(sum(int(count) * _WEIGHT_S[unit] for count, unit in re.findall(r"(\d+)([wdhms])(?![a-z])", text)))
