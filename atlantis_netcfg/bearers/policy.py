@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["ROUTE_PROPERTIES", "Probe", "Way", "active_bearer", "active_bearers", "daily_bytes", "probe_commands"]
+__all__ = ["ROUTE_PROPERTIES", "Probe", "Route", "active_bearer", "active_bearers", "daily_bytes", "probe_commands"]
 
 ROUTE_PROPERTIES = (
     "dst-address",
@@ -39,7 +39,7 @@ _TRUE = frozenset({"true", "yes"})
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Route:
     """A bearer as the router's routing knows it."""
 
     name: str
@@ -65,7 +65,7 @@ class Probe:
     """What it sends and receives over the bearer if everything is answered."""
 
 
-def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Way]) -> tuple[str, ...]:
+def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Route]) -> tuple[str, ...]:
     """Return the bearers by which the main table's default leads now, in the order of `bearers`.
 
     Several are ECMP over different links; none means that the site has no way out, or one that is not a bearer's.
@@ -74,7 +74,7 @@ def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Wa
     return tuple(bearer.name for bearer in bearers if bearer.name in found)
 
 
-def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Way]) -> str | None:
+def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Route]) -> str | None:
     """Return the one bearer that carries the traffic; None if there is none, or not one alone.
 
     Two canaries of one link are two equal routes and still one bearer. A default route that is nobody's beside a
@@ -104,7 +104,7 @@ def _distance(row: Mapping[str, str]) -> int:
     return int(text) if text.isdecimal() else 1
 
 
-def _owner(row: Mapping[str, str], bearers: Sequence[Way]) -> str | None:
+def _owner(row: Mapping[str, str], bearers: Sequence[Route]) -> str | None:
     """A flag that is there says `blackhole=` or `blackhole=true`; such a route leads nowhere, so to no bearer."""
     if row.get("blackhole", "no") not in ("no", "false"):
         return None
@@ -119,7 +119,7 @@ def _owner(row: Mapping[str, str], bearers: Sequence[Way]) -> str | None:
     return None
 
 
-def probe_commands(bearers: Sequence[Way], *, count: int = 3) -> tuple[Probe, ...]:
+def probe_commands(bearers: Sequence[Route], *, count: int = 3) -> tuple[Probe, ...]:
     """Return pings that test every probed bearer by its own routing table; nobody's traffic moves.
 
     A ping from a link's own address is led into the link's own table by a routing rule, so it takes this link whether

@@ -32,8 +32,8 @@ class Query:
     @property
     def words(self) -> tuple[tuple[str, str], ...]:
         """The arguments of the sentence, the list of properties among them."""
-        wanted = ((".proplist", ",".join(self.proplist)),) if self.proplist else ()
-        return (*self.arguments, *wanted)
+        proplist = ((".proplist", ",".join(self.proplist)),) if self.proplist else ()
+        return (*self.arguments, *proplist)
 
 
 _LEVEL = re.compile(r"([+-]?\d+(?:\.\d+)?)\s*(dBm|dB)?(?:@.*)?", re.IGNORECASE)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Condition",
     "Family",
+    "WifiExpected",
     "WifiPeer",
     "WifiReading",
-    "WifiWanted",
     "judge",
     "link_state",
     "quality",
@@ -112,7 +112,7 @@ _HALF_CHANNEL_MHZ = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WifiWanted:
+class WifiExpected:
     """What the declaration says of this end."""
 
     peer: str
@@ -130,11 +130,11 @@ class WifiWanted:
     strongest_dbm: float = -35.0
 
 
-def judge(reading: WifiReading, wanted: WifiWanted) -> tuple[Finding, ...]:
+def judge(reading: WifiReading, expected: WifiExpected) -> tuple[Finding, ...]:
     """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
     if reading.associated:
-        return tuple(_association(reading, wanted))
-    return (_apart(reading, wanted),)
+        return tuple(_association(reading, expected))
+    return (_apart(reading, expected),)
 
 
 def link_state(reading: WifiReading) -> LinkState:
@@ -148,9 +148,9 @@ def link_state(reading: WifiReading) -> LinkState:
     return LinkState.SEARCHING if reading.condition in waiting else LinkState.DOWN
 
 
-def quality(reading: WifiReading, wanted: WifiWanted | None = None) -> Quality:
+def quality(reading: WifiReading, expected: WifiExpected | None = None) -> Quality:
     """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
-    peer = _declared_peer(reading, wanted)
+    peer = _declared_peer(reading, expected)
     found: Quality = {"status": reading.status, "channel": reading.channel}
     names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
     for name in (*names, "rx_ccq_percent", "uptime_s"):
@@ -161,51 +161,51 @@ def quality(reading: WifiReading, wanted: WifiWanted | None = None) -> Quality:
     return found
 
 
-def _declared_peer(reading: WifiReading, wanted: WifiWanted | None) -> WifiPeer | None:
-    ours = [peer for peer in reading.peers if wanted is not None and _is_declared(peer, wanted)]
+def _declared_peer(reading: WifiReading, expected: WifiExpected | None) -> WifiPeer | None:
+    ours = [peer for peer in reading.peers if expected is not None and _is_declared(peer, expected)]
     return next(iter((*ours, *reading.peers)), None)
 
 
-def _is_declared(peer: WifiPeer, wanted: WifiWanted) -> bool | None:
+def _is_declared(peer: WifiPeer, expected: WifiExpected) -> bool | None:
     """Tell whether this is the declared peer; None where nothing is known by which to tell."""
-    if wanted.peer_macs and peer.mac is not None:
-        return peer.mac in wanted.peer_macs
-    if wanted.peer_radio_name is not None and peer.radio_name is not None:
-        return peer.radio_name == wanted.peer_radio_name
+    if expected.peer_macs and peer.mac is not None:
+        return peer.mac in expected.peer_macs
+    if expected.peer_radio_name is not None and peer.radio_name is not None:
+        return peer.radio_name == expected.peer_radio_name
     return None
 
 
-def _apart(reading: WifiReading, wanted: WifiWanted) -> Finding:
+def _apart(reading: WifiReading, expected: WifiExpected) -> Finding:
     """Why nobody is registered."""
     if reading.condition is Condition.DISABLED:
         hint = "run the site to enable it, or look who has disabled it"
         return Finding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
     if reading.condition is Condition.RADAR:
-        return _radar(reading, wanted)
+        return _radar(reading, expected)
     if reading.associated is None:
-        said = f"`{reading.status}`" if reading.status else "nothing"
-        message = f"it cannot be told whether {wanted.peer} is registered: the radio's state is {said}"
+        status = f"`{reading.status}`" if reading.status else "nothing"
+        message = f"it cannot be told whether {expected.peer} is registered: the radio's state is {status}"
         hint = "look at the radio's own status page, or ask again in a minute"
         return Finding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
-    if wanted.access_point:
-        message = f"the access point is on the air, but {wanted.peer} is not registered"
+    if expected.access_point:
+        message = f"the access point is on the air, but {expected.peer} is not registered"
         hint = (
-            f"has {wanted.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
+            f"has {expected.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
             " ends; after a radar event it may take ten minutes"
         )
         return Finding(Verdict.FAIL, "not-associated", message, hint)
-    message = f"the station searches for `{wanted.ssid}` of {wanted.peer} and does not find it"
+    message = f"the station searches for `{expected.ssid}` of {expected.peer} and does not find it"
     hint = (
-        f"is {wanted.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
-        f" protocol ({wanted.protocol}) and channel ({wanted.frequency_mhz} MHz) at both ends"
+        f"is {expected.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
+        f" protocol ({expected.protocol}) and channel ({expected.frequency_mhz} MHz) at both ends"
     )
     return Finding(Verdict.FAIL, "not-associated", message, hint)
 
 
-def _radar(reading: WifiReading, wanted: WifiWanted) -> Finding:
+def _radar(reading: WifiReading, expected: WifiExpected) -> Finding:
     low, high = _LONG_RADAR_WAIT_MHZ
-    channel = reading.channel_mhz or wanted.frequency_mhz
-    reach = max(_HALF_CHANNEL_MHZ, wanted.width_mhz - _HALF_CHANNEL_MHZ)
+    channel = reading.channel_mhz or expected.frequency_mhz
+    reach = max(_HALF_CHANNEL_MHZ, expected.width_mhz - _HALF_CHANNEL_MHZ)
     long = channel - _HALF_CHANNEL_MHZ < high and channel + reach > low
     if reading.wait_left_s is not None:
         how_long = f"{reading.wait_left_s:.0f} s are left"
@@ -216,44 +216,46 @@ def _radar(reading: WifiReading, wanted: WifiWanted) -> Finding:
     return Finding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
 
-def _association(reading: WifiReading, wanted: WifiWanted) -> Iterator[Finding]:
-    yield from _company(reading, wanted)
-    peer = _declared_peer(reading, wanted)
+def _association(reading: WifiReading, expected: WifiExpected) -> Iterator[Finding]:
+    yield from _company(reading, expected)
+    peer = _declared_peer(reading, expected)
     if peer is None or peer.signal_dbm is None:
         message = "somebody is registered, but the radio does not say how well it is heard"
         yield Finding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
     if peer is None:
         return
     if peer.authorised is False:
-        message = f"{wanted.peer} is registered but not authorised: the keys differ"
+        message = f"{expected.peer} is registered but not authorised: the keys differ"
         yield Finding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
-    yield from _levels(peer, wanted)
+    yield from _levels(peer, expected)
     yield from _flow(reading, peer)
 
 
-def _company(reading: WifiReading, wanted: WifiWanted) -> Iterator[Finding]:
-    told = [(peer, _is_declared(peer, wanted)) for peer in reading.peers]
-    strangers = [peer.radio_name or peer.mac or "somebody" for peer, declared in told if declared is False]
+def _company(reading: WifiReading, expected: WifiExpected) -> Iterator[Finding]:
+    by_peer = [(peer, _is_declared(peer, expected)) for peer in reading.peers]
+    strangers = [peer.radio_name or peer.mac or "somebody" for peer, declared in by_peer if declared is False]
     if not strangers:
         return
     names = ", ".join(strangers)
-    if any(declared for _, declared in told):
-        message = f"besides {wanted.peer}, {names} is registered"
+    if any(declared for _, declared in by_peer):
+        message = f"besides {expected.peer}, {names} is registered"
         yield Finding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
     else:
-        message = f"registered to {names}, which is not {wanted.peer}"
+        message = f"registered to {names}, which is not {expected.peer}"
         hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
         yield Finding(Verdict.FAIL, "wrong-peer", message, hint)
 
 
-def _levels(peer: WifiPeer, wanted: WifiWanted) -> Iterator[Finding]:
+def _levels(peer: WifiPeer, expected: WifiExpected) -> Iterator[Finding]:
     level = peer.signal_dbm
-    if level is not None and level < wanted.weakest_dbm:
-        message = f"{wanted.peer} is heard with {level:g} dBm, below {wanted.weakest_dbm:g} dBm"
+    if level is not None and level < expected.weakest_dbm:
+        message = f"{expected.peer} is heard with {level:g} dBm, below {expected.weakest_dbm:g} dBm"
         hint = "align both antennas, look for what stands in between, and check the antenna's cables"
         yield Finding(Verdict.WARN, "signal-weak", message, hint)
-    if level is not None and level > wanted.strongest_dbm:
-        message = f"{wanted.peer} is heard with {level:g} dBm, above {wanted.strongest_dbm:g} dBm: receivers saturate"
+    if level is not None and level > expected.strongest_dbm:
+        message = (
+            f"{expected.peer} is heard with {level:g} dBm, above {expected.strongest_dbm:g} dBm: receivers saturate"
+        )
         yield Finding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
     imbalance = peer.imbalance_db
     if imbalance is not None and imbalance > IMBALANCE_DB:
@@ -315,26 +317,26 @@ def read(
 
     `interface` leaves out what is registered on other radios of the device.
     """
-    shown = monitor or {}
-    status = _said(shown.get("status")) or _said(shown.get("state"))
+    monitored = monitor or {}
+    status = _meaningful(monitored.get("status")) or _meaningful(monitored.get("state"))
     condition = _condition(status)
     mine = [row for row in registrations or () if interface is None or row.get("interface", interface) == interface]
-    if not mine and condition is Condition.CONNECTED and "bssid" in shown:
-        mine = [{"mac-address": shown["bssid"], "radio-name": shown.get("radio-name", "")}]
+    if not mine and condition is Condition.CONNECTED and "bssid" in monitored:
+        mine = [{"mac-address": monitored["bssid"], "radio-name": monitored.get("radio-name", "")}]
     return WifiReading(
         family=family,
         condition=condition,
         status=status,
-        channel=_said(shown.get("channel")),
-        channel_mhz=_mhz(shown.get("channel")),
+        channel=_meaningful(monitored.get("channel")),
+        channel_mhz=_mhz(monitored.get("channel")),
         wait_left_s=_wait_left(status) if condition is Condition.RADAR else None,
-        overall_ccq_percent=percent(shown.get("overall-tx-ccq")),
-        peers=tuple(_read_peer(row, shown) for row in mine),
-        associated=_associated(condition, shown, mine, told=registrations is not None),
+        overall_ccq_percent=percent(monitored.get("overall-tx-ccq")),
+        peers=tuple(_read_peer(row, monitored) for row in mine),
+        associated=_associated(condition, monitored, mine, complete=registrations is not None),
     )
 
 
-def _said(text: str | None) -> str | None:
+def _meaningful(text: str | None) -> str | None:
     stripped = (text or "").strip()
     return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
 
@@ -355,25 +357,25 @@ def _wait_left(status: str | None) -> float | None:
 
 
 def _associated(
-    condition: Condition, shown: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, told: bool
+    condition: Condition, monitored: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, complete: bool
 ) -> bool | None:
     if rows or condition is Condition.CONNECTED:
         return True
-    counts = [whole(shown.get(name)) for name in ("registered-clients", "registered-peers")]
+    counts = [whole(monitored.get(name)) for name in ("registered-clients", "registered-peers")]
     if any(counts):
         return True
-    told = told or 0 in counts or condition in {Condition.SEARCHING, Condition.DISABLED, Condition.RADAR}
-    return False if told and condition is not Condition.UNKNOWN else None
+    complete = complete or 0 in counts or condition in {Condition.SEARCHING, Condition.DISABLED, Condition.RADAR}
+    return False if complete and condition is not Condition.UNKNOWN else None
 
 
-def _read_peer(row: Mapping[str, str], shown: Mapping[str, str]) -> WifiPeer:
+def _read_peer(row: Mapping[str, str], monitored: Mapping[str, str]) -> WifiPeer:
     """Read a row; what it lacks may stand in `monitor`, which speaks of the one access point of a station."""
-    station = "bssid" in shown or "signal-strength" in shown
-    both = {**shown, **row} if station else row
-    mac = _said(row.get("mac-address"))
+    station = "bssid" in monitored or "signal-strength" in monitored
+    both = {**monitored, **row} if station else row
+    mac = _meaningful(row.get("mac-address"))
     return WifiPeer(
         mac=mac.upper() if mac is not None else None,
-        radio_name=_said(row.get("radio-name")),
+        radio_name=_meaningful(row.get("radio-name")),
         signal_dbm=_level(both.get("signal-strength")) or _level(both.get("signal")),
         tx_signal_dbm=_level(both.get("tx-signal-strength")),
         chains_dbm=_chains(both),

@@ -6,52 +6,52 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bootstrap.steps import CLEARED, factory_users, is_default, is_foreign, prepare
-from atlantis_netcfg.bootstrap.target import FACTORY_USER, TEMPORARY, Facts, Row, Standing
+from atlantis_netcfg.bootstrap.target import FACTORY_USER, TEMPORARY, DeviceState, Facts, Row
 from atlantis_netcfg.console.types import ConsoleRefused, parse_rows
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import RscError, console_path, parse
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bootstrap.target import Wish
+    from atlantis_netcfg.bootstrap.target import Target
     from atlantis_netcfg.console.types import Console
 
 __all__ = ["fingerprint", "foreign", "look", "recognise"]
 
 
-def recognise(facts: Facts, wish: Wish, now: datetime) -> Standing:
+def recognise(facts: Facts, target: Target, now: datetime) -> DeviceState:
     """Tell by users, certificates and the export.
 
     A device that is adopted may hold anything: it may have been provisioned since.
     """
-    ours = any(user.get("name") == wish.user for user in facts.users)
-    if ours and not prepare(facts, wish, now) and not _left(facts) and not factory_users(facts, wish):
-        return Standing.ADOPTED
-    if foreign(facts, wish):
-        return Standing.SOMEONES
-    marked = any("atlantis" in (dict(one.values).get("comment") or "") for one in facts.export.statements)
-    return Standing.HALF if ours or marked else Standing.FACTORY
+    ours = any(user.get("name") == target.user for user in facts.users)
+    if ours and not prepare(facts, target, now) and not _left(facts) and not factory_users(facts, target):
+        return DeviceState.ADOPTED
+    if foreign(facts, target):
+        return DeviceState.SOMEONES
+    marked = any("atlantis" in (dict(statement.values).get("comment") or "") for statement in facts.export.statements)
+    return DeviceState.HALF if ours or marked else DeviceState.FACTORY
 
 
 def _left(facts: Facts) -> bool:
     """Whether something of the default configuration, or of first contact, is still there."""
     return any(
-        is_default(one) or (dict(one.values).get("comment") or "").startswith(TEMPORARY)
-        for one in facts.export.statements
+        is_default(statement) or (dict(statement.values).get("comment") or "").startswith(TEMPORARY)
+        for statement in facts.export.statements
     )
 
 
-def foreign(facts: Facts, wish: Wish) -> tuple[str, ...]:
+def foreign(facts: Facts, target: Target) -> tuple[str, ...]:
     """What neither the factory nor this toolkit has put there: menus with their number of lines, names of users."""
     lines: dict[str, int] = {}
     for statement in facts.export.statements:
         if is_foreign(statement):
             lines[statement.menu] = lines.get(statement.menu, 0) + 1
     found = [f"{console_path(menu)} ({count})" for menu, count in lines.items()]
-    users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, wish.user)]
+    users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, target.user)]
     found += [f"user {name}" for name in users]
-    certificates = [one.get("name", "") for one in facts.certificates]
-    return (*found, *(f"certificate {name}" for name in certificates if name not in wish.certificates))
+    certificates = [certificate.get("name", "") for certificate in facts.certificates]
+    return (*found, *(f"certificate {name}" for name in certificates if name not in target.certificates))
 
 
 _NO_MENU = ("bad command name", "no such command", "expected end of command", "syntax error")

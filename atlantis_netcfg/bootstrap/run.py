@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bootstrap.classify import fingerprint, foreign, look, recognise
 from atlantis_netcfg.bootstrap.steps import clear, close_door, prepare
-from atlantis_netcfg.bootstrap.target import CERTIFICATE, FACTORY_USER, Adopted, Facts, Standing, Status, Wish
+from atlantis_netcfg.bootstrap.target import CERTIFICATE, FACTORY_USER, Adopted, DeviceState, Facts, Status, Target
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, SafeModeHeld
 from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.bootstrap.steps import Step
-    from atlantis_netcfg.bootstrap.target import Doorway, Way
+    from atlantis_netcfg.bootstrap.target import ConsoleRoute, ConsoleRoutes
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.journal import Pins, Recorder
@@ -32,8 +32,8 @@ class PreflightRefused(DeviceFailed):
     """The device cannot become what is declared; nothing was touched. `errors` are all the reasons."""
 
     def __init__(self, objections: Sequence[Objection]) -> None:
-        super().__init__("; ".join(one.message for one in objections))
-        self.errors = tuple(DeviceFailed(one.message, hint=one.hint) for one in objections)
+        super().__init__("; ".join(item.message for item in objections))
+        self.errors = tuple(DeviceFailed(objection.message, hint=objection.hint) for objection in objections)
 
 
 class NotFactoryFresh(DeviceFailed):
@@ -98,34 +98,35 @@ def features_of(desired: Export) -> dict[str, str]:
     return needed
 
 
-def objections(facts: Facts, wish: Wish) -> tuple[Objection, ...]:
+def objections(facts: Facts, target: Target) -> tuple[Objection, ...]:
     """Everything at once, so that a person goes to the device one time."""
-    return (*_box(facts, wish), *_software(facts, wish), *_device_mode(facts, wish))
+    return (*_box(facts, target), *_software(facts, target), *_device_mode(facts, target))
 
 
-def _box(facts: Facts, wish: Wish) -> Iterator[Objection]:
-    said, found = (wish.model or "").lower(), facts.board.lower()
-    if said and found and said not in found and found not in said:
+def _box(facts: Facts, target: Target) -> Iterator[Objection]:
+    model, found = (target.model or "").lower(), facts.board.lower()
+    if model and found and model not in found and found not in model:
         yield Objection(
-            f"{wish.name} is declared as {wish.model}, but this is a {facts.board} ({facts.architecture})",
+            f"{target.name} is declared as {target.model}, but this is a {facts.board} ({facts.architecture})",
             "plug into the right box, or correct `model` in its host_vars file",
         )
     ports = {row.get("default-name") or row.get("name", "") for row in facts.ethernets}
-    missing = [port for port in wish.ports if port not in ports]
+    missing = [port for port in target.ports if port not in ports]
     if missing:
         yield Objection(
-            f"{wish.name} is declared with ports that this {facts.board or 'box'} does not have: {', '.join(missing)}",
+            f"{target.name} is declared with ports that this {facts.board or 'box'} does not have: "
+            f"{', '.join(missing)}",
             f"it has {', '.join(sorted(ports))}; correct `ports` in its host_vars file, or take the right box",
         )
 
 
-def _software(facts: Facts, wish: Wish) -> Iterator[Objection]:
+def _software(facts: Facts, target: Target) -> Iterator[Objection]:
     if facts.version < OLDEST:
         yield Objection(
             f"RouterOS {facts.version} is too old: {OLDEST} is the oldest that can be adopted",
             f"upgrade it in Winbox (System > Packages) with the {facts.architecture} files of a newer version first",
         )
-    if wish.radio and facts.version >= _SPLIT and not set(_RADIO_PACKAGES) & set(facts.packages):
+    if target.radio and facts.version >= _SPLIT and not set(_RADIO_PACKAGES) & set(facts.packages):
         yield Objection(
             f"RouterOS {facts.version} on this {facts.board} has no package for its radio: since 7.13 `wireless` "
             "is a package of its own",
@@ -134,21 +135,21 @@ def _software(facts: Facts, wish: Wish) -> Iterator[Objection]:
         )
 
 
-def _device_mode(facts: Facts, wish: Wish) -> Iterator[Objection]:
+def _device_mode(facts: Facts, target: Target) -> Iterator[Objection]:
     mode = facts.device_mode
     if mode is None:
         return
     called = mode.get("mode", "unknown")
-    forbidden = [name for name in wish.features if mode.get(name) in ("false", "no")]
+    forbidden = [name for name in target.features if mode.get(name) in ("false", "no")]
     if mode.get("flagged") in ("true", "yes"):
         yield Objection(
             "device-mode has flagged this router: it suspects that somebody has tampered with its configuration",
             f"look through its configuration; then {_press('flagged=no')}",
         )
     if forbidden:
-        menus = ", ".join(f"{name} (for {wish.features[name]})" for name in forbidden)
+        menus = ", ".join(f"{name} (for {target.features[name]})" for name in forbidden)
         yield Objection(
-            f"device-mode `{called}` of this router forbids what {wish.name} needs: {menus}",
+            f"device-mode `{called}` of this router forbids what {target.name} needs: {menus}",
             _press(" ".join(f"{name}=yes" for name in forbidden)),
         )
 
@@ -163,18 +164,18 @@ def _press(change: str) -> str:
 
 
 @contextmanager
-def repeatable(wish: Wish) -> Iterator[None]:
+def repeatable(target: Target) -> Iterator[None]:
     """Say of whatever breaks in that the same command goes on."""
     try:
         yield
     except ConsoleLost as lost:
         raise CutOff(
-            f"{wish.name}: {lost}",
+            f"{target.name}: {lost}",
             hint="run the same command again: first contact goes on where it was cut",
         ) from lost
     except HostKeyChanged as changed:
         raise HostKeyChanged(
-            f"{wish.name}: the SSH host key is not the one that was pinned at first contact; "
+            f"{target.name}: the SSH host key is not the one that was pinned at first contact; "
             f"pinned is {changed.pinned}, it showed {changed.seen}",
             pinned=changed.pinned,
             seen=changed.seen,
@@ -183,41 +184,41 @@ def repeatable(wish: Wish) -> Iterator[None]:
         ) from changed
     except SafeModeHeld as held:
         raise DeviceFailed(
-            f"{wish.name}: somebody else holds safe mode on the device",
+            f"{target.name}: somebody else holds safe mode on the device",
             hint="a session that was cut lets go after about 9 minutes; then run the same command again",
         ) from held
 
 
-def cut_off(wish: Wish, step: Step, lost: ConsoleLost) -> CutOff:
+def cut_off(target: Target, step: Step, lost: ConsoleLost) -> CutOff:
     """Say at which step the connection was lost."""
     hint = "run the same command again: first contact goes on where it was cut"
     if step.key == "management":
         hint = (
-            f"is the laptop plugged into {wish.port}? That port leaves the factory's network now: plug into "
+            f"is the laptop plugged into {target.port}? That port leaves the factory's network now: plug into "
             "another one (not the first, which is for the internet), wait up to 9 minutes until the router has "
             "taken the change back, then run the same command again"
         )
-    return CutOff(f"{wish.name}: the connection was lost at: {step.title} ({lost})", hint=hint)
+    return CutOff(f"{target.name}: the connection was lost at: {step.title} ({lost})", hint=hint)
 
 
-def not_fresh(wish: Wish, facts: Facts) -> NotFactoryFresh:
+def not_fresh(target: Target, facts: Facts) -> NotFactoryFresh:
     """Say what somebody has configured, and how to take the device all the same."""
-    found = foreign(facts, wish)
+    found = foreign(facts, target)
     rest = f", and {len(found) - 5} more" if len(found) > 5 else ""  # noqa: PLR2004 - what a person takes in
     return NotFactoryFresh(
         f"this device ({facts.board}) is not factory-fresh, so it was not touched; "
         f"somebody has configured: {', '.join(found[:5])}{rest}",
         hint="if it is really to become "
-        f"{wish.name}: the same command with --take-over saves its export first, then goes on",
+        f"{target.name}: the same command with --take-over saves its export first, then goes on",
     )
 
 
-def still_to_move(wish: Wish, error: NetcfgError) -> StillToMove:
+def still_to_move(target: Target, error: NetcfgError) -> StillToMove:
     """Say where the laptop has to go."""
     return StillToMove(
-        f"nobody answered at {wish.host} ({error}); the default configuration is still on the router, "
+        f"nobody answered at {target.host} ({error}); the default configuration is still on the router, "
         f"which can be reached both ways",
-        hint=f"plug the laptop into {wish.port}, give it the address {wish.laptop}, "
+        hint=f"plug the laptop into {target.port}, give it the address {target.laptop}, "
         "then run the same command again: it goes on from here",
     )
 
@@ -230,20 +231,20 @@ _RETRY_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Typist:
+class ConsoleExecutor:
     """Types; never decides."""
 
-    wish: Wish
+    wish: Target
     journal: Recorder
     notify: Subscriber
 
-    def do(self, steps: Sequence[Step], console: Console, *, held: bool = False) -> None:
+    def do(self, steps: Sequence[Step], console: Console, *, in_safe_mode: bool = False) -> None:
         """Type every line of every step. `held`: safe mode is held already. Raises CutOff, ConsoleRefused."""
         for step in steps:
             self.journal.write(ContactStep(device=self.wish.name, step=step.key, commands=len(step.lines)))
             self.notify(Event(self.wish.name, Stage.APPLYING, step.title))
             try:
-                self._type(step, console, guarded=step.guarded and not held)
+                self._type(step, console, guarded=step.guarded and not in_safe_mode)
             except ConsoleLost as lost:
                 raise cut_off(self.wish, step, lost) from lost
             self.journal.write(ContactStepDone(device=self.wish.name, step=step.key))
@@ -285,8 +286,8 @@ _STICKER = (
 class FirstContact:
     """First contact with one device. Every step is journalled before it is typed, and may be repeated."""
 
-    wish: Wish
-    doorway: Doorway
+    wish: Target
+    doorway: ConsoleRoutes
     pins: Pins
     journal: Recorder
     notify: Subscriber
@@ -300,16 +301,16 @@ class FirstContact:
     """Whether the SSH host key that the device has to show was known before this run."""
 
     @property
-    def _typist(self) -> Typist:
-        return Typist(self.wish, self.journal, self.notify)
+    def _typist(self) -> ConsoleExecutor:
+        return ConsoleExecutor(self.wish, self.journal, self.notify)
 
     def plan(self) -> Adopted:
         """Look, judge, and tell the steps; nothing is changed or pinned."""
         with repeatable(self.wish), self._console(None) as (console, _):
-            facts, standing = self._judge(console)
-        if standing is Standing.ADOPTED:
-            return Adopted(Status.ALREADY, standing, facts=facts)
-        return Adopted(Status.PLANNED, standing, self._titles(facts), facts=facts)
+            facts, state = self._judge(console)
+        if state is DeviceState.ADOPTED:
+            return Adopted(Status.ALREADY, state, facts=facts)
+        return Adopted(Status.PLANNED, state, self._titles(facts), facts=facts)
 
     def adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
         """Bring the device to the adopted state; `agree` raises if a person does not want the steps.
@@ -320,14 +321,14 @@ class FirstContact:
             return self._adopt(agree)
 
     def _adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
-        with self._console(None) as (console, way):
-            facts, standing = self._judge(console)
-            self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {standing}")
-            if standing is Standing.ADOPTED:
+        with self._console(None) as (console, route):
+            facts, found = self._judge(console)
+            self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {found}")
+            if found is DeviceState.ADOPTED:
                 return self._already(console, facts)
-            if not way.serial and not self._agreed:
+            if not route.serial and not self._agreed:
                 self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.doorway.host_key}")
-            planned = Adopted(Status.PLANNED, standing, self._titles(facts), facts=facts)
+            planned = Adopted(Status.PLANNED, found, self._titles(facts), facts=facts)
             agree(planned)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
             self.journal.save(self.wish.name, state)
@@ -337,31 +338,34 @@ class FirstContact:
             by_factory = console.user != self.wish.user
         notes: list[str] = []
         if by_factory:
-            self._let_in(way)
-        final = way if way.serial else self._move(way, pin, notes)
+            self._let_in(route)
+        final = route if route.serial else self._move(route, pin, notes)
         with self._console(final) as (console, _):
             self._clear(console, final, pin)
             self._typist.do(close_door(look(console), self.wish), console)
             facts = self._settled(look(console))
         if final.serial:
             self._from_afar(pin, notes)
-        return Adopted(Status.ADOPTED, standing, planned.steps, tuple(notes), facts)
+        return Adopted(Status.ADOPTED, found, planned.steps, tuple(notes), facts)
 
     # --- looking ---------------------------------------------------------------------------------------------------
 
-    def _judge(self, console: Console) -> tuple[Facts, Standing]:
+    def _judge(self, console: Console) -> tuple[Facts, DeviceState]:
         facts = look(console)
         self._observed(facts)
-        standing = recognise(facts, self.wish, self.now())
-        if standing is not Standing.ADOPTED:
+        state = recognise(facts, self.wish, self.now())
+        if state is not DeviceState.ADOPTED:
             if refused := objections(facts, self.wish):
                 raise PreflightRefused(refused)
-            if standing is Standing.SOMEONES and not self.take_over:
+            if state is DeviceState.SOMEONES and not self.take_over:
                 raise not_fresh(self.wish, facts)
-        return facts, standing
+        return facts, state
 
     def _observed(self, facts: Facts) -> None:
-        identity = next((dict(one.values) for one in facts.export.statements if one.menu == "/system/identity"), {})
+        identity = next(
+            (dict(statement.values) for statement in facts.export.statements if statement.menu == "/system/identity"),
+            {},
+        )
         self.journal.write(
             DeviceObserved(
                 device=self.wish.name, version=str(facts.version), identity=identity.get("name") or "", state=""
@@ -376,18 +380,18 @@ class FirstContact:
     # --- consoles --------------------------------------------------------------------------------------------------
 
     @contextmanager
-    def _console(self, way: Way | None) -> Iterator[tuple[Console, Way]]:
+    def _console(self, route: ConsoleRoute | None) -> Iterator[tuple[Console, ConsoleRoute]]:
         """A console on `way` as our user; without a way: wherever and as whoever the device lets us in."""
-        if way is None:
-            console, way = self._entered()
+        if route is None:
+            console, route = self._entered()
         else:
-            console = way.open(self.wish.user, self.wish.password)
+            console = route.open(self.wish.user, self.wish.password)
         try:
-            yield console, way
+            yield console, route
         finally:
             console.close()
 
-    def _entered(self) -> tuple[Console, Way]:
+    def _entered(self) -> tuple[Console, ConsoleRoute]:
         """Where the technician says; a device that was met before may be at its management address by now."""
         first, final = self.doorway.first, self.doorway.final
         self._agreed = self.doorway.host_key is not None
@@ -405,40 +409,40 @@ class FirstContact:
                 return self._tried(final, ours_first=True), final
             raise
 
-    def _at_home(self, final: Way) -> Console:
+    def _at_home(self, final: ConsoleRoute) -> Console:
         """The management address; a host key that is not known yet is believed where TLS has proved the device."""
         pin = self.pins.get(self.wish.name)
         if self.doorway.host_key is None and pin is not None:
             final.prove(pin)
         return final.open(self.wish.user, self.wish.password)
 
-    def _tried(self, way: Way, *, ours_first: bool) -> Console:
+    def _tried(self, route: ConsoleRoute, *, ours_first: bool) -> Console:
         """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
-        agreed = way.serial or self._agreed
+        agreed = route.serial or self._agreed
         if ours_first and agreed:
             with suppress(LoginFailed):
-                return way.open(self.wish.user, self.wish.password)
+                return route.open(self.wish.user, self.wish.password)
         for password in self.factory_passwords():
             with suppress(LoginFailed):
-                return way.open(FACTORY_USER, password)
+                return route.open(FACTORY_USER, password)
         if not agreed:
             raise LoginFailed(
-                f"{way.shown}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
+                f"{route.shown}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
                 f"password of {self.wish.user} was not tried",
                 hint=f"if it was adopted on another computer: {TRUST}, then type the same again\n{_STICKER}",
             )
         try:
-            return way.open(self.wish.user, self.wish.password)
+            return route.open(self.wish.user, self.wish.password)
         except LoginFailed as failed:
             raise LoginFailed(
-                f"{way.shown}: the device let in neither {FACTORY_USER} nor {self.wish.user}",
+                f"{route.shown}: the device let in neither {FACTORY_USER} nor {self.wish.user}",
                 hint=_STICKER,
             ) from failed
 
-    def _let_in(self, way: Way) -> None:
+    def _let_in(self, route: ConsoleRoute) -> None:
         """Our user has to be seen to log in before the factory's is disabled."""
         self._tell(Stage.VERIFYING, f"user {self.wish.user} logs in")
-        with self._console(way):
+        with self._console(route):
             return
 
     # --- typing ----------------------------------------------------------------------------------------------------
@@ -449,22 +453,22 @@ class FirstContact:
             pass
         self._typist.do(prepare(look(console), self.wish, self.now()), console)
 
-    def _clear(self, console: Console, way: Way, pin: str) -> None:
+    def _clear(self, console: Console, route: ConsoleRoute, pin: str) -> None:
         """Remove the default configuration; a new session proves the way before safe mode lets it go for good."""
         with safe(console):
             steps = clear(look(console))
             small = sum(len(step.lines) for step in steps) <= GUARDED_LINES
             if small:
-                self._typist.do(steps, console, held=True)
-                self._still_there(way, pin)
+                self._typist.do(steps, console, in_safe_mode=True)
+                self._still_there(route, pin)
         if not small:
             self._typist.do(steps, console)
-            self._still_there(way, pin)
+            self._still_there(route, pin)
 
-    def _still_there(self, way: Way, pin: str) -> None:
-        if not way.serial:
-            self._tell(Stage.VERIFYING, f"api-ssl at {way.shown}, in a new session")
-            way.prove(pin)
+    def _still_there(self, route: ConsoleRoute, pin: str) -> None:
+        if not route.serial:
+            self._tell(Stage.VERIFYING, f"api-ssl at {route.shown}, in a new session")
+            route.prove(pin)
 
     # --- trust -----------------------------------------------------------------------------------------------------
 
@@ -493,16 +497,16 @@ class FirstContact:
         if self.pins.get(self.wish.name) is None or self.pins.host_key(self.wish.name) is None:
             self._known()
             self._pin(console)
-        return Adopted(Status.ALREADY, Standing.ADOPTED, facts=facts)
+        return Adopted(Status.ALREADY, DeviceState.ADOPTED, facts=facts)
 
     # --- the new way -----------------------------------------------------------------------------------------------
 
-    def _move(self, way: Way, pin: str, notes: list[str]) -> Way:
+    def _move(self, route: ConsoleRoute, pin: str, notes: list[str]) -> ConsoleRoute:
         """Go on over the management port as soon as somebody is plugged in there."""
         final = self.doorway.final
-        if way is final:
+        if route is final:
             return final
-        self._prove_here(way, pin, notes)
+        self._prove_here(route, pin, notes)
         self._tell(
             Stage.WAITING,
             f"now plug the laptop into {self.wish.port}, with address {self.wish.laptop}: "
@@ -519,11 +523,11 @@ class FirstContact:
             else:
                 return final
 
-    def _prove_here(self, way: Way, pin: str, notes: list[str]) -> None:
+    def _prove_here(self, route: ConsoleRoute, pin: str, notes: list[str]) -> None:
         try:
-            way.prove(pin)
+            route.prove(pin)
         except NetcfgError as error:
-            notes.append(f"api-ssl could not be tried at {way.shown}: {error}")
+            notes.append(f"api-ssl could not be tried at {route.shown}: {error}")
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
         """After a serial line: the network may be within reach all the same."""
@@ -540,7 +544,7 @@ class FirstContact:
         self._known()
 
     def _settled(self, facts: Facts) -> Facts:
-        if recognise(facts, self.wish, self.now()) is not Standing.ADOPTED:
+        if recognise(facts, self.wish, self.now()) is not DeviceState.ADOPTED:
             left = ", ".join(self._titles(facts)) or "nothing that is known"
             raise Unfinished(
                 f"{self.wish.name}: every command was accepted, yet something is still to be done: {left}",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from datetime import datetime
 
-    from atlantis_netcfg.bootstrap.target import Facts, Row, Wish
+    from atlantis_netcfg.bootstrap.target import Facts, Row, Target
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.rsc import Statement
 
@@ -155,14 +155,14 @@ class Step:
     guarded: bool = False
 
 
-def prepare(facts: Facts, wish: Wish, now: datetime) -> tuple[Step, ...]:
+def prepare(facts: Facts, target: Target, now: datetime) -> tuple[Step, ...]:
     """What is added beside the way in use, which it leaves alone. `now`: the laptop's clock, UTC."""
     steps = (
         _clock(facts, now),
-        _user(facts, wish),
-        _certificate(facts, wish),
-        _service(facts, wish),
-        _port(facts, wish),
+        _user(facts, target),
+        _certificate(facts, target),
+        _service(facts, target),
+        _port(facts, target),
     )
     return tuple(step for step in steps if step is not None and step.lines)
 
@@ -185,25 +185,31 @@ def _radios_off(facts: Facts) -> Iterator[Line]:
 
     A radio that carries our comment has been provisioned, and stays.
     """
-    for one in facts.export.statements:
-        said = dict(one.values)
-        ours = (said.get("comment") or "").startswith("atlantis")
-        if one.menu in _RADIOS and one.verb == "set" and one.find and said.get("disabled") == "no" and not ours:
-            where = " ".join(f"{name}={quote(value or '')}" for name, value in one.find)
-            yield Line(f"{console_path(one.menu)} set [ find {where} ] disabled=yes")
+    for statement in facts.export.statements:
+        values = dict(statement.values)
+        ours = (values.get("comment") or "").startswith("atlantis")
+        if (
+            statement.menu in _RADIOS
+            and statement.verb == "set"
+            and statement.find
+            and values.get("disabled") == "no"
+            and not ours
+        ):
+            where = " ".join(f"{name}={quote(value or '')}" for name, value in statement.find)
+            yield Line(f"{console_path(statement.menu)} set [ find {where} ] disabled=yes")
 
 
-def close_door(facts: Facts, wish: Wish) -> tuple[Step, ...]:
+def close_door(facts: Facts, target: Target) -> tuple[Step, ...]:
     """Disable everybody but our user."""
-    names = factory_users(facts, wish)
+    names = factory_users(facts, target)
     lines = tuple(Line(f"/user disable {quote(name)}") for name in names)
     return (Step("users", f"disable user {', '.join(names)}", lines),) if lines else ()
 
 
-def factory_users(facts: Facts, wish: Wish) -> list[str]:
+def factory_users(facts: Facts, target: Target) -> list[str]:
     """Users besides ours who may log in."""
     users = [user for user in facts.users if user.get("disabled") not in _TRUE]
-    return [user["name"] for user in users if user.get("name") not in (None, wish.user)]
+    return [user["name"] for user in users if user.get("name") not in (None, target.user)]
 
 
 def _clock(facts: Facts, now: datetime) -> Step | None:
@@ -215,26 +221,26 @@ def _clock(facts: Facts, now: datetime) -> Step | None:
     return Step("clock", f"set the clock ({date}, UTC)", (line,))
 
 
-def _user(facts: Facts, wish: Wish) -> Step | None:
-    password = f"password={_typed(wish.password.reveal())}"
-    found = next((user for user in facts.users if user.get("name") == wish.user), None)
+def _user(facts: Facts, target: Target) -> Step | None:
+    password = f"password={_typed(target.password.reveal())}"
+    found = next((user for user in facts.users if user.get("name") == target.user), None)
     if found is None:
-        line = Line(f"/user add name={quote(wish.user)} group=full {password} comment=atlantis", (wish.password,))
-        return Step("user", f"add user {wish.user} (group full)", (line,))
+        line = Line(f"/user add name={quote(target.user)} group=full {password} comment=atlantis", (target.password,))
+        return Step("user", f"add user {target.user} (group full)", (line,))
     if found.get("group") == "full" and found.get("disabled") not in _TRUE:
         return None
-    line = Line(f"/user set {quote(wish.user)} group=full disabled=no {password}", (wish.password,))
-    return Step("user", f"let user {wish.user} in (group full)", (line,))
+    line = Line(f"/user set {quote(target.user)} group=full disabled=no {password}", (target.password,))
+    return Step("user", f"let user {target.user} in (group full)", (line,))
 
 
-def _certificate(facts: Facts, wish: Wish) -> Step | None:
+def _certificate(facts: Facts, target: Target) -> Step | None:
     """Self-signed: it is pinned, nobody follows a chain (Manual, Certificates: without `ca` it signs itself)."""
-    found = next((one for one in facts.certificates if one.get("name") == CERTIFICATE), None)
+    found = next((certificate for certificate in facts.certificates if certificate.get("name") == CERTIFICATE), None)
     sign = Line(f"/certificate sign {CERTIFICATE}", timeout_s=SIGN_S)
     if found is None:
-        names = quote(f"IP:{wish.host},DNS:{wish.name}")
+        names = quote(f"IP:{target.host},DNS:{target.name}")
         add = Line(
-            f"/certificate add name={CERTIFICATE} common-name={quote(wish.name)} subject-alt-name={names} "
+            f"/certificate add name={CERTIFICATE} common-name={quote(target.name)} subject-alt-name={names} "
             f"key-size={_KEY_SIZE} days-valid={_DAYS_VALID} key-usage={_USAGE}"
         )
         return Step("certificate", f"make certificate {CERTIFICATE} on the device", (add, sign))
@@ -243,29 +249,29 @@ def _certificate(facts: Facts, wish: Wish) -> Step | None:
     return None
 
 
-def _service(facts: Facts, wish: Wish) -> Step | None:
+def _service(facts: Facts, target: Target) -> Step | None:
     found = next((row for row in facts.services if row.get("name") == "api-ssl" and "port" in row), {})
-    wanted = {"certificate": CERTIFICATE, "port": str(wish.api_port)}
-    if all(found.get(name) == value for name, value in wanted.items()) and found.get("disabled") not in _TRUE:
+    desired = {"certificate": CERTIFICATE, "port": str(target.api_port)}
+    if all(found.get(name) == value for name, value in desired.items()) and found.get("disabled") not in _TRUE:
         return None
-    line = Line(f"/ip service set api-ssl certificate={CERTIFICATE} disabled=no port={wish.api_port}")
-    return Step("api-ssl", f"api-ssl with that certificate on port {wish.api_port}", (line,))
+    line = Line(f"/ip service set api-ssl certificate={CERTIFICATE} disabled=no port={target.api_port}")
+    return Step("api-ssl", f"api-ssl with that certificate on port {target.api_port}", (line,))
 
 
-def _port(facts: Facts, wish: Wish) -> Step | None:
+def _port(facts: Facts, target: Target) -> Step | None:
     """The management port out of the bridge, with its address, and let in by whatever firewall there is."""
-    name = next((row.get("name", "") for row in facts.ethernets if row.get("default-name") == wish.port), wish.port)
+    name = next((row.get("name", "") for row in facts.ethernets if row.get("default-name") == target.port), target.port)
     addresses = facts.rows["/ip/address"]
-    there = any(row.get("address") == wish.address and row.get("interface") == name for row in addresses)
+    there = any(row.get("address") == target.address and row.get("interface") == name for row in addresses)
     lines = [*_freed(facts, name)]
-    stale = [row for row in addresses if row.get("address") == wish.address and row.get("interface") != name]
+    stale = [row for row in addresses if row.get("address") == target.address and row.get("interface") != name]
     lines += [Line(f"/ip address remove {row['.id']}") for row in stale if row.get("dynamic") not in _TRUE]
     if not there or lines:
         lines += _let_in(facts, name)
     if not there:
-        value = f"address={wish.address} interface={quote(name)}"
+        value = f"address={target.address} interface={quote(name)}"
         lines.append(Line(f"/ip address add {value} comment={quote(MARK)}"))
-    title = f"management address {wish.address} on {wish.port}"
+    title = f"management address {target.address} on {target.port}"
     soon = tuple(replace(line, timeout_s=PORT_S) for line in lines)
     return Step("management", title, soon, guarded=True) if lines else None
 
@@ -292,11 +298,11 @@ def _let_in(facts: Facts, name: str) -> list[Line]:
 def _resets(facts: Facts) -> list[Line]:
     lines = []
     for menu, plain in resets(facts.version).items():
-        said: Row = {}
+        device_row: Row = {}
         for statement in facts.export.statements:
             if statement.menu == menu and statement.verb == "set":
-                said |= {name: value or "" for name, value in statement.values}
-        change = {name: value for name, value in plain.items() if said.get(name, value) != value}
+                device_row |= {name: value or "" for name, value in statement.values}
+        change = {name: value for name, value in plain.items() if device_row.get(name, value) != value}
         if change:
             values = " ".join(f"{name}={quote(value)}" for name, value in change.items())
             lines.append(Line(f"{console_path(menu)} set {values}"))

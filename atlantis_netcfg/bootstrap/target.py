@@ -23,13 +23,13 @@ __all__ = [
     "MARK",
     "TEMPORARY",
     "Adopted",
-    "Doorway",
+    "ConsoleRoute",
+    "ConsoleRoutes",
+    "DeviceState",
     "Facts",
     "Row",
-    "Standing",
     "Status",
-    "Way",
-    "Wish",
+    "Target",
 ]
 
 
@@ -45,7 +45,7 @@ TEMPORARY = "atlantis: first contact"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class Target:
     """The "adopted" state of one router, from its declaration."""
 
     name: str
@@ -79,7 +79,7 @@ class Wish:
         return f"{self.technician}/{IPv4Interface(self.address).network.prefixlen}"
 
 
-class Standing(StrEnum):
+class DeviceState(StrEnum):
     """Whose the device is."""
 
     FACTORY = "factory-fresh"
@@ -111,7 +111,7 @@ class Facts:
     """The export as it was printed, without secrets."""
 
 
-class Way(Protocol):
+class ConsoleRoute(Protocol):
     """A way to a device's console."""
 
     shown: str
@@ -128,12 +128,12 @@ class Way(Protocol):
         """Learn the SSH host key, without a login, if it is not known yet. Raises NetcfgError."""
 
 
-class Doorway(Protocol):
+class ConsoleRoutes(Protocol):
     """The two ways, and what is known of the device."""
 
-    first: Way
+    first: ConsoleRoute
     """Where the technician has plugged in."""
-    final: Way
+    final: ConsoleRoute
     """The management address."""
 
     @property
@@ -154,7 +154,7 @@ class Adopted:
     """What came of it; `notes` say what nobody has verified, and what to do now."""
 
     status: Status
-    standing: Standing
+    standing: DeviceState
     steps: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     facts: Facts | None = None

@@ -97,9 +97,9 @@ class _Line:
     def _overview(self) -> ExitCode:
         from atlantis_netcfg.cli.help import overview
 
-        asked = bool(self.typed)
-        print(overview(self.table), file=sys.stdout if asked else sys.stderr)
-        return ExitCode.DONE if asked else ExitCode.USAGE
+        typed = bool(self.typed)
+        print(overview(self.table), file=sys.stdout if typed else sys.stderr)
+        return ExitCode.DONE if typed else ExitCode.USAGE
 
 
 def _print_overview(table: Mapping[str, str]) -> ExitCode:

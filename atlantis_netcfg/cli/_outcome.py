@@ -28,7 +28,7 @@ def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> E
     What a hint leaves open (`site=…`) is filled in from what was typed.
     """
     errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
-    hints = [one.hint and as_typed(one.hint, typed) for one in errors]
+    hints = [item.hint and as_typed(item.hint, typed) for item in errors]
     _tell(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
     return error.exit
 

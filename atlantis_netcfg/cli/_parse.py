@@ -71,8 +71,8 @@ class _Reader:
     def _take(self, word: Word, argument: str, values: list[str], rest: list[str]) -> None:
         self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
         if "" in values:
-            wanted = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
-            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{wanted}`")
+            typed = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
+            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{typed}`")
         elif word.name in self.words and not word.many:
             both = f"`{word.name}={self.words[word.name][0]}`, `{argument}`"
             self._error(f"`{word.name}=` is given twice", f"keep one of {both}")
@@ -90,17 +90,17 @@ class _Reader:
     def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
         """For `site=`, and for `site = coastal` and its like, whose pieces are one mistake."""
         self._misspelt.add(word.name)
-        wanted = f"{word.name}={value}" if value else word.typed
-        self._error(f"`{argument}` has no value", f"write it without spaces: `{wanted}`")
+        typed = f"{word.name}={value}" if value else word.typed
+        self._error(f"`{argument}` has no value", f"write it without spaces: `{typed}`")
 
     def _unknown_word(self, argument: str, name: str, value: str) -> None:
         near = nearest(name, [word.name for word in self.command.words])
         if near is not None:
             self._misspelt.add(near)
         flag = self.command.flag(name)
-        meant = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
+        suggestion = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
         message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
-        self._error(message, _meant(meant, self._see_help()))
+        self._error(message, _meant(suggestion, self._see_help()))
 
     def _read_flag(self, argument: str, rest: list[str]) -> None:
         name, given, value = argument.lstrip("-").partition("=")

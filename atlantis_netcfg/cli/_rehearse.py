@@ -42,7 +42,9 @@ def _again(opened: Session, twins: Rehearsal, first: RunReport) -> RunReport:
     passes: list[Pass] = []
     sites = opened.declaration.sites
     units = {host.name for host in opened.hosts if is_unit(host)}
-    for name in dict.fromkeys([LAN.name, *(one.name for host in opened.contacted for one in sites[host.site].bearers)]):
+    for name in dict.fromkeys(
+        [LAN.name, *(bearer.name for host in opened.contacted for bearer in sites[host.site].bearers)]
+    ):
         via = {host.name: name for host in opened.contacted if name in {LAN.name, *_names(opened, host.site)}}
         for host in opened.contacted:
             twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))

@@ -252,7 +252,7 @@ class Session:
         planned = self.plan()
         if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
-        dear = [asked(one["cost"]) for one in planned.devices.values() if one["planned"] and "cost" in one]
+        dear = [asked(device["cost"]) for device in planned.devices.values() if device["planned"] and "cost" in device]
         if dear and not self.arguments.given(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
         many = [f"{name}: the plan {one['foreign_words']}" for name, one in planned.devices.items() if _foreign(one)]
@@ -267,7 +267,7 @@ class Session:
     @staticmethod
     def _plannable(planned: RunReport) -> Iterator[ExitCode]:
         """How each device ended: what the look at one has found wrong keeps no other from being changed."""
-        codes = (planned.exit, *(ExitCode(one["exit"]) for one in planned.devices.values()))
+        codes = (planned.exit, *(ExitCode(device["exit"]) for device in planned.devices.values()))
         return (code for code in codes if code is not ExitCode.CHECKS_FAILED)
 
     def _exports(self) -> dict[str, str]:

@@ -173,10 +173,10 @@ def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
     return agree
 
 
-def _show(standing: str, steps: tuple[str, ...]) -> None:
+def _show(state: str, steps: tuple[str, ...]) -> None:
     from atlantis_netcfg.core import printable
 
-    print(f"the router is {standing}; the steps:", flush=True)
+    print(f"the router is {state}; the steps:", flush=True)
     for number, step in enumerate(steps, start=1):
         print(f"  {number}. {printable.line(step)}", flush=True)
 
@@ -187,8 +187,8 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
     from atlantis_netcfg.core import printable
 
     if arguments.flag("json"):
-        told: Mapping[str, Any] = {**result.as_json(), "errors": []}
-        print(json.dumps(told, ensure_ascii=False))
+        document: Mapping[str, Any] = {**result.as_json(), "errors": []}
+        print(json.dumps(document, ensure_ascii=False))
         return result.exit
     if arguments.flag("plan") and result.steps:
         _show(result.standing, result.steps)

@@ -88,7 +88,7 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
 
     to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))
     site, as_json = arguments.word("site"), arguments.flag("json")
-    asked = Asked(
+    bundle_request = Asked(
         declaration,
         site,
         hosts,
@@ -107,8 +107,8 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
             print(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to fetch", flush=True)
 
     with progress(quiet=as_json) as notify:
-        manifest = made(asked, notify, sized)
-    return _close(manifest, asked.place, as_json=as_json)
+        manifest = made(bundle_request, notify, sized)
+    return _close(manifest, bundle_request.place, as_json=as_json)
 
 
 def _check(
@@ -124,8 +124,13 @@ def _close(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
     import json
 
     if as_json:
-        told: dict[str, Any] = {"exit": int(ExitCode.DONE), "errors": [], "bundle": str(place), "size": manifest.size}
-        print(json.dumps({**told, **manifest.model_dump(mode="json")}, ensure_ascii=False))
+        document: dict[str, Any] = {
+            "exit": int(ExitCode.DONE),
+            "errors": [],
+            "bundle": str(place),
+            "size": manifest.size,
+        }
+        print(json.dumps({**document, **manifest.model_dump(mode="json")}, ensure_ascii=False))
         return ExitCode.DONE
     for name, part in manifest.hosts.items():
         carried = sum(file.size for file in manifest.of(name).values())

@@ -122,7 +122,7 @@ def _print_json(views: Sequence[ProfileView], files: Mapping[str, str | None], w
         }
         for view in views
     ]
-    told = {
+    document = {
         "exit": int(ExitCode.DONE),
         "errors": [],
         "host": first.host,
@@ -134,4 +134,4 @@ def _print_json(views: Sequence[ProfileView], files: Mapping[str, str | None], w
         "links": links,
         "files": [{"name": name, "text": text, "changed": written.get(name)} for name, text in files.items()],
     }
-    print(json.dumps(told, ensure_ascii=False))
+    print(json.dumps(document, ensure_ascii=False))

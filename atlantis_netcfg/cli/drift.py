@@ -86,9 +86,9 @@ def _unfinished(opened: Session) -> dict[str, Run]:
     """The runs that left the outcome on one of these devices open; of emulated devices none is left."""
     if opened.rehearsed:
         return {}
-    asked = {host.name: host.site for host in opened.asked}
-    runs = [run for site in sorted(set(asked.values())) for run in opened.store.unfinished(site)]
-    return {host: run for run in runs for host in run.unsettled if host in asked}
+    sites = {host.name: host.site for host in opened.asked}
+    runs = [run for site in sorted(set(sites.values())) for run in opened.store.unfinished(site)]
+    return {host: run for run in runs for host in run.unsettled if host in sites}
 
 
 def _file(name: str | None) -> Path | None:

@@ -154,8 +154,8 @@ def _close(order: Order, ready: Made, kept: dict[str, Any], *, as_json: bool) ->
 
     if as_json:
         image = {"name": order.image.name, "sha256": ready.expanded.sha256, "confirmed_by": ready.expanded.told_by}
-        told = {"exit": 0, "site": order.host.site, "host": order.host.name, "image": image, "notes": ready.notes}
-        print(json.dumps({**told, **kept}, ensure_ascii=False))
+        document = {"exit": 0, "site": order.host.site, "host": order.host.name, "image": image, "notes": ready.notes}
+        print(json.dumps({**document, **kept}, ensure_ascii=False))
         return ExitCode.DONE
     for note in ready.notes:
         print(f"note: {note}")

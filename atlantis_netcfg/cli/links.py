@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.links.look import Looked
+    from atlantis_netcfg.operations.links.look import LinksStatus
     from atlantis_netcfg.report.links import LinksReport
 
 __all__ = ["COMMAND", "run"]
@@ -73,7 +73,7 @@ def _configure(opened: Session) -> None:
         raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
 
 
-def _look(opened: Session) -> Looked:
+def _look(opened: Session) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
@@ -88,8 +88,8 @@ def _look(opened: Session) -> Looked:
         return asyncio.run(look(opened.declaration, opened.site, opened.hosts, request, notify))
 
 
-def _report(opened: Session, looked: Looked) -> LinksReport:
+def _report(opened: Session, status: LinksStatus) -> LinksReport:
     title = opened.declaration.sites[opened.site].title
     twins = opened.rehearsal
     missing = twins.not_rehearsed if twins is not None else ()
-    return looked.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing)
+    return status.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing)

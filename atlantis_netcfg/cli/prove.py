@@ -71,18 +71,18 @@ def run(arguments: Arguments) -> ExitCode:
         proof, expected, paid = _prove(opened)
     beyond = (_NOT_REHEARSED,) if opened.rehearsed else ()
     if opened.as_json:
-        told = {
+        document = {
             "rehearsed": opened.rehearsed,
             "not_rehearsed": beyond,
-            "expected": [one.as_dict() for one in expected],
+            "expected": [item.as_dict() for item in expected],
             "cost": paid[proof.bearer].as_dict(),
             "costs": {name: bill.as_dict() for name, bill in paid.items()},
         }
-        print(json.dumps({**proof.as_json(), **told}, ensure_ascii=False))
+        print(json.dumps({**proof.as_json(), **document}, ensure_ascii=False))
     else:
         would = "would have " if opened.rehearsed else ""
         costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in paid.items()]
-        print("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {one}" for one in beyond)]))
+        print("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {entry}" for entry in beyond)]))
     return proof.exit
 
 
@@ -111,7 +111,7 @@ def _prove(opened: Session) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]
             via=opened.arguments.optional("via"),
         )
         proving.notify = notify
-        expected = tuple(one for one in previews(opened.declaration, proving) if one.link.metered)
+        expected = tuple(preview for preview in previews(opened.declaration, proving) if preview.link.metered)
         _pay(opened, expected)
         if proving.open_filter or proving.try_all:
             stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
@@ -164,14 +164,14 @@ def _pay(opened: Session, expected: tuple[Preview, ...]) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
     from atlantis_netcfg.cli._consent import pays
 
-    words = [one.words for one in expected]
+    words = [item.words for item in expected]
     if opened.rehearsed:
         if words and not opened.as_json:
             print(f"a real proof asks first: {'; '.join(words)}")
         return
-    for one in expected:
-        if one.over_cap:
-            raise one.refusal()
+    for item in expected:
+        if item.over_cap:
+            raise item.refusal()
     if not opened.arguments.flag(ACCEPT_COST.name):
         if words:
             pays(words, ask=not opened.as_json)

@@ -137,8 +137,10 @@ def _tell(opened: Session, broken: Run) -> None:
         return
     print(f"run {broken.id}: {broken.started.command if broken.started else 'killed before it had begun'}")
     for host in broken.undone:
-        told = f"{len(broken.confirmed(host))} actions were confirmed, {len(broken.acknowledged(host))} acknowledged"
-        print(f"  {host:<18} {told}")
+        progress = (
+            f"{len(broken.confirmed(host))} actions were confirmed, {len(broken.acknowledged(host))} acknowledged"
+        )
+        print(f"  {host:<18} {progress}")
     started = broken.started
     if started is not None and (started.back_to or started.restore):
         print(f"  it goes on towards the saved state of run {started.back_to or started.restore}")

@@ -72,26 +72,26 @@ def _rows(store: Store, site: str, archived: Sequence[str]) -> Iterator[dict[str
 
     runs = store.runs(site)
     open_runs = {run.id for run in unfinished(runs)}
-    for one in sorted((*(store.run(site, name) for name in archived), *runs), key=lambda run: run.id):
-        yield _row(one, site, unfinished=one.id in open_runs)
+    for item in sorted((*(store.run(site, name) for name in archived), *runs), key=lambda run: run.id):
+        yield _row(item, site, unfinished=item.id in open_runs)
 
 
-def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
-    started = one.started
+def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
+    started = run.started
     hosts = started.hosts if started else ()
     return {
-        "run": one.id,
+        "run": run.id,
         "site": site,
-        "exit": one.exit,
+        "exit": run.exit,
         "unfinished": unfinished,
         "command": started.command if started else "",
-        "next": one.next_command if unfinished else None,
+        "next": run.next_command if unfinished else None,
         "devices": {
             host: {
-                "status": outcome.status if (outcome := one.outcomes.get(host)) else "not reached",
-                "confirmed": len(one.confirmed(host)),
-                "saved_state": one.before(host) is not None,
-                "confirmed_state": one.confirmed_state(host) is not None,
+                "status": outcome.status if (outcome := run.outcomes.get(host)) else "not reached",
+                "confirmed": len(run.confirmed(host)),
+                "saved_state": run.before(host) is not None,
+                "confirmed_state": run.confirmed_state(host) is not None,
             }
             for host in hosts
         },
@@ -100,11 +100,11 @@ def _row(one: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
 
 def _line(row: dict[str, Any]) -> str:
     end = f"UNFINISHED, go on: `{row['next']}`" if row["unfinished"] else f"exit {row['exit']}"
-    devices = ", ".join(_device(name, told) for name, told in row["devices"].items())
+    devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
     return f"{row['run']}  {row['site']:<10} {end}  {devices}"
 
 
-def _device(name: str, told: dict[str, Any]) -> str:
+def _device(name: str, outcome: dict[str, Any]) -> str:
     """How it ended, how many actions were confirmed, and whether `provision restore` can take its state."""
-    kept = ", state kept" if told["confirmed_state"] else ""
-    return f"{name} {told['status']} ({told['confirmed']}{kept})"
+    kept = ", state kept" if outcome["confirmed_state"] else ""
+    return f"{name} {outcome['status']} ({outcome['confirmed']}{kept})"

@@ -148,8 +148,8 @@ class _Login:
         self.screen.clear()
         self._wire.write(keys)
 
-    def _wait(self, wanted: re.Pattern[str]) -> None:
-        while not wanted.search(self._tail()):
+    def _wait(self, pattern: re.Pattern[str]) -> None:
+        while not pattern.search(self._tail()):
             self._read()
 
     def _read(self, timeout_s: float = _NUDGE_S) -> bytes:

@@ -109,12 +109,12 @@ class TcpSocket(socket.socket):
     @classmethod
     def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally | None = None) -> TcpSocket:
         """Connect. Raises OSError."""
-        made = cls(fileno=socket.create_connection((address, port), timeout_s).detach())
-        made.settimeout(timeout_s)
-        made.tally = tally
+        connection = cls(fileno=socket.create_connection((address, port), timeout_s).detach())
+        connection.settimeout(timeout_s)
+        connection.tally = tally
         if tally is not None:
             tally.connect()
-        return made
+        return connection
 
     def hang_up(self) -> None:
         """End it for whoever waits on it, in any thread."""
@@ -298,7 +298,7 @@ class Commands:
                 if given:
                     stdin.write(given)
                 stdin.channel.shutdown_write()
-                out, error = (said.read().decode("utf-8", "replace") for said in (stdout, stderr))
+                out, error = (stream.read().decode("utf-8", "replace") for stream in (stdout, stderr))
                 end = CommandEnd(stdout.channel.recv_exit_status(), out, error)
         except (OSError, EOFError, paramiko.SSHException) as lost:
             with suppress(OSError, EOFError, paramiko.SSHException):

@@ -158,7 +158,7 @@ def _rise(last: Counters | None, counters: Counters) -> tuple[int | None, str | 
         return None, None
     between = f"between {_stamp(last.at)} and {_stamp(counters.at)}"
     if (last.device, last.interface) != (counters.device, counters.interface):
-        was, now = (f"{one.interface} of {one.device}" for one in (last, counters))
+        was, now = (f"{item.interface} of {item.device}" for item in (last, counters))
         return None, f"{between} the link moved from {was} to {now}: what it carried meanwhile is not counted"
     shrunk = counters.rx_bytes < last.rx_bytes or counters.tx_bytes < last.tx_bytes
     restarted = _restarted(last, counters)

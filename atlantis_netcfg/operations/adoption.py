@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bootstrap.run import FirstContact, features_of
-from atlantis_netcfg.bootstrap.target import FACTORY_ADDRESS, Adopted, Status, Wish
+from atlantis_netcfg.bootstrap.target import FACTORY_ADDRESS, Adopted, Status, Target
 from atlantis_netcfg.console.serial_line import open_serial
 from atlantis_netcfg.console.ssh import host_key_of, open_ssh
 from atlantis_netcfg.console.types import ConsoleUnreachable
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.bootstrap.target import Way
+    from atlantis_netcfg.bootstrap.target import ConsoleRoute
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Journal, JournalFailed, Recorder
     from atlantis_netcfg.journal.records import Record
 
-__all__ = ["SERIAL", "SSH", "Adoption", "AdoptionResult", "wish_of"]
+__all__ = ["SERIAL", "SSH", "Adoption", "AdoptionResult", "target_of"]
 
 
 SSH_PORT = 22
@@ -62,11 +62,11 @@ class HostKey:
 
 
 @dataclass(slots=True)
-class SshWay:
+class SshRoute:
     """An address; `locate` tells where a service port of it really is (a twin's is on loopback)."""
 
     shown: str
-    wish: Wish
+    wish: Target
     key: HostKey
     locate: Callable[[int], tuple[str, int]]
     serial: bool = False
@@ -114,7 +114,7 @@ class SshWay:
 
 
 @dataclass(slots=True)
-class SerialWay:
+class SerialRoute:
     """A serial line; it proves nothing about api-ssl."""
 
     shown: str
@@ -133,11 +133,11 @@ class SerialWay:
 
 
 @dataclass(slots=True)
-class Ways:
+class ConsoleAccess:
     """Where the technician has plugged in, and the management address."""
 
-    first: Way
-    final: Way
+    first: ConsoleRoute
+    final: ConsoleRoute
     key: HostKey
 
     @property
@@ -197,11 +197,11 @@ class Adoption:
     take_over: bool = False
     replaced: bool = False
     wait_s: float = 600.0
-    wish: Wish = field(init=False)
+    wish: Target = field(init=False)
 
     def __post_init__(self) -> None:
         refuse_examples(self.declaration, rehearsed=self.rehearsed)
-        self.wish = wish_of(self.declaration, self.host)
+        self.wish = target_of(self.declaration, self.host)
 
     def plan(self) -> AdoptionResult:
         """Look at the device and tell what would be done; nothing is changed or recorded. Raises NetcfgError."""
@@ -253,23 +253,23 @@ class Adoption:
     def _access(self) -> Access:
         return managed(self.declaration, self.host).access
 
-    def _ways(self, pinned: str | None) -> Ways:
+    def _ways(self, pinned: str | None) -> ConsoleAccess:
         key = HostKey(pinned)
         final = self._ssh(self.wish.host, key)
-        first: Way = final
+        first: ConsoleRoute = final
         if self.via.startswith(SERIAL):
-            first = SerialWay(self.via.removeprefix(SERIAL))
+            first = SerialRoute(self.via.removeprefix(SERIAL))
         elif self.address != self.wish.host:
             first = self._ssh(self.address, key)
-        return Ways(first, final, key)
+        return ConsoleAccess(first, final, key)
 
-    def _ssh(self, address: str, key: HostKey) -> SshWay:
-        return SshWay(address, self.wish, key, lambda port: self.locate(address, port))
+    def _ssh(self, address: str, key: HostKey) -> SshRoute:
+        return SshRoute(address, self.wish, key, lambda port: self.locate(address, port))
 
     def _result(self, found: Adopted, code: ExitCode, message: str, run: str) -> AdoptionResult:
-        notes = (*(complete(one, site=self.host.site) for one in found.notes), *self._missing(found), *self._stale())
-        standing = found.standing.value
-        return AdoptionResult(self.host.name, found.status.value, code, message, standing, found.steps, notes, run)
+        notes = (*(complete(note, site=self.host.site) for note in found.notes), *self._missing(found), *self._stale())
+        state = found.standing.value
+        return AdoptionResult(self.host.name, found.status.value, code, message, state, found.steps, notes, run)
 
     def _unchanged(self, found: Adopted, run: str) -> AdoptionResult:
         return self._result(found, ExitCode.DONE, "already adopted: nothing was changed", run)
@@ -277,9 +277,16 @@ class Adoption:
     def _missing(self, found: Adopted) -> Iterator[str]:
         """What `provision site=...` will ask for, and what no first contact can make."""
         there = {row.get("name") for row in found.facts.certificates} if found.facts else set()
-        for one in managed(self.declaration, self.host).prerequisites():
-            if one.menu == "/certificate" and one.name not in there and found.status is not Status.PLANNED:
-                yield f"certificate {one.name} is not on the device yet ({one.reason}): import it before you provision"
+        for prerequisite in managed(self.declaration, self.host).prerequisites():
+            if (
+                prerequisite.menu == "/certificate"
+                and prerequisite.name not in there
+                and found.status is not Status.PLANNED
+            ):
+                yield (
+                    f"certificate {prerequisite.name} is not on the device yet ({prerequisite.reason}): "
+                    "import it before you provision"
+                )
 
     def _stale(self) -> Iterator[str]:
         """What the inventory still says of another certificate, or of another SSH server."""
@@ -335,7 +342,7 @@ def _status(error: NetcfgError, *, touched: bool) -> str:
     return _HALF if touched else "refused"
 
 
-def wish_of(declaration: Declaration, host: Host) -> Wish:
+def target_of(declaration: Declaration, host: Host) -> Target:
     """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
     if not handled(host):
         raise NothingMatched(
@@ -345,7 +352,7 @@ def wish_of(declaration: Declaration, host: Host) -> Wish:
     known = managed(declaration, host)
     access, place = known.access, known.place
     desired = parse(known.texts()[0].text, source=f"the desired text of {host.name}")
-    return Wish(
+    return Target(
         name=host.name,
         user=access.user,
         password=access.password,
@@ -357,5 +364,5 @@ def wish_of(declaration: Declaration, host: Host) -> Wish:
         api_port=access.port,
         features=features_of(desired),
         certificates=known.certificates,
-        radio=any(one.menu.startswith(_WIRELESS) for one in desired.statements),
+        radio=any(statement.menu.startswith(_WIRELESS) for statement in desired.statements),
     )

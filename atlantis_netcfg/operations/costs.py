@@ -11,7 +11,7 @@ from decimal import Decimal
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, Link, Tariff, bill, preview, size
-from atlantis_netcfg.bearers.policy import Way, active_bearer
+from atlantis_netcfg.bearers.policy import Route, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.model import Gateway, LteDriver, LteRouter, Router, VpnServer
 from atlantis_netcfg.journal import CostCounted, Counters, Store
@@ -52,13 +52,13 @@ def link_of(declaration: Declaration, site: str, name: str) -> Link:
     return links_of(declaration, site)[name]
 
 
-def ways_of(declaration: Declaration, host: Host) -> tuple[Way, ...]:
+def ways_of(declaration: Declaration, host: Host) -> tuple[Route, ...]:
     """The bearers as the router of the site knows them; none for a device that is not a router."""
     if not isinstance(host.device, Router):
         return ()
     ports = {bearer: port for port, bearer in ports_of(host).items()}
     return tuple(
-        Way(
+        Route(
             name=bearer.name,
             gateway=str(bearer.gateway),
             address=str(bearer.address),
@@ -171,7 +171,7 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
         return bearer_of(declaration, host, request.via.get(host.name))
     if not isinstance(host.device, LteRouter) or host.device.driver is not LteDriver.RUTOS:
         return None
-    here = (one for one in declaration.hosts.values() if one.site == host.site and isinstance(one.device, Router))
+    here = (item for item in declaration.hosts.values() if item.site == host.site and isinstance(item.device, Router))
     router = next(here, None)
     if router is None:
         return None
@@ -301,13 +301,13 @@ class Meter:
         """Say that the session goes over another link than declared, above all if that is the dearer one."""
         if self.link.name == self.declared or self.active is None:
             return
-        said = (
+        sentence = (
             f"{self.host.name} is declared to be reached over {self.declared}, but its traffic goes over {self.active}"
         )
         dear = ", which is paid by the byte" if self.link.metered else ""
         order = [way.name for way in ways_of(self.declaration, self.host)]
         down = order.index(self.declared) < order.index(self.active)
-        yield f"{said} now{dear}" + (f": {self.declared} is down" if down else "")
+        yield f"{sentence} now{dear}" + (f": {self.declared} is down" if down else "")
 
     def _keep(self, result: DeviceResult, store: Store) -> Iterator[str]:
         """Keep the last look at every port for the month; yield what went wrong."""
@@ -318,11 +318,11 @@ class Meter:
             if port not in last.ports or name not in self._links:
                 continue
             rx, tx = last.ports[port]
-            look = Counters(
+            counters = Counters(
                 device=self.host.name, interface=port, rx_bytes=rx, tx_bytes=tx, at=last.at, uptime_s=last.uptime_s
             )
             try:
-                usage.record(name, look)
+                usage.record(name, counters)
             except NetcfgError as failure:
                 yield str(failure)
                 return
@@ -396,9 +396,9 @@ class Costs:
 
     def told(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
         """What a device's result says besides, once it has ended; before its site's journal is closed."""
-        told = self._meter(result.name).told(result, journal, store)
+        bill_data = self._meter(result.name).told(result, journal, store)
         del self._meters[result.name]
-        return told
+        return bill_data
 
     def _meter(self, name: str) -> Meter:
         if name not in self._meters:

@@ -123,7 +123,7 @@ class Managed(ABC):
     @property
     def certificates(self) -> tuple[str, ...]:
         """Names of the certificates that its text refers to."""
-        return tuple(one.name for one in self.prerequisites() if one.menu == "/certificate")
+        return tuple(prerequisite.name for prerequisite in self.prerequisites() if prerequisite.menu == "/certificate")
 
 
 _MENUS = {"wireless": "/interface/wireless", "wifi": "/interface/wifi"}
@@ -167,7 +167,9 @@ class ManagedCpe(Managed):
 
     def texts(self) -> tuple[Text, ...]:
         """Return one text for each family of menus that can do what is declared."""
-        return tuple(Text(cpe(self.declaration, self.host, one), _MENUS[one]) for one in families(self.cpe.ptp))
+        return tuple(
+            Text(cpe(self.declaration, self.host, family), _MENUS[family]) for family in families(self.cpe.ptp)
+        )
 
     def prerequisites(self) -> tuple[Prerequisite, ...]:
         """Its port and its certificate."""

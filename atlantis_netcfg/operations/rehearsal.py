@@ -98,14 +98,14 @@ def rehearsal(
     declaration: Declaration, hosts: Sequence[Host], via: str | None = None, notify: Subscriber = ignore
 ) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
-    asked = {host.name for host in hosts}
+    requested = {host.name for host in hosts}
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
     others = [host for host in hosts if is_unit(host)]
     with (
         temporary.folder("twins") as folder,
         emulated_units(others, folder) as units,
         rehearsed_computers(declaration, hosts, folder / "computers", notify) as computers,
-        spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - asked), folder) as twins,
+        spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - requested), folder) as twins,
     ):
         targets = {
             name: Target(
@@ -141,9 +141,9 @@ def _air(
 ) -> Iterator[RadioPair]:
     """Describe the radio links between these hosts; the twins' near end is where the technician stands."""
     names = [host.name for host in hosts]
-    asked = [name for name in names if name not in along]
-    request = Request(state=Path(), via=dict.fromkeys(asked, via) if via is not None else {})
-    for member in members_of(declaration, asked, request):
+    requested = [name for name in names if name not in along]
+    request = Request(state=Path(), via=dict.fromkeys(requested, via) if via is not None else {})
+    for member in members_of(declaration, requested, request):
         if member.bridge is None or not all(end.name in names for end in member.hosts):
             continue
         near, far = member.bridge.ends

@@ -27,14 +27,14 @@ __all__ = [
     "ACCEPT_COST",
     "PLAIN_ANSIBLE",
     "REMOVE_FOREIGN",
-    "Channel",
+    "EventStream",
     "Mode",
     "Request",
     "StandIns",
     "Target",
-    "asked_for",
     "consent",
     "declaration_of",
+    "open_request",
     "refuse_examples",
     "shared",
 ]
@@ -55,13 +55,13 @@ def consent(variables: Mapping[str, object]) -> dict[str, bool]:
     """What Ansible's variables agree to beyond the run itself, as fields of a request. Raises UsageError."""
     agreed = {}
     for name in (ACCEPT_COST, REMOVE_FOREIGN):
-        said = str(variables.get(name, "false"))
-        if said.lower() not in _SAID:
+        text = str(variables.get(name, "false"))
+        if text.lower() not in _SAID:
             raise UsageError(
-                f"{name} is neither true nor false: {said}", hint=f"type `-e {name}=true`, or leave it out"
+                f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or leave it out"
             )
         if name in variables:
-            agreed[name.removeprefix("atlantis_")] = _SAID[said.lower()]
+            agreed[name.removeprefix("atlantis_")] = _SAID[text.lower()]
     return agreed
 
 
@@ -170,7 +170,7 @@ class Request(_Data):
         return path if path.is_file() else None
 
 
-class Channel:
+class EventStream:
     """Writes whole lines; a listener that has gone away does not stop a run, since the journal holds everything."""
 
     def __init__(self, descriptor: int | None) -> None:
@@ -218,19 +218,19 @@ def declaration_of(inventory: Path, decrypt: Callable[[str], str] | None = None)
 
 
 @contextmanager
-def asked_for(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, Channel]]:
+def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, EventStream]]:
     """Give the request and its channel; what is raised within is told there, a fault of ours after it is in a log."""
-    asked = Request.model_validate(request or {})
-    if plan_only and not asked.mode.reads_only:
-        asked = asked.model_copy(update={"mode": Mode.PLAN})
-    channel = Channel(asked.events_fd)
+    parsed = Request.model_validate(request or {})
+    if plan_only and not parsed.mode.reads_only:
+        parsed = parsed.model_copy(update={"mode": Mode.PLAN})
+    channel = EventStream(parsed.events_fd)
     try:
-        yield asked, channel
+        yield parsed, channel
     except NetcfgError as error:
         channel.error(error)
         raise
     except Exception as fault:
-        problem = crashed(fault, asked.command, lambda: asked.state)
+        problem = crashed(fault, parsed.command, lambda: parsed.state)
         channel.error(problem)
         raise problem from fault
 

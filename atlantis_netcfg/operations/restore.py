@@ -41,7 +41,7 @@ def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = Fals
     store = next(iter(latest))
     found = latest[store][host.name] if run == LATEST else _state_of(store, host, run)
     if found is None:
-        known = [one.id for one in store.runs(host.site) if one.confirmed_state(host.name) is not None]
+        known = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
         near = nearest(run, [*known, LATEST])
         listed = f"these have: {', '.join(known[-_SHOWN:])}; or type `to={LATEST}`"
         raise NothingMatched(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.routeros.estimate import Bearer
 
-__all__ = ["Member", "bridges", "far_bearer", "members_of", "pair_of", "with_other_ends"]
+__all__ = ["RunUnit", "bridges", "far_bearer", "members_of", "pair_of", "with_other_ends"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +58,13 @@ def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> Bea
         return near.bearer
     names = {end.name for end in bridge.ends}
     bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
-    return next((as_bearer(one) for one in bearers if one.kind == BearerKind.WIFI_PTP and one.device in names), None)
+    return next(
+        (as_bearer(item) for item in bearers if item.kind == BearerKind.WIFI_PTP and item.device in names), None
+    )
 
 
 def bridges(
-    declaration: Declaration, names: Sequence[str], via: Mapping[str, str] | None = None, standing: str | None = None
+    declaration: Declaration, names: Sequence[str], via: Mapping[str, str] | None = None, near_site: str | None = None
 ) -> tuple[Bridge, ...]:
     """Return the bridges of which an end is among the hosts `names`; both ends, wherever the other one is declared.
 
@@ -71,7 +73,7 @@ def bridges(
     """
     found = []
     for one, other in _ends(declaration, names):
-        near = _near(declaration, (one, other), via or {}, standing)
+        near = _near(declaration, (one, other), via or {}, near_site)
         found.append(Bridge(near, other if near is one else one))
     return tuple(found)
 
@@ -87,11 +89,11 @@ def _ends(declaration: Declaration, names: Sequence[str]) -> Iterator[tuple[Host
         yield host, peer
 
 
-def _near(declaration: Declaration, ends: tuple[Host, Host], via: Mapping[str, str], standing: str | None) -> Host:
+def _near(declaration: Declaration, ends: tuple[Host, Host], via: Mapping[str, str], near_site: str | None) -> Host:
     direct = [end for end in ends if not _over_a_bridge(declaration, end, via)]
     if len(direct) == 1:
         return direct[0]
-    here = [end for end in direct if end.site == standing]
+    here = [end for end in direct if end.site == near_site]
     if len(here) == 1:
         return here[0]
     one, other = (end.name for end in ends)
@@ -112,7 +114,7 @@ def _over_a_bridge(declaration: Declaration, end: Host, via: Mapping[str, str]) 
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class RunUnit:
     """A device, or the two ends of a bridge (near end first)."""
 
     hosts: tuple[Host, ...]
@@ -121,22 +123,22 @@ class Member:
     """Routers of the run through which the way to it leads: they are changed before."""
 
 
-def members_of(declaration: Declaration, names: Sequence[str], request: Request) -> tuple[Member, ...]:
+def members_of(declaration: Declaration, names: Sequence[str], request: Request) -> tuple[RunUnit, ...]:
     """Return what the hosts `names` are in a run; the other end of a bridge comes along, wherever it stands.
 
     Raises UsageError if nothing tells which end of a bridge is the near one.
     """
-    pairs = bridges(declaration, _bridged(declaration, names, request), request.via, _standing(declaration, names))
+    pairs = bridges(declaration, _bridged(declaration, names, request), request.via, _near_site(declaration, names))
     ends = {end.name: pair for pair in pairs for end in pair.ends}
-    members: dict[str, Member] = {}
+    members: dict[str, RunUnit] = {}
     for name in names:
         pair = ends.get(name)
         hosts = (declaration.hosts[name],) if pair is None else pair.ends
-        members.setdefault(hosts[0].name, Member(hosts, pair, _after(declaration, hosts, names, request)))
+        members.setdefault(hosts[0].name, RunUnit(hosts, pair, _after(declaration, hosts, names, request)))
     return tuple(members.values())
 
 
-def _standing(declaration: Declaration, names: Sequence[str]) -> str:
+def _near_site(declaration: Declaration, names: Sequence[str]) -> str:
     """The site that was asked for is where the technician stands; who asks for more stands at the control centre."""
     sites = {declaration.hosts[name].site for name in names}
     return sites.pop() if len(sites) == 1 else declaration.hosts[declaration.pilot.vpn.server].site
@@ -175,5 +177,5 @@ def _after(declaration: Declaration, hosts: Sequence[Host], names: Sequence[str]
     if request.mode.reads_only or any(isinstance(host.device, Router) for host in hosts):
         return ()
     sites = {host.site for host in hosts}
-    asked = (declaration.hosts[name] for name in names)
-    return tuple(host.name for host in asked if host.site in sites and isinstance(host.device, Router))
+    requested = (declaration.hosts[name] for name in names)
+    return tuple(host.name for host in requested if host.site in sites and isinstance(host.device, Router))

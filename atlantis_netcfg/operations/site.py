@@ -14,9 +14,9 @@ from atlantis_netcfg.journal import Store, unrecorded
 from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import asked_for, declaration_of, refuse_examples
-from atlantis_netcfg.operations.schedule import Member, far_bearer, members_of, pair_of
-from atlantis_netcfg.operations.site_run import RunName, Turn
+from atlantis_netcfg.operations.request import declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.schedule import RunUnit, far_bearer, members_of, pair_of
+from atlantis_netcfg.operations.site_run import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import Status, fleet
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.request import Channel, Request
+    from atlantis_netcfg.operations.request import EventStream, Request
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
 
@@ -48,8 +48,8 @@ def perform(
 
     Of `hosts`, those that the engine does not handle are passed over, and have no entry.
     """
-    with asked_for(request, plan_only=plan_only) as (asked, channel):
-        results = _perform(declaration_of(inventory, decrypt), hosts, asked, channel)
+    with open_request(request, plan_only=plan_only) as (performed, channel):
+        results = _perform(declaration_of(inventory, decrypt), hosts, performed, channel)
     return _for_ansible(results, hosts)
 
 
@@ -61,16 +61,16 @@ def _logged(result: DeviceResult, request: Request) -> DeviceResult:
 
 
 def _perform(
-    declaration: Declaration, names: Sequence[str], request: Request, channel: Channel
+    declaration: Declaration, names: Sequence[str], request: Request, channel: EventStream
 ) -> dict[str, Mapping[str, Any]]:
     """Give each device's result as data; the engine's own objects, with rows and plans, are let go one by one."""
     refuse_examples(declaration, rehearsed=request.rehearsed)
-    members = members_of(declaration, [one for one in names if handled(declaration.hosts[one])], request)
+    members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)
     hosts = [host for member in members for host in member.hosts]
     gate(declaration, hosts, request)
     store, costs = Store(request.state, rehearsed=request.rehearsed), Costs(declaration, request)
     called = RunName()
-    turns = {site: Turn(declaration, site, hosts, request, called) for site in sorted({one.site for one in hosts})}
+    turns = {site: SiteRun(declaration, site, hosts, request, called) for site in sorted({item.site for item in hosts})}
     results: dict[str, Mapping[str, Any]] = {}
     bridged = [member.bridge.ends for member in members if member.bridge is not None]
     others = {one.name: other.name for ends in bridged for one, other in (ends, ends[::-1])}
@@ -78,11 +78,12 @@ def _perform(
     def ended(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
         paid = costs.told(result, turns[site].journal, store)
-        told = unrecorded(_logged(result, request), turns[site].ended(result))
-        notes = list(dict.fromkeys((*paid["notes"], *told.notes)))
-        results[told.name] = {**told.as_dict(), **paid, "notes": notes, "other_end": others.get(told.name)}
+        recorded = unrecorded(_logged(result, request), turns[site].ended(result))
+        notes = list(dict.fromkeys((*paid["notes"], *recorded.notes)))
+        results[recorded.name] = {**recorded.as_dict(), **paid, "notes": notes, "other_end": others.get(recorded.name)}
         channel.outcome(
-            {told.name: results[told.name]}, {} if request.mode.reads_only else {site: {"routers": turns[site].run}}
+            {recorded.name: results[recorded.name]},
+            {} if request.mode.reads_only else {site: {"routers": turns[site].run}},
         )
 
     with ExitStack() as stack:
@@ -94,14 +95,14 @@ def _perform(
 
 
 def _waiting(
-    costs: Costs, members: Sequence[Member], turns: Mapping[str, Turn], channel: Channel
+    costs: Costs, members: Sequence[RunUnit], turns: Mapping[str, SiteRun], channel: EventStream
 ) -> list[fleet.Waiting]:
     """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that.
 
     A bridge to another site waits for its turn in any case: only its two ends fail if somebody works at that site.
     """
 
-    def begun(site: str) -> Turn:
+    def begun(site: str) -> SiteRun:
         turns[site].begin()
         channel.outcome({}, {site: {"routers": turns[site].run}} if turns[site].run else {})
         return turns[site]
@@ -111,7 +112,7 @@ def _waiting(
         job = device_job(costs.declaration, host, costs.request, turn.journal, channel.event)
         return costs.beside(replace(job, confirmed=turn.confirmed.get(host.name)))
 
-    def make(member: Member) -> DeviceJob | Pair:
+    def make(member: RunUnit) -> DeviceJob | Pair:
         if member.bridge is None:
             return job_of(member.hosts[0])
         for site in sorted({host.site for host in member.hosts}):
@@ -125,7 +126,7 @@ def _waiting(
     return [
         fleet.Waiting(
             member.hosts[0].name,
-            partial(_made, make(member)) if alone and member.bridge is None else partial(make, member),
+            partial(_ready, make(member)) if alone and member.bridge is None else partial(make, member),
             member.bridge.far.name if member.bridge is not None else None,
             member.after,
         )
@@ -133,7 +134,7 @@ def _waiting(
     ]
 
 
-def _made(job: DeviceJob | Pair) -> DeviceJob | Pair:
+def _ready(job: DeviceJob | Pair) -> DeviceJob | Pair:
     return job
 
 
@@ -142,19 +143,19 @@ def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str])
 
     The other end of a bridge may not be of the play: then the end that is tells of both, and fails with it.
     """
-    told = {name: _of_host(name, result) for name, result in results.items()}
+    for_hosts = {name: _of_host(name, result) for name, result in results.items()}
     for name, result in results.items():
         other = str(result["other_end"])
         if other in names and name not in names:
-            here, there = told[other], told[name]
-            told[other] = {
+            here, there = for_hosts[other], for_hosts[name]
+            for_hosts[other] = {
                 **here,
                 "ok": here["ok"] and there["ok"],
                 "changed": (here["changed"] or there["changed"]) and here["ok"] and there["ok"],
                 "message": f"{here['message']}; {name}: {there['message']}",
                 "shown": here["shown"] + there["shown"],
             }
-    return {"per_host": told}
+    return {"per_host": for_hosts}
 
 
 def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,14 +165,14 @@ def _of_host(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
         "ok": fine,
         "changed": result["status"] in (Status.CHANGED, Status.PLANNED) and fine,
         "message": _words(result),
-        "shown": _shown(name, result),
+        "shown": _diff_text(name, result),
     }
 
 
-def _shown(name: str, result: Mapping[str, Any]) -> str:
+def _diff_text(name: str, result: Mapping[str, Any]) -> str:
     """What `--diff` prints of a device: the lines that would change, then the same told as drift."""
-    told = "" if result["comparison"] is None else drift_lines(result["comparison"])
-    return f"{name}:\n{result['diff']}{told}" if result["diff"] or told else ""
+    drift = "" if result["comparison"] is None else drift_lines(result["comparison"])
+    return f"{name}:\n{result['diff']}{drift}" if result["diff"] or drift else ""
 
 
 def _words(result: Mapping[str, Any]) -> str:

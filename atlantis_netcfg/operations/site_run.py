@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Confirmed, JournalFailed, Recorder
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["RunName", "Turn"]
+__all__ = ["RunName", "SiteRun"]
 
 
 class Ended(Protocol):
@@ -51,7 +51,7 @@ class RunName:
     name: str = ""
 
 
-class Turn:
+class SiteRun:
     """One site while a request is performed; a plan changes nothing and needs neither lock nor journal.
 
     In a run over many sites each is locked when its first device has its turn and is free again after its last: a site

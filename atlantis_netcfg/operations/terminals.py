@@ -17,7 +17,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.verdicts import Verdict, worst
 from atlantis_netcfg.declaration.model import Router, SatelliteTerminal
 from atlantis_netcfg.journal import StateDamaged, Store, write_atomically
-from atlantis_netcfg.operations.request import Mode, asked_for, declaration_of
+from atlantis_netcfg.operations.request import Mode, declaration_of, open_request
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -44,7 +44,7 @@ class TerminalResult:
     @property
     def verdict(self) -> Verdict:
         """The worst finding; without any, PASS: a person has seen it, and it is recent."""
-        return worst(one.verdict for one in self.findings) if self.findings else Verdict.PASS
+        return worst(finding.verdict for finding in self.findings) if self.findings else Verdict.PASS
 
     @property
     def exit(self) -> ExitCode:
@@ -103,7 +103,7 @@ def look(
     found = _backup(declaration.root, evidence, backup)
     confirmed = _recorded(store).get(host.name)
     judged = judge_evidence(host.name, evidence, found, confirmed, today)
-    findings = [replace(one, hint=one.hint and complete(one.hint, site=host.site)) for one in judged]
+    findings = [replace(item, hint=item.hint and complete(item.hint, site=host.site)) for item in judged]
     return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(declaration, host, device)))
 
 
@@ -111,12 +111,12 @@ def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, *, plan_only: bool
 ) -> dict[str, Any]:
     """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
-    with asked_for(request, plan_only=plan_only) as (asked, channel):
+    with open_request(request, plan_only=plan_only) as (performed, channel):
         declaration = declaration_of(inventory)
-        store = Store(asked.state, rehearsed=asked.rehearsed)
+        store = Store(performed.state, rehearsed=performed.rehearsed)
         today = datetime.now(UTC).astimezone().date()
         results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
-        if asked.mode is Mode.APPLY:
+        if performed.mode is Mode.APPLY:
             _record(store, results.values())
         channel.outcome({name: result.as_dict() for name, result in results.items()}, {})
     # Ansible prints warnings, and of a task that went well nothing else.
@@ -192,7 +192,7 @@ def _recorded(store: Store) -> dict[str, str]:
 
 def _record(store: Store, results: Iterable[TerminalResult]) -> None:
     before = _recorded(store)
-    after = {**before, **{one.name: one.evidence.firmware for one in results if one.evidence is not None}}
+    after = {**before, **{result.name: result.evidence.firmware for result in results if result.evidence is not None}}
     if after != before:
         store.root.mkdir(mode=0o700, parents=True, exist_ok=True)
         text = json.dumps(after, indent=1, sort_keys=True)

@@ -84,10 +84,10 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
             return tuple(found)
         address, key = unit.ssh, host.device.access.host_key
     try:
-        shown = host_key_of(*address)
+        seen = host_key_of(*address)
     except DeviceFailed:
         return tuple(found)  # only safe mode of RouterOS below 7.18, files and settings of a 4G unit need it
-    return (*found, Identity(host.name, "SSH host key", shown, key, pins.host_key(host.name)))
+    return (*found, Identity(host.name, "SSH host key", seen, key, pins.host_key(host.name)))
 
 
 def agree(identity: Identity, request: Request) -> None:

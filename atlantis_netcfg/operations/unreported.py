@@ -26,7 +26,7 @@ _READING = (DeviceObserved, StateSaved, Planned)
 
 def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     names: Sequence[str],
-    asked: Collection[str],
+    requested: Collection[str],
     declaration: Declaration,
     request: Request,
     runs: Mapping[str, Mapping[str, str]],
@@ -49,7 +49,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
         site = declaration.hosts[name].site
         run, written = _journal(name, site, runs.get(site, {}).values(), request)
         # The far end of a bridge was reached from the site of the near one.
-        start = name if name in asked else others.get(name, name)
+        start = name if name in requested else others.get(name, name)
         hint = f"provision resume site={declaration.hosts[start].site} run={run}"
         if handled(declaration.hosts[name]):
             hint = f"{_TAKES_BACK}; then:  {hint}"

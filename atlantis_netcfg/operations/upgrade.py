@@ -151,13 +151,13 @@ class Upgrading:
             raise DeviceFailed(f"the device does not take these files for packages: {', '.join(missing)}")
 
     def _upload(self, package: Npk, before: int, total: int) -> None:
-        told = before
+        reported = before
 
         def progress(sent: int, _size: int) -> None:
-            nonlocal told
-            if before + sent - told >= total // _PROGRESS_STEPS:
-                told = before + sent
-                self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", told // 1000, total // 1000)
+            nonlocal reported
+            if before + sent - reported >= total // _PROGRESS_STEPS:
+                reported = before + sent
+                self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", reported // 1000, total // 1000)
 
         ssh = self.ssh
         upload(
@@ -174,11 +174,11 @@ class Upgrading:
     async def _back(self) -> Seen:
         """Wait for a device that was up for less time than has gone by: then it has rebooted. Raises OutcomeUnknown."""
         clock = asyncio.get_running_loop().time
-        asked = clock()
+        began = clock()
         patient_s = self.waiting.connect_s
         endpoint = replace(self.endpoint, connect_timeout_s=patient_s, reply_timeout_s=patient_s)
         why = "it did not answer"
-        while (gone_s := clock() - asked) < self.waiting.until_s:
+        while (gone_s := clock() - began) < self.waiting.until_s:
             self._say(Stage.WAITING, f"for the device to come back: {gone_s:.0f} s")
             await asyncio.sleep(self.waiting.poll_s)
             try:
@@ -186,7 +186,7 @@ class Upgrading:
             except DeviceFailed as away:
                 why = str(away)
                 continue
-            if seen.uptime_s <= clock() - asked + REBOOTED_WITHIN_S:
+            if seen.uptime_s <= clock() - began + REBOOTED_WITHIN_S:
                 return seen
             why = "it answers, but it has not rebooted"
         raise OutcomeUnknown(
@@ -201,10 +201,10 @@ class Upgrading:
         if back.installed.version == upgrade.version and not wrong:
             return
         words = await log_of(self.endpoint)
-        told = f"; its log says: {'; '.join(words)}" if words else ""
+        log_words = f"; its log says: {'; '.join(words)}" if words else ""
         missing = f", without {', '.join(wrong)}" if wrong else ""
         raise DeviceFailed(
-            f"{self.name} rebooted and runs RouterOS {back.installed.version}{missing}{told}",
+            f"{self.name} rebooted and runs RouterOS {back.installed.version}{missing}{log_words}",
             hint="are the files whole and from MikroTik, for this very board?",
         )
 

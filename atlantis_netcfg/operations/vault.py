@@ -55,8 +55,8 @@ class Vault:
         from ansible import constants  # noqa: PLC0415
 
         found = []
-        for one in filter(None, [*constants.DEFAULT_VAULT_IDENTITY_LIST, constants.DEFAULT_VAULT_PASSWORD_FILE]):
-            label, _, file = one.rpartition("@")
+        for item in filter(None, [*constants.DEFAULT_VAULT_IDENTITY_LIST, constants.DEFAULT_VAULT_PASSWORD_FILE]):
+            label, _, file = item.rpartition("@")
             label = label or "default"
             found.append((label, self._asked(label) if file in _ASKED else _of_file(label, file)))
         if self._insist or not found:

@@ -113,7 +113,7 @@ class Verified:
         ]
         sentences = {each.id: each for each in ASSUMPTIONS}
         for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.SKIP):
-            for finding in (one for one in seen.findings if one.verdict is verdict):
+            for finding in (item for item in seen.findings if item.verdict is verdict):
                 lines.append(f"  {_WORDS[verdict]:<14} {finding.id}: {printable.line(finding.evidence)}")
                 if verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}:
                     lines += [

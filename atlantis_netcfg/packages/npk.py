@@ -66,17 +66,17 @@ def read_npk(path: Path) -> Npk:
     except OSError as error:
         raise NotAPackage(f"{path}: {error.strerror or error}", hint="name a `.npk` file from MikroTik") from error
     header, architecture = _inside(path, data)
-    told = _told(path)
+    named = _parsed_name(path)
     name = MAIN if header[0] in ("system", MAIN) or header[0].startswith(f"{MAIN}-") else header[0]
-    _agree(path, "package", told.name, name)
-    numbers = (told.version.major, told.version.minor, told.version.patch)
+    _agree(path, "package", named.name, name)
+    numbers = (named.version.major, named.version.minor, named.version.patch)
     _agree(path, "version", ".".join(map(str, numbers)), ".".join(map(str, header[1])))
-    _agree(path, "architecture", told.architecture, architecture)
-    return Npk(path, name, told.version, architecture, len(data), hashlib.sha256(data).hexdigest())
+    _agree(path, "architecture", named.architecture, architecture)
+    return Npk(path, name, named.version, architecture, len(data), hashlib.sha256(data).hexdigest())
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _FileName:
     """What a file's name says: `routeros-7.18.2-arm64.npk`, on version 6 `routeros-arm64-6.49.19.npk`."""
 
     name: str
@@ -84,7 +84,7 @@ class _Told:
     architecture: str
 
 
-def _told(path: Path) -> _Told:
+def _parsed_name(path: Path) -> _FileName:
     match = _NAME.fullmatch(path.name)
     if match is None or not _is_version(match["version"]):
         raise NotAPackage(
@@ -93,7 +93,7 @@ def _told(path: Path) -> _Told:
     name, first, last = match["name"], match["first"], match["last"]
     if first is not None and (last is not None or _known(first) is None):
         name, first = f"{name}-{first}", None
-    return _Told(name, Version.parse(match["version"]), _known(last or first or "x86") or (last or "x86"))
+    return _FileName(name, Version.parse(match["version"]), _known(last or first or "x86") or (last or "x86"))
 
 
 def _is_version(text: str) -> bool:
@@ -149,8 +149,8 @@ def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
     raise NotAPackage(f"{path}: its parts do not add up to its size", hint="download it again: it is damaged")
 
 
-def _agree(path: Path, what: str, told: str, inside: str) -> None:
-    if told != inside:
+def _agree(path: Path, what: str, named: str, inside: str) -> None:
+    if named != inside:
         raise NotAPackage(
-            f"{path}: by its name the {what} is {told}, inside it is {inside}", hint="keep MikroTik's own file names"
+            f"{path}: by its name the {what} is {named}, inside it is {inside}", hint="keep MikroTik's own file names"
         )

@@ -120,8 +120,8 @@ def _of_the_set(given: Sequence[Npk]) -> list[str]:
         reasons.append(f"{', '.join(twice)} is given twice")
     versions = sorted({package.version for package in given})
     if len(versions) > 1:
-        told = ", ".join(f"{package.path.name}" for package in given)
-        reasons.append(f"packages of different versions do not work together: {told}")
+        files = ", ".join(f"{package.path.name}" for package in given)
+        reasons.append(f"packages of different versions do not work together: {files}")
     if _LEGACY_RADIO in names and (other := sorted(set(names) & {"wifi-qcom", "wifi-qcom-ac"})):
         reasons.append(f"{_LEGACY_RADIO} and {other[0]} cannot be active together: give one of them")
     return reasons

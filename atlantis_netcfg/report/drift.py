@@ -136,8 +136,8 @@ def difference_lines(difference: Mapping[str, Any], confirmed: Mapping[str, str]
     """Return one difference: what, whose, since when, and who did it as far as the device remembers."""
     yield printable.line(f"{difference['kind']:<8} {difference['subject']}")
     details = [
-        f"{one['name']}: declared {_shown(one['declared'])}, found {_shown(one['found'])}"
-        for one in difference["fields"]
+        f"{field['name']}: declared {_shown(field['declared'])}, found {_shown(field['found'])}"
+        for field in difference["fields"]
     ]
     if difference["row"]:
         details.append(difference["row"])
@@ -145,7 +145,7 @@ def difference_lines(difference: Mapping[str, Any], confirmed: Mapping[str, str]
     if difference["history"]:
         done = difference["history"]
         details.append(f"the device remembers: {done['action']}, by {done['by']}, {done['at']} by its clock")
-    yield from (f"{'':<8} {printable.line(one)}" for one in details)
+    yield from (f"{'':<8} {printable.line(detail)}" for detail in details)
 
 
 def _owner(difference: Mapping[str, Any]) -> str:

@@ -47,7 +47,11 @@ def _suite(name: str, result: Mapping[str, Any]) -> ET.Element:
     comparison = result["comparison"] or {"menus": (), "differences": (), "confirmed": None}
     for menu in comparison["menus"]:
         case = ET.SubElement(suite, "testcase", name=menu, classname=name, time="0")
-        _judge(case, [one for one in comparison["differences"] if one["menu"] == menu], comparison["confirmed"])
+        _judge(
+            case,
+            [difference for difference in comparison["differences"] if difference["menu"] == menu],
+            comparison["confirmed"],
+        )
     count(suite)
     return suite
 
@@ -63,11 +67,11 @@ def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
 
 def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> None:
     """Fail for drift; skip where a secret could not be compared; a row that is left alone is only told."""
-    counted = [one for one in differences if one["counts"]]
-    beside = [one for one in differences if not one["counts"]]
-    hidden = [one for one in beside if one["kind"] == "hidden"]
+    counted = [difference for difference in differences if difference["counts"]]
+    beside = [item for item in differences if not item["counts"]]
+    hidden = [entry for entry in beside if entry["kind"] == "hidden"]
     if counted:
-        kinds = ", ".join(dict.fromkeys(one["kind"] for one in counted))
+        kinds = ", ".join(dict.fromkeys(element["kind"] for element in counted))
         add(case, "failure", kinds, _text(counted, confirmed))
     elif hidden:
         names = ", ".join(f"{field['name']} of {one['subject']}" for one in hidden for field in one["fields"])
@@ -77,4 +81,4 @@ def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed
 
 
 def _text(differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> str:
-    return "\n".join(line for one in differences for line in difference_lines(one, confirmed))
+    return "\n".join(line for difference in differences for line in difference_lines(difference, confirmed))

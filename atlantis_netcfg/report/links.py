@@ -48,7 +48,9 @@ class LinksReport:
         """
         if not self.asked:
             return ExitCode.NOTHING
-        not_green = any(one["verdict"] in _NOT_GREEN for link in self.bearers.values() for one in link["findings"])
+        not_green = any(
+            finding["verdict"] in _NOT_GREEN for link in self.bearers.values() for finding in link["findings"]
+        )
         return ExitCode.CHECKS_FAILED if not_green or self.unreachable else ExitCode.DONE
 
     def as_json(self) -> dict[str, Any]:
@@ -58,7 +60,7 @@ class LinksReport:
             "rehearsed": self.rehearsed,
             "exit": int(self.exit),
             "bearers": {name: dict(one) for name, one in self.bearers.items()},
-            "unreachable": [dict(one) for one in self.unreachable],
+            "unreachable": [dict(item) for item in self.unreachable],
             "not_asked": dict(self.not_asked),
             "round_trips": dict(self.round_trips),
             "costs": {name: dict(one) for name, one in self.costs.items()},
@@ -79,10 +81,10 @@ class LinksReport:
             yield from _block(number, name, one)
         yield ""
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
-        looked = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
-        yield from (f"{looked} {name}: {one['words']}" for name, one in self.costs.items())
+        cost_of = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
+        yield from (f"{cost_of} {name}: {one['words']}" for name, one in self.costs.items())
         yield from (f"note: {' '.join(note.split())}" for note in self.notes)
-        yield from (f"not rehearsed: {one}" for one in self.not_rehearsed)
+        yield from (f"not rehearsed: {item}" for item in self.not_rehearsed)
         yield self._closing()
 
     def _closing(self) -> str:
@@ -91,7 +93,7 @@ class LinksReport:
         active = [name for name, one in self.bearers.items() if one["active"]]
         if not self.asked:
             return f"Nobody was asked, so nothing is known of {self.site}"
-        if any(one["active"] is None for one in self.bearers.values()):
+        if any(bearer["active"] is None for bearer in self.bearers.values()):
             return f"Which link carries the traffic of {self.site} is not known: the router was not read"
         if not active:
             return f"NOTHING carries the traffic of {self.site}"
@@ -163,9 +165,9 @@ def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]
 
 
 def _radio(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    heard = list(_heard(quality))
-    if heard:
-        yield "signal", "; ".join(heard)
+    parts = list(_signal(quality))
+    if parts:
+        yield "signal", "; ".join(parts)
     flow = [*_pair(quality, "rate", "rate_mbps", "Mbit/s"), *_pair(quality, "CCQ", "ccq_percent", "%")]
     if flow:
         yield "flow", ", ".join(flow)
@@ -173,7 +175,7 @@ def _radio(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "radio", ", ".join(str(quality[name]) for name in ("status", "channel") if quality.get(name) is not None)
 
 
-def _heard(quality: Mapping[str, Any]) -> Iterator[str]:
+def _signal(quality: Mapping[str, Any]) -> Iterator[str]:
     level, far = quality.get("signal_dbm"), quality.get("far_signal_dbm")
     if level is not None:
         chains = [value for name, value in quality.items() if name.startswith("signal_chain") and value is not None]
@@ -214,8 +216,8 @@ def _unit(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if quality.get("registration") is not None:
         yield "network", ", ".join([str(quality["registration"]).replace("_", " "), *network])
     if quality.get("address") is not None or quality.get("apn") is not None:
-        told = [("address", quality.get("address")), ("APN", quality.get("apn"))]
-        words = ", ".join(f"{name} {value}" for name, value in told if value is not None)
+        identity = [("address", quality.get("address")), ("APN", quality.get("apn"))]
+        words = ", ".join(f"{name} {value}" for name, value in identity if value is not None)
         yield "data", f"{words}{', behind the NAT of its network' if quality.get('carrier_nat') == 'yes' else ''}"
 
 

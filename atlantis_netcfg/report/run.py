@@ -73,7 +73,7 @@ class RunReport:
         if not self.devices:
             return ExitCode.NOTHING
         codes = {ExitCode(result["exit"]) for result in self.devices.values()}
-        codes |= {ExitCode.FAILED if one.left else ExitCode(one.result["exit"]) for one in self.passes}
+        codes |= {ExitCode.FAILED if item.left else ExitCode(item.result["exit"]) for item in self.passes}
         if self.stopped_by:
             codes.add(ExitCode.FAILED)
         return worst(codes)
@@ -98,11 +98,11 @@ class RunReport:
         }
 
     def _device(self, name: str, result: Mapping[str, Any]) -> dict[str, Any]:
-        passes = [one for one in self.passes if one.device == name]
+        passes = [item for item in self.passes if item.device == name]
         return {
             **result,
-            "second_pass": sum(one.left for one in passes) if passes else None,
-            "bearers": {one.bearer: one.as_json() for one in passes},
+            "second_pass": sum(element.left for element in passes) if passes else None,
+            "bearers": {entry.bearer: entry.as_json() for entry in passes},
             "not_rehearsed": list(self.not_rehearsed) if self.rehearsed else [],
         }
 
@@ -124,17 +124,17 @@ class RunReport:
             if result["hint"]:
                 yield f"  {'':<18} {printable.below(result['hint'], 21)}"
             yield from self._bill(result)
-            for one in self.passes:
-                if one.device == name:
-                    yield f"  {'':<18} again over {one.bearer}: {_left(one)}{_cost(one.result)}"
-                    yield from self._bill(one.result)
+            for item in self.passes:
+                if item.device == name:
+                    yield f"  {'':<18} again over {item.bearer}: {_left(item)}{_cost(item.result)}"
+                    yield from self._bill(item.result)
             yield from (f"  {'':<18} note: {printable.below(note, 21)}" for note in result["notes"])
             yield from (f"  {'':<18} drift: {printable.below(drift['message'], 21)}" for drift in result["drift"])
         yield from (f"  {name:<18} not rehearsed: {why}" for name, why in self.left_out.items())
         for name, kind in self.not_handled.items():
             yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
         if self.rehearsed:
-            yield from (f"  not rehearsed: {one}" for one in self.not_rehearsed)
+            yield from (f"  not rehearsed: {item}" for item in self.not_rehearsed)
         if self.stopped_by:
             yield f"  {self._stopped()}"
         recorded = [run for run in self.runs if run]

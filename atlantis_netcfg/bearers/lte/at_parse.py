@@ -111,12 +111,12 @@ def _card(answers: Mapping[str, Answer]) -> tuple[Registration | None, bool | No
         code = _cme(answer.final)
         refused = True if code in (12, 16) else None
         return _CME.get(code or 0), refused, answer.final
-    said = next(iter(_first(answers, "AT+CPIN?")), "").upper()
-    if said == "SIM PIN":
-        return Registration.SIM_PIN_REQUIRED, None, said
-    if said == "SIM PUK":
-        return Registration.SIM_PUK_REQUIRED, True, said
-    return None, None, None if said == "READY" else said or None
+    words = next(iter(_first(answers, "AT+CPIN?")), "").upper()
+    if words == "SIM PIN":
+        return Registration.SIM_PIN_REQUIRED, None, words
+    if words == "SIM PUK":
+        return Registration.SIM_PUK_REQUIRED, True, words
+    return None, None, None if words == "READY" else words or None
 
 
 def _cme(final: str) -> int | None:

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.verdicts import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["LteWanted", "judge", "link_state", "quality"]
+__all__ = ["LteExpected", "judge", "link_state", "quality"]
 
 WEAK_RSRP_DBM = -105.0
 WEAK_RSRQ_DB = -15.0
@@ -25,7 +25,7 @@ WEAK_SINR_DB = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LteWanted:
+class LteExpected:
     """What the declaration says of the SIM and its subscription."""
 
     apn: str | None = None
@@ -41,11 +41,11 @@ class LteWanted:
 _REGISTERED = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
 
 
-def judge(reading: LteReading, wanted: LteWanted) -> tuple[Finding, ...]:
+def judge(reading: LteReading, expected: LteExpected) -> tuple[Finding, ...]:
     """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
     if reading.state in _REGISTERED:
-        return tuple(_registered(reading, wanted))
-    return (_not_registered(reading, wanted),)
+        return tuple(_registered(reading, expected))
+    return (_not_registered(reading, expected),)
 
 
 def link_state(reading: LteReading) -> LinkState:
@@ -75,22 +75,22 @@ def quality(reading: LteReading) -> Quality:
     }
 
 
-def _not_registered(reading: LteReading, wanted: LteWanted) -> Finding:
+def _not_registered(reading: LteReading, expected: LteExpected) -> Finding:
     if reading.state is Registration.SIM_PIN_REQUIRED:
-        return _pin(reading, wanted)
+        return _pin(reading, expected)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
         message = f"{message} (the device says: {reading.last_error})"
     return Finding(verdict, code, message, hint)
 
 
-def _pin(reading: LteReading, wanted: LteWanted) -> Finding:
+def _pin(reading: LteReading, expected: LteExpected) -> Finding:
     left = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
     if reading.pin_refused:
         message = f"the SIM has refused the PIN, and it is not tried again{left}"
         hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
         return Finding(Verdict.FAIL, "pin-wrong", message, hint)
-    if not wanted.pin_declared:
+    if not expected.pin_declared:
         hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
         return Finding(Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{left}", hint)
     message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{left}"
@@ -138,11 +138,11 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
 }
 
 
-def _registered(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
-    yield from _roaming(reading, wanted)
-    yield from _apn(reading, wanted)
-    yield from _address(reading, wanted)
-    yield from _bands(reading, wanted)
+def _registered(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+    yield from _roaming(reading, expected)
+    yield from _apn(reading, expected)
+    yield from _address(reading, expected)
+    yield from _bands(reading, expected)
     yield from _levels(reading)
 
 
@@ -150,11 +150,11 @@ def _foreign(reading: LteReading) -> bool:
     return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
 
 
-def _roaming(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
+def _roaming(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
     if not _foreign(reading):
         return
     where = reading.operator or reading.plmn or "a foreign network"
-    if wanted.roaming:
+    if expected.roaming:
         message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
         yield Finding(Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer")
     else:
@@ -163,20 +163,20 @@ def _roaming(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
         yield Finding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
 
-def _apn(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
-    if wanted.apn is None:
+def _apn(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+    if expected.apn is None:
         hint = "declare `sim.apn` as the SIM's contract says"
-        if wanted.apn_required:
+        if expected.apn_required:
             message = "a user or password of the subscription is declared, but not the APN they belong to"
             yield Finding(Verdict.FAIL, "apn-missing", message, hint)
         elif reading.apn is None and reading.address is None and not _foreign(reading):
             yield Finding(Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint)
     elif reading.network_apn and reading.apn is None:
-        message = f"the unit takes the network's APN, so the declared one, {wanted.apn}, may not be in use"
+        message = f"the unit takes the network's APN, so the declared one, {expected.apn}, may not be in use"
         hint = "run the site, which switches `use-network-apn` off"
         yield Finding(Verdict.WARN, "apn-of-the-network", message, hint)
-    elif reading.apn is not None and _bare(reading.apn) != _bare(wanted.apn):
-        message = f"the APN in use is {reading.apn}, the declared one is {wanted.apn}"
+    elif reading.apn is not None and _bare(reading.apn) != _bare(expected.apn):
+        message = f"the APN in use is {reading.apn}, the declared one is {expected.apn}"
         hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
         yield Finding(Verdict.WARN, "apn-differs", message, hint)
 
@@ -186,18 +186,18 @@ def _bare(apn: str) -> str:
     return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 
-def _address(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
-    if reading.address is not None or reading.connected or (_foreign(reading) and not wanted.roaming):
+def _address(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+    if reading.address is not None or reading.connected or (_foreign(reading) and not expected.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
     yield Finding(Verdict.FAIL, "no-address", message, hint)
 
 
-def _bands(reading: LteReading, wanted: LteWanted) -> Iterator[Finding]:
-    held = [f"B{number}" for number in wanted.bands]
-    if held and reading.band is not None and reading.band.startswith("B") and reading.band not in held:
-        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(held)}"
+def _bands(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+    allowed = [f"B{number}" for number in expected.bands]
+    if allowed and reading.band is not None and reading.band.startswith("B") and reading.band not in allowed:
+        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed)}"
         yield Finding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
 
 

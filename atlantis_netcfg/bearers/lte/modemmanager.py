@@ -213,9 +213,9 @@ def _state(modem: Mapping[str, Any], network: Mapping[str, Any]) -> tuple[Regist
     return _network(state, network.get("RegistrationState"))
 
 
-def _network(state: int, told: object) -> tuple[Registration, str | None]:
-    if isinstance(told, int):
-        return _STATES.get(told, Registration.UNKNOWN), "idle" if told == 0 else None
+def _network(state: int, reported: object) -> tuple[Registration, str | None]:
+    if isinstance(reported, int):
+        return _STATES.get(reported, Registration.UNKNOWN), "idle" if reported == 0 else None
     if state >= _REGISTERED:
         return Registration.REGISTERED_HOME, None
     return Registration.SEARCHING if state == _SEARCHING else Registration.UNKNOWN, None
@@ -285,9 +285,9 @@ def read(address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> MmLook:
     with Bus(address, timeout_s=timeout_s) as bus:
         modems = {path: found for path, found in bus.objects().items() if MODEM in found}
         if len(modems) != 1:
-            told = "no modem" if not modems else f"{len(modems)} modems, and the declaration does not tell which"
+            problem = "no modem" if not modems else f"{len(modems)} modems, and the declaration does not tell which"
             raise MmUnreachable(
-                f"ModemManager has {told}",
+                f"ModemManager has {problem}",
                 hint="look at `mmcli -L`: is the modem plugged in, and only the one of this site?",
             )
         (interfaces,) = modems.values()

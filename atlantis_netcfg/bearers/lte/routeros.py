@@ -89,36 +89,36 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
 
     `interface` is the modem's default name; its address and its lines in the log go by the name of now.
     """
-    shown = {name: value for name, value in redacted(monitor or {}).items() if _said(value)}
-    own = _modem(interfaces, interface)
-    name = own.get("name", interface)
+    monitored = {name: value for name, value in redacted(monitor or {}).items() if _meaningful(value)}
+    its_row = _modem(interfaces, interface)
+    name = its_row.get("name", interface)
     error, from_log = _from_log(log or (), name)
-    state = _state(shown, own)
+    state = _state(monitored, its_row)
     if state is Registration.UNKNOWN and from_log is not None:
         state = from_log
-    profile = _profile(own, profiles or ())
-    operator = _said(shown.get("current-operator"))
+    profile = _profile(its_row, profiles or ())
+    operator = _meaningful(monitored.get("current-operator"))
     return LteReading(
         source="routeros",
         state=state,
-        access_tech=_technology(shown),
+        access_tech=_technology(monitored),
         operator=None if operator is not None and operator.isdecimal() else operator,
         plmn=operator if operator is not None and operator.isdecimal() else None,
-        band=_band(shown),
-        rsrp_dbm=_level(shown, "rsrp", _RSRP_DBM, "dBm"),
-        rsrq_db=_level(shown, "rsrq", _RSRQ_DB, "dB"),
-        sinr_db=_level(shown, "sinr", _SINR_DB, "dB"),
-        rssi_dbm=decibels(shown.get("rssi"), *_RSSI_DBM),
-        roaming=_roaming(shown),
+        band=_band(monitored),
+        rsrp_dbm=_level(monitored, "rsrp", _RSRP_DBM, "dBm"),
+        rsrq_db=_level(monitored, "rsrq", _RSRQ_DB, "dB"),
+        sinr_db=_level(monitored, "sinr", _SINR_DB, "dB"),
+        rssi_dbm=decibels(monitored.get("rssi"), *_RSSI_DBM),
+        roaming=_roaming(monitored),
         address=_address(addresses or (), name),
         apn=_apn_in_use(profile),
         network_apn=yes(profile.get("use-network-apn")),
-        pin_refused=True if _REFUSED.search(shown.get("pin-status", "").lower()) else None,
+        pin_refused=True if _REFUSED.search(monitored.get("pin-status", "").lower()) else None,
         last_error=error,
     )
 
 
-def _said(text: str | None) -> str | None:
+def _meaningful(text: str | None) -> str | None:
     stripped = (text or "").strip()
     return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
 
@@ -138,17 +138,17 @@ _REGISTRATIONS = (
 """Negatives first: `not registered` has `registered` in it, and `denied` may stand beside either."""
 
 
-def _state(shown: Row, own: Row) -> Registration:
-    if yes(own.get("disabled")):
+def _state(monitored: Row, its_row: Row) -> Registration:
+    if yes(its_row.get("disabled")):
         return Registration.DISABLED
-    words = [shown.get(name, "").lower() for name in ("registration-status", "status")]
-    card = _card(shown.get("pin-status", "").lower(), words)
+    words = [monitored.get(name, "").lower() for name in ("registration-status", "status")]
+    card = _card(monitored.get("pin-status", "").lower(), words)
     if card is not None:
         return card
-    if _RADIO_OFF.search(shown.get("functionality", "").lower()):
+    if _RADIO_OFF.search(monitored.get("functionality", "").lower()):
         return Registration.DISABLED
     found = next((state for word in words if (state := _registration(word)) is not None), Registration.UNKNOWN)
-    roams = found is Registration.REGISTERED_HOME and yes(shown.get("roaming"))
+    roams = found is Registration.REGISTERED_HOME and yes(monitored.get("roaming"))
     return Registration.REGISTERED_ROAMING if roams else found
 
 
@@ -168,42 +168,42 @@ def _registration(word: str) -> Registration | None:
     return next((state for pattern, state in _REGISTRATIONS if pattern.search(word)), None)
 
 
-def _roaming(shown: Row) -> bool | None:
-    said = yes(shown.get("roaming"))
-    if said is None and "roaming" in shown.get("registration-status", "").lower():
+def _roaming(monitored: Row) -> bool | None:
+    roams = yes(monitored.get("roaming"))
+    if roams is None and "roaming" in monitored.get("registration-status", "").lower():
         return True
-    return said
+    return roams
 
 
-def _technology(shown: Row) -> str | None:
-    text = _said(shown.get("data-class")) or _said(shown.get("access-technology"))
+def _technology(monitored: Row) -> str | None:
+    text = _meaningful(monitored.get("data-class")) or _meaningful(monitored.get("access-technology"))
     if text is None:
         return None
     inside = re.search(r"\(([^)]+)\)", text)
     return (inside[1] if inside is not None else text).lower()
 
 
-def _band(shown: Row) -> str | None:
+def _band(monitored: Row) -> str | None:
     """Read `B3@20Mhz earfcn: 1300 …` and `1300 (band 3, bandwidth 20Mhz)`."""
-    text = f"{shown.get('primary-band', '')} {shown.get('earfcn', '')}"
+    text = f"{monitored.get('primary-band', '')} {monitored.get('earfcn', '')}"
     found = re.search(r"\b([BbNn])(\d{1,3})@", text) or re.search(r"\b(b)and (\d{1,3})\b", text)
     return f"{found[1].upper()}{found[2]}" if found is not None else None
 
 
-def _level(shown: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
+def _level(monitored: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
     """Read an LTE level; where the modem is on 5G alone it has only the `nr-` one."""
-    lte = decibels(shown.get(name), *bounds, unit=unit)
-    return decibels(shown.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
+    lte = decibels(monitored.get(name), *bounds, unit=unit)
+    return decibels(monitored.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
 
 
-def _profile(own: Row, profiles: Rows) -> Row:
-    name = own.get("apn-profiles", "").split(",")[0]
+def _profile(its_row: Row, profiles: Rows) -> Row:
+    name = its_row.get("apn-profiles", "").split(",")[0]
     return next((row for row in profiles if name and row.get("name") == name), {})
 
 
 def _apn_in_use(profile: Row) -> str | None:
     """Which APN is asked for; which one the network answers with nobody says."""
-    return None if yes(profile.get("use-network-apn")) is not False else _said(profile.get("apn"))
+    return None if yes(profile.get("use-network-apn")) is not False else _meaningful(profile.get("apn"))
 
 
 def _address(addresses: Rows, interface: str) -> str | None:

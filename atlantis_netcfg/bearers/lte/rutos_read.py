@@ -103,14 +103,14 @@ def registration(words: str | None) -> Registration:
     """
     if words is None:
         return Registration.UNKNOWN
-    said = words.lower()
-    if "denied" in said:
+    lowered = words.lower()
+    if "denied" in lowered:
         return Registration.DENIED
-    if "searching" in said or "not registered" in said or "unregistered" in said:
+    if "searching" in lowered or "not registered" in lowered or "unregistered" in lowered:
         return Registration.SEARCHING
-    if "roaming" in said and "not roaming" not in said:
+    if "roaming" in lowered and "not roaming" not in lowered:
         return Registration.REGISTERED_ROAMING
-    if "registered" in said or said == "home":
+    if "registered" in lowered or lowered == "home":
         return Registration.REGISTERED_HOME
     return Registration.UNKNOWN
 
@@ -119,10 +119,10 @@ def technology(words: str | None) -> str | None:
     """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case."""
     if words is None:
         return None
-    said = words.lower()
+    lowered = words.lower()
     known = {"5g": "5g", "nr": "5g", "lte": "lte", "4g": "lte", "wcdma": "umts", "hspa": "umts", "umts": "umts"}
     known |= {"3g": "umts", "gsm": "gsm", "edge": "gsm", "gprs": "gsm", "2g": "gsm"}
-    return next((name for word, name in known.items() if word in said), said)
+    return next((name for word, name in known.items() if word in lowered), lowered)
 
 
 def band(words: str | None) -> str | None:
@@ -231,8 +231,8 @@ def _texts(row: Mapping[str, Any]) -> Sequence[str]:
     found: list[str] = []
     for name in ("ipaddrs", "ipv4-address", "ipv4_address", "ip", "ipaddr"):
         value = row.get(name)
-        for one in value if isinstance(value, list) else [value]:
-            each = one.get("address") if isinstance(one, dict) else one
+        for item in value if isinstance(value, list) else [value]:
+            each = item.get("address") if isinstance(item, dict) else item
             if isinstance(each, str):
                 found.append(each)
     return found

@@ -113,7 +113,7 @@ def parse_show(text: str) -> Sections:
     return sections
 
 
-def pin_held(reading: LteReading, wanted: LteSettings, sections: Sections, *, tried: str) -> str | None:
+def pin_held(reading: LteReading, desired: LteSettings, sections: Sections, *, tried: str) -> str | None:
     """Why nothing may be set while the card asks for a PIN: every reload may try the PIN that the unit has saved.
 
     `tried`: why a PIN must not be tried, as far as earlier runs know. None: the card asks for none, or the declared PIN
@@ -123,7 +123,7 @@ def pin_held(reading: LteReading, wanted: LteSettings, sections: Sections, *, tr
         return "the SIM is locked after too many wrong PINs and asks for its PUK"
     if reading.state is not Registration.SIM_PIN_REQUIRED:
         return None
-    pin = None if wanted.pin is None else wanted.pin.reveal()
+    pin = None if desired.pin is None else desired.pin.reveal()
     saved = _slot(sections, _place(reading))[1].get(PIN)
     reasons = (
         (pin is None, "the SIM asks for a PIN and none is declared"),
@@ -135,23 +135,24 @@ def pin_held(reading: LteReading, wanted: LteSettings, sections: Sections, *, tr
     return next((reason for holds, reason in reasons if holds), None)
 
 
-def removal(one: Change) -> str:
+def removal(change: Change) -> str:
     """What `uci batch` reads to take one option away again."""
-    return f"delete {one.package}.{one.section}.{one.option}\ncommit {one.package}\n"
+    return f"delete {change.package}.{change.section}.{change.option}\ncommit {change.package}\n"
 
 
-def changes(reading: LteReading, wanted: LteSettings, sections: Sections) -> tuple[Change, ...]:
+def changes(reading: LteReading, desired: LteSettings, sections: Sections) -> tuple[Change, ...]:
     """What has to be set, in order; empty if the unit is as declared. Raises SettingRefused.
 
     A declared PIN is set only while the card asks for one.
     """
     place = _place(reading)
-    found = [*_interface(sections, place, wanted), *_card(sections, place, wanted, reading)]
-    for one in found:
-        if not one.value.isprintable() or "'" in one.value or "\\" in one.value:
-            name = "the value" if one.secret else f"`{one.value}`"
+    found = [*_interface(sections, place, desired), *_card(sections, place, desired, reading)]
+    for change in found:
+        if not change.value.isprintable() or "'" in change.value or "\\" in change.value:
+            name = "the value" if change.secret else f"`{change.value}`"
             raise SettingRefused(
-                f"{name} of {one.package}.{one.section}.{one.option} has a quote, a backslash or a control character",
+                f"{name} of {change.package}.{change.section}.{change.option} has a quote, a backslash or a "
+                "control character",
                 hint="set it on the unit's own page",
             )
     return tuple(found)
@@ -159,12 +160,12 @@ def changes(reading: LteReading, wanted: LteSettings, sections: Sections) -> tup
 
 def batch(found: tuple[Change, ...]) -> str:
     """What `uci batch` reads on its standard input; secrets in clear: it goes nowhere else."""
-    lines = [f"set {one.package}.{one.section}.{one.option}='{one.value}'" for one in found]
+    lines = [f"set {change.package}.{change.section}.{change.option}='{change.value}'" for change in found]
     return "".join(f"{line}\n" for line in (*lines, *(f"commit {name}" for name in _packages(found))))
 
 
 def _packages(found: tuple[Change, ...]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(one.package for one in found))
+    return tuple(dict.fromkeys(change.package for change in found))
 
 
 def _place(reading: LteReading) -> str:
@@ -172,29 +173,29 @@ def _place(reading: LteReading) -> str:
     return str(reading.sim_slot or 1)
 
 
-def _interface(sections: Sections, place: str, wanted: LteSettings) -> Iterator[Change]:
-    if wanted.apn is None and wanted.user is None and wanted.password is None:
+def _interface(sections: Sections, place: str, desired: LteSettings) -> Iterator[Change]:
+    if desired.apn is None and desired.user is None and desired.password is None:
         return
     name, options = _mobile(sections, place)
     declared: dict[str, tuple[str | None, bool]] = {
-        "auto_apn": (None if wanted.apn is None else "0", False),
-        "apn": (wanted.apn, False),
-        "auth": (_authentication(wanted, options), False),
-        "username": (wanted.user, False),
-        "password": (None if wanted.password is None else wanted.password.reveal(), True),
+        "auto_apn": (None if desired.apn is None else "0", False),
+        "apn": (desired.apn, False),
+        "auth": (_authentication(desired, options), False),
+        "username": (desired.user, False),
+        "password": (None if desired.password is None else desired.password.reveal(), True),
     }
     yield from _differing("network", name, options, declared)
 
 
-def _authentication(wanted: LteSettings, options: Mapping[str, str]) -> str | None:
+def _authentication(desired: LteSettings, options: Mapping[str, str]) -> str | None:
     """With user and password what the unit has, else `pap`, which networks take [inferred]; without, as it is."""
-    if wanted.user is None and wanted.password is None:
+    if desired.user is None and desired.password is None:
         return None
     there = options.get("auth", "none")
     return there if there != "none" else "pap"
 
 
-def _card(sections: Sections, place: str, wanted: LteSettings, reading: LteReading) -> Iterator[Change]:
+def _card(sections: Sections, place: str, desired: LteSettings, reading: LteReading) -> Iterator[Change]:
     name, options = _slot(sections, place)
     if not name:
         raise SettingRefused(
@@ -202,11 +203,11 @@ def _card(sections: Sections, place: str, wanted: LteSettings, reading: LteReadi
             hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of "
             "`access`, so that it is only checked",
         )
-    denied = "0" if wanted.roaming else "1"
+    denied = "0" if desired.roaming else "1"
     if (options.get("deny_roaming") or "0") != denied:
         yield Change("simcard", name, "deny_roaming", denied, options.get("deny_roaming"))
-    if wanted.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
-        yield from _differing("simcard", name, options, {PIN: (wanted.pin.reveal(), True)})
+    if desired.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
+        yield from _differing("simcard", name, options, {PIN: (desired.pin.reveal(), True)})
 
 
 def _differing(

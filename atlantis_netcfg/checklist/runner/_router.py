@@ -15,7 +15,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.computers import is_computer
 from atlantis_netcfg.operations.costs import gate, unpaid
-from atlantis_netcfg.operations.links.look import door_to, look
+from atlantis_netcfg.operations.links.look import look, session_to
 from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.operations.request import Mode
 
@@ -76,7 +76,7 @@ class Routers:
 
     async def _session(self, host: Host, questions: Asked) -> Mapping[str, Answer]:
         gate(self.declaration, [host], self._reading)
-        door = door_to(self.declaration, self.site, host, self.request)
+        door = session_to(self.declaration, self.site, host, self.request)
         asked = time.time()
         async with door.opened() as session:
             replies = await session.flight([command(one.query) for _, one in questions if isinstance(one, Ask)])

@@ -103,10 +103,10 @@ def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_fi
     read = _READ + _READ_TARGET * len(reached) + _READ_LINK * links
     turns = {task.probe for task in reached if task.probe not in (Probe.NONE, *HELD)}
     refused = sum(task.expected is Expected.REFUSED and task.probe is Probe.ICMP for task in planned)
-    held = any(task.probe in HELD for task in planned)
+    temporary = any(task.probe in HELD for task in planned)
     opened = refused if open_filter else 0
-    always = _LOGIN + _TERMINAL + (2 + 2 * refused + opened + held) * (read + _PING) + (opened + held) * _ROWS
-    by_turns = rounds * ((1 + (turns != {Probe.ICMP})) * bool(turns) + opened + held) * (read + _PING)
+    always = _LOGIN + _TERMINAL + (2 + 2 * refused + opened + temporary) * (read + _PING) + (opened + temporary) * _ROWS
+    by_turns = rounds * ((1 + (turns != {Probe.ICMP})) * bool(turns) + opened + temporary) * (read + _PING)
     return always, by_turns
 
 
@@ -177,11 +177,11 @@ class Reading:
         return self._passed(chain, task, "dst")
 
     def _passed(self, chain: str, task: Task, side: str) -> int:
-        wanted = {f"{side}-address": task.address, f"{side}-port": str(task.port), "protocol": task.transport}
+        unique = {f"{side}-address": task.address, f"{side}-port": str(task.port), "protocol": task.transport}
         return sum(
             _number(row, "packets")
             for row in self.chain(chain)
-            if row.get("action") == "return" and all(row.get(name) == value for name, value in wanted.items())
+            if row.get("action") == "return" and all(row.get(name) == value for name, value in unique.items())
         )
 
 
@@ -280,8 +280,8 @@ async def resolve(
 
     A computer without network also says that a name does not exist: what it says is only as good as its resolver.
     """
-    wanted = tuple(dict.fromkeys(names))
-    work = {name: asyncio.ensure_future(asyncio.to_thread(ask, name)) for name in wanted}
+    unique = tuple(dict.fromkeys(names))
+    work = {name: asyncio.ensure_future(asyncio.to_thread(ask, name)) for name in unique}
     if work:
         await asyncio.wait(work.values(), timeout=timeout_s)
     found: dict[str, frozenset[str] | None] = {}

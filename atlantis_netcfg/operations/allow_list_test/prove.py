@@ -41,7 +41,7 @@ from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_w
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.bearers.policy import Route
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration.model import Bearer, Pilot
     from atlantis_netcfg.operations.allow_list_test.plan import Reading, Task
@@ -122,8 +122,8 @@ async def _close(session: Session, rows: Sequence[Command], added: Sequence[Repl
 
 async def _gone(session: Session, rows: Sequence[Command]) -> bool:
     menus = dict.fromkeys(_menu(row) for row in rows)
-    asked = [Command(f"{menu}/print", ((".proplist", ".id"),), (f"?comment={MARK}",)) for menu in menus]
-    return all(reply.trap is None and not reply.rows for reply in await session.flight(asked))
+    commands = [Command(f"{menu}/print", ((".proplist", ".id"),), (f"?comment={MARK}",)) for menu in menus]
+    return all(reply.trap is None and not reply.rows for reply in await session.flight(commands))
 
 
 RULES = Command("/routing/rule/print", ((".proplist", ".id"),))
@@ -211,7 +211,7 @@ class Proof:
     @property
     def exit(self) -> ExitCode:
         """0 if everything was proved; 6 if anything failed or stays open; 7 if nothing was tried and nothing failed."""
-        verdicts = [one.verdict for one in (*(finding for _, finding in self.judged), *self.findings)]
+        verdicts = [item.verdict for item in (*(finding for _, finding in self.judged), *self.findings)]
         if any(verdict in _BAD for verdict in verdicts):
             return ExitCode.CHECKS_FAILED
         if all(attempt.outcome is Outcome.NOT_TRIED for attempt, _ in self.judged):
@@ -226,7 +226,7 @@ class Proof:
             "bearer": self.bearer,
             "exit": int(self.exit),
             "active": self.active,
-            "targets": [_told(attempt, finding) for attempt, finding in self.judged],
+            "targets": [_result(attempt, finding) for attempt, finding in self.judged],
             "findings": [finding.as_dict() for finding in self.findings],
             "bytes_counted": self.bytes_counted,
             "budget_bytes": self.budget_bytes,
@@ -252,7 +252,7 @@ class Proof:
         yield f"  the router counted {counted}; kept off {self.kept_off} packets, turned away {self.turned_away}"
 
 
-def _told(attempt: Attempt, finding: Finding) -> dict[str, Any]:
+def _result(attempt: Attempt, finding: Finding) -> dict[str, Any]:
     return {
         "name": attempt.name,
         "target": attempt.target,
@@ -295,7 +295,7 @@ class Proving:
     router: str
     """Name of the router, for progress."""
     port: str
-    ways: Sequence[Way]
+    ways: Sequence[Route]
     terminal: str
     """Name of the terminal, for findings."""
     carrier: str
@@ -332,8 +332,8 @@ class Proving:
         """How long it lasts at most, about."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
-        held = any(task.probe in HELD for task in planned)
-        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + held)
+        temporary = any(task.probe in HELD for task in planned)
+        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + temporary)
 
     async def run(self, session: Session) -> Proof:
         """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
@@ -354,20 +354,22 @@ class Proving:
                 self._attempts.append(await self._refuse(session, task))
                 if self.open_filter:
                     self._attempts.append(await self._beyond(session, task))
-        held = [task for task in planned if task.probe in HELD]
-        if held:
-            self._attempts += await self._ask(session, held, active=active)
+        temporary = [task for task in planned if task.probe in HELD]
+        if temporary:
+            self._attempts += await self._ask(session, temporary, active=active)
         after = await self._read(session)
         proof = self._proof(before, after, terminal, active=active)
         return replace(proof, session_bytes=session.traffic.bytes)
 
     def _proof(self, before: Reading, after: Reading, terminal: Sequence[Finding], *, active: bool) -> Proof:
-        seen = any(one.expected is Expected.REACHED and one.outcome is Outcome.ANSWERED for one in self._attempts)
+        seen = any(
+            attempt.expected is Expected.REACHED and attempt.outcome is Outcome.ANSWERED for attempt in self._attempts
+        )
         return Proof(
             site=self.site,
             bearer=self.bearer.name,
             active=active,
-            judged=tuple((one, self._judged(one, link_seen=seen)) for one in self._attempts),
+            judged=tuple((item, self._judged(item, link_seen=seen)) for item in self._attempts),
             findings=tuple(terminal),
             bytes_counted=after.port_bytes - before.port_bytes,
             budget_bytes=BUDGET_BYTES,
@@ -392,8 +394,8 @@ class Proving:
         """Who answers on the port, on this side of the satellite: no airtime."""
         self._say("who answers on the terminal's port")
         there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
-        asked = [there, *(factory_ping(address, port) for address in FACTORY_ADDRESSES)]
-        own, *factory = await session.flight(asked)
+        commands = [there, *(factory_ping(address, port) for address in FACTORY_ADDRESSES)]
+        own, *factory = await session.flight(commands)
         if refused := next((reply.trap for reply in factory if reply.trap is not None), None):
             message = f"the router would not ask who is on {port}: {refused.message}"
             return (Finding(Verdict.INCONCLUSIVE, "box-not-asked", message),)

@@ -10,7 +10,7 @@ from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.computers._fetching import bundle_of, fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
 from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.request import asked_for, declaration_of, refuse_examples
+from atlantis_netcfg.operations.request import declaration_of, open_request, refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, part: str, *, plan_only: bool
 ) -> dict[str, Any]:
     """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
-    with asked_for(request, plan_only=plan_only) as (asked, _):
+    with open_request(request, plan_only=plan_only) as (asked, _):
         if part not in PARTS:
             raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
         declaration = declaration_of(inventory)

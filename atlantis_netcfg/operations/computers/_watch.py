@@ -15,8 +15,8 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import ActionsConfirmed, Outcome, conclude
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers._result import ComputerResult
-from atlantis_netcfg.operations.request import Channel, Mode, Request, declaration_of
-from atlantis_netcfg.operations.site_run import RunName, Turn
+from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of
+from atlantis_netcfg.operations.site_run import RunName, SiteRun
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Watch:
     inventory: Path
     request: Request
     plan_only: bool
-    _turns: dict[str, Turn] = field(default_factory=dict)
+    _turns: dict[str, SiteRun] = field(default_factory=dict)
     _sites: dict[str, str] = field(default_factory=dict)
     """Host to site."""
     _results: dict[str, ComputerResult] = field(default_factory=dict)
@@ -52,8 +52,8 @@ class Watch:
     """Host to the task that it is at."""
 
     @property
-    def _channel(self) -> Channel:
-        return Channel(self.request.events_fd)
+    def _channel(self) -> EventStream:
+        return EventStream(self.request.events_fd)
 
     @property
     def _reads_only(self) -> bool:
@@ -69,7 +69,7 @@ class Watch:
             computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
             called = RunName()
             for site in sorted({host.site for host in computers}):
-                self._turns[site] = Turn(declaration, site, computers, request, called)
+                self._turns[site] = SiteRun(declaration, site, computers, request, called)
                 self._turns[site].begin()
                 self._tell_run(site)
         except NetcfgError as error:
@@ -149,7 +149,7 @@ class Watch:
             turn.close()
 
     @staticmethod
-    def _journal(turn: Turn, result: ComputerResult) -> None:
+    def _journal(turn: SiteRun, result: ComputerResult) -> None:
         """Record how a computer ended; after the last one of its site, how the run ended."""
         actions = tuple(range(1, result.confirmed + 1))
         confirmed = (ActionsConfirmed(device=result.name, actions=actions),) if actions else ()

@@ -19,12 +19,13 @@ from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_o
 from atlantis_netcfg.operations.costs import links_of, ways_of
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.links.session import PINGS, Door, RouterReading, read_router
+from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
 from atlantis_netcfg.operations.links.status import (
-    Own,
+    BoxesStatus,
     Seen,
     Silent,
     UnitLook,
+    bearer_status,
     kept_off,
     of_bridge,
     of_terminal,
@@ -33,7 +34,6 @@ from atlantis_netcfg.operations.links.status import (
     read_by_driver,
     read_radio,
     read_routeros,
-    told,
     twice,
 )
 from atlantis_netcfg.operations.lte.unit import Unit
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import BearerStatus, Finding
     from atlantis_netcfg.bearers.cost import Bill
-    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.bearers.policy import Route
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Round:
+class LinkQueries:
     """All questions of one look; `ask` sends them to all devices at once."""
 
     declaration: Declaration
@@ -68,10 +68,10 @@ class Round:
     """Host name to its reading, or to Silent."""
     not_asked: dict[str, str] = field(default_factory=dict)
     """Host name to the reason."""
-    doors: dict[str, Door] = field(default_factory=dict)
+    doors: dict[str, ReadOnlySession] = field(default_factory=dict)
     """Host name to what was spent on it; RouterOS devices only."""
 
-    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], ways: Sequence[Way]) -> None:
+    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], ways: Sequence[Route]) -> None:
         """Ask every host that is `chosen` and can be asked, all at the same time."""
         names = {host.name for host in chosen}
         work = []
@@ -100,7 +100,7 @@ class Round:
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
-    async def _one(self, host: Host, ways: Sequence[Way]) -> None:
+    async def _one(self, host: Host, ways: Sequence[Route]) -> None:
         self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
         try:
             self.answers[host.name] = await self._reading(host, ways)
@@ -112,7 +112,7 @@ class Round:
         else:
             self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))
 
-    def _reading(self, host: Host, ways: Sequence[Way]) -> Awaitable[Any]:
+    def _reading(self, host: Host, ways: Sequence[Route]) -> Awaitable[Any]:
         if isinstance(host.device, Router):
             return read_router(self._door(host), ways)
         if isinstance(host.device, Cpe):
@@ -136,31 +136,35 @@ class Round:
         target = self.request.targets.get(host.name)
         return Unit(host, device, store, self.notify, self.request.rehearsed, target)
 
-    def _door(self, host: Host) -> Door:
+    def _door(self, host: Host) -> ReadOnlySession:
         """Raises UsageError for a link that its site does not have."""
-        made = door_to(self.declaration, self.router.site, host, self.request, self.patience_s)
-        self.doors[host.name] = made
-        return made
+        session = session_to(self.declaration, self.router.site, host, self.request, self.patience_s)
+        self.doors[host.name] = session
+        return session
 
     def _spent(self, name: str) -> str:
         answer = self.answers[name]
         if name in self.doors:
-            door = self.doors[name]
-            return f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+            session = self.doors[name]
+            return f"read in {session.round_trips} round trips, {session.bytes / 1000:.1f} kB"
         return f"read in {answer.requests} requests" if isinstance(answer, UnitLook) else "read"
 
 
-def door_to(declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = PATIENCE_S) -> Door:
+def session_to(
+    declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = PATIENCE_S
+) -> ReadOnlySession:
     """The way to a RouterOS device for one who is at a site, or looks at it from afar; nothing is opened yet.
 
     `patience_s`: for a connection over a fast link. Raises NothingMatched for a device of another kind, UsageError for
     a link that its site does not have, and for one that a rehearsal has no twin of.
     """
     endpoint = endpoint_of(host, managed(declaration, host).access, request)
-    router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), host)
+    router = next(
+        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, Router)), host
+    )
     if _carrier(declaration, router, host, request).rtt_s < FAST_S:
         endpoint = replace(endpoint, connect_timeout_s=patience_s)
-    return Door(host.name, endpoint)
+    return ReadOnlySession(host.name, endpoint)
 
 
 def _carrier(declaration: Declaration, router: Host, host: Host, request: Request) -> Carrier:
@@ -181,7 +185,7 @@ def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
                 yield host
 
 
-def ping_bytes(ways: Sequence[Way]) -> Mapping[str, int]:
+def ping_bytes(ways: Sequence[Route]) -> Mapping[str, int]:
     """Bearer to what its pings come to on the wire if all are answered."""
     costs: dict[str, int] = {}
     for probe in probe_commands(ways, count=PINGS):
@@ -190,7 +194,7 @@ def ping_bytes(ways: Sequence[Way]) -> Mapping[str, int]:
 
 
 def months(
-    usage: Usage, device: str, reading: RouterReading | None, ways: Sequence[Way], now: datetime
+    usage: Usage, device: str, reading: RouterReading | None, ways: Sequence[Route], now: datetime
 ) -> dict[str, MonthBytes]:
     """Keep the counters of this look, and say what is known of the month. Raises JournalFailed, StateDamaged."""
     for name, counters in _counters(device, reading, ways, now):
@@ -199,7 +203,7 @@ def months(
 
 
 def _counters(
-    device: str, reading: RouterReading | None, ways: Sequence[Way], now: datetime
+    device: str, reading: RouterReading | None, ways: Sequence[Route], now: datetime
 ) -> Iterator[tuple[str, Counters]]:
     if reading is None or reading.ports is None:
         return
@@ -220,7 +224,7 @@ def _counters(
         )
 
 
-def bills(turn: Round, active: tuple[str, ...] | None, seconds: float) -> dict[str, Bill]:
+def bills(turn: LinkQueries, active: tuple[str, ...] | None, seconds: float) -> dict[str, Bill]:
     """Price the sessions with RouterOS devices that went over metered links, by bearer.
 
     Whoever works over a link of the site really goes where its default route leads; an emulated device is behind the
@@ -228,17 +232,17 @@ def bills(turn: Round, active: tuple[str, ...] | None, seconds: float) -> dict[s
     """
     links = links_of(turn.declaration, turn.router.site)
     spent: dict[str, int] = {}
-    for name, door in turn.doors.items():
+    for name, session in turn.doors.items():
         link = turn.carrier(turn.declaration.hosts[name]).name
         if link != LAN.name and active is not None and len(active) == 1 and not turn.request.rehearsed:
             link = active[0]
-        if links[link].metered and door.spent:
-            spent[link] = spent.get(link, 0) + on_the_wire(door.bytes, door.connections)
+        if links[link].metered and session.spent:
+            spent[link] = spent.get(link, 0) + on_the_wire(session.bytes, session.connections)
     return {name: bill(nbytes, seconds, links[name].tariff) for name, nbytes in spent.items()}
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
+class LinksStatus:
     """What one look has shown, in the order of preference."""
 
     bearers: tuple[BearerStatus, ...]
@@ -267,7 +271,9 @@ class Looked:
             rehearsed=rehearsed,
             bearers=self.as_dict(),
             asked=self.asked,
-            unreachable=[{"device": one.device, "message": one.message, "hint": one.hint} for one in self.unreachable],
+            unreachable=[
+                {"device": item.device, "message": item.message, "hint": item.hint} for item in self.unreachable
+            ],
             not_asked=self.not_asked,
             round_trips=self.round_trips,
             costs={name: {**one.as_dict(), "words": one.words} for name, one in self.bills.items()},
@@ -278,15 +284,15 @@ class Looked:
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Each bearer as JSON-able data: what `BearerStatus` promises, and what was found beside it."""
         return {
-            one.name: {
-                **one.as_dict(),
-                "verdict": one.verdict.value,
-                "box": self.boxes[one.name],
-                "probe_bytes": self.probe_bytes.get(one.name, 0),
-                "month_since": _stamp(self.months[one.name].since),
-                "month_gaps": list(self.months[one.name].gaps),
+            bearer.name: {
+                **bearer.as_dict(),
+                "verdict": bearer.verdict.value,
+                "box": self.boxes[bearer.name],
+                "probe_bytes": self.probe_bytes.get(bearer.name, 0),
+                "month_since": _stamp(self.months[bearer.name].since),
+                "month_gaps": list(self.months[bearer.name].gaps),
             }
-            for one in self.bearers
+            for bearer in self.bearers
         }
 
 
@@ -301,18 +307,20 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     request: Request,
     notify: Subscriber,
     patience_s: float = PATIENCE_S,
-) -> Looked:
+) -> LinksStatus:
     """Look at a site; of its boxes only those `chosen` are asked, and of a bridge with one end the other one, too.
 
     What does not answer is a finding and no error; `patience_s`: for a connection to a device over a fast link. Raises
     NothingMatched for a site without a router.
     """
-    router = next((one for one in declaration.site_hosts(site) if isinstance(one.device, Router)), None)
+    router = next(
+        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, Router)), None
+    )
     if router is None:
         raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
     ways = ways_of(declaration, router)
     began = datetime.now(UTC)
-    turn = Round(declaration, router, request, notify, patience_s)
+    turn = LinkQueries(declaration, router, request, notify, patience_s)
     await turn.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), ways)
     moved = {} if request.rehearsed else await _names(declaration, site)
     return _Site(declaration, router, ways, turn, request, began, datetime.now(UTC), moved).put_together()
@@ -329,13 +337,13 @@ async def _names(declaration: Declaration, site: str) -> dict[str, tuple[Finding
 
 
 def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Host]:
-    peers = [declaration.hosts.get(one.device.ptp.peer) for one in chosen if isinstance(one.device, Cpe)]
-    return [*chosen, *(one for one in peers if one is not None)]
+    peers = [declaration.hosts.get(item.device.ptp.peer) for item in chosen if isinstance(item.device, Cpe)]
+    return [*chosen, *(peer for peer in peers if peer is not None)]
 
 
-def _told(seen: Sequence[Seen]) -> list[BearerStatus]:
+def _statuses(seen: Sequence[Seen]) -> list[BearerStatus]:
     shared = twice(seen)
-    return [_with(told(one), [finding for name, finding in shared if name == one.way.name]) for one in seen]
+    return [_with(bearer_status(item), [finding for name, finding in shared if name == item.way.name]) for item in seen]
 
 
 def _with(status: BearerStatus, more: list[Finding]) -> BearerStatus:
@@ -346,8 +354,8 @@ def _with(status: BearerStatus, more: list[Finding]) -> BearerStatus:
 class _Site:
     declaration: Declaration
     router: Host
-    ways: tuple[Way, ...]
-    turn: Round
+    ways: tuple[Route, ...]
+    turn: LinkQueries
     request: Request
     began: datetime
     now: datetime
@@ -355,7 +363,7 @@ class _Site:
     """Bearer to what is to be said of the names in its allow-list."""
     notes: list[str] = field(default_factory=list)
 
-    def put_together(self) -> Looked:
+    def put_together(self) -> LinksStatus:
         """Judge what was heard, and keep the counters."""
         site = self.declaration.sites[self.router.site]
         month = self._months()
@@ -374,14 +382,14 @@ class _Site:
             )
             for way, bearer in zip(self.ways, site.bearers, strict=True)
         ]
-        return Looked(
-            bearers=ranked(_told(seen), site.failover.fail_back_s),
+        return LinksStatus(
+            bearers=ranked(_statuses(seen), site.failover.fail_back_s),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
-            probe_bytes={one.way.name: ping_bytes(self.ways)[one.way.name] for one in seen if one.echoes},
+            probe_bytes={item.way.name: ping_bytes(self.ways)[item.way.name] for item in seen if item.echoes},
             unreachable=self.turn.silent,
             not_asked=dict(self.turn.not_asked),
-            round_trips={name: door.round_trips for name, door in self.turn.doors.items()},
+            round_trips={name: session.round_trips for name, session in self.turn.doors.items()},
             asked=tuple(self.turn.answers),
             bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
             notes=tuple(self.notes),
@@ -399,7 +407,7 @@ class _Site:
         reading = self._reading
         return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
 
-    def _own(self, way: Way, bearer: Bearer) -> Own:
+    def _own(self, way: Route, bearer: Bearer) -> BoxesStatus:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind is BearerKind.SATELLITE:
             own = self._terminal(box)
@@ -410,29 +418,29 @@ class _Site:
             return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))
         if box is not None and isinstance(box.device, LteRouter):
             return self._unit(box, box.device)
-        return Own()
+        return BoxesStatus()
 
-    def _unit(self, box: Host, device: LteRouter) -> Own:
+    def _unit(self, box: Host, device: LteRouter) -> BoxesStatus:
         """Of a unit that only a person can look at its driver says so without being asked."""
         answer = self._answer(box)
         if isinstance(answer, Silent):
-            return Own(silent=(answer,))
+            return BoxesStatus(silent=(answer,))
         if device.driver is LteDriver.MANUAL:
             found = self.turn.unit(box, device).look()
             answer = UnitLook(found.reading, found.findings)
-        return Own() if answer is None else of_unit(box.name, answer, device.driver, forwards=self._forwards)
+        return BoxesStatus() if answer is None else of_unit(box.name, answer, device.driver, forwards=self._forwards)
 
     @property
     def _forwards(self) -> bool:
         return isinstance(self.router.device, Router) and bool(self.router.device.forwards)
 
-    def _terminal(self, box: Host | None) -> Own:
+    def _terminal(self, box: Host | None) -> BoxesStatus:
         store = Store(self.request.state, rehearsed=self.request.rehearsed)
         try:
             return of_terminal(self.declaration, box, store, self.now.astimezone().date())
         except NetcfgError as error:
             self.notes.append(str(error))
-            return Own()
+            return BoxesStatus()
 
     def _boxes(self, bearer: Bearer) -> str:
         box = self.declaration.hosts.get(bearer.device or "")

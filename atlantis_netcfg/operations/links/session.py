@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Way, probe_commands
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Route, probe_commands
 from atlantis_netcfg.routeros.api import Command, Session, Traffic
 from atlantis_netcfg.routeros.counters import seconds
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Door:
+class ReadOnlySession:
     """A RouterOS device by its name in the inventory."""
 
     name: str
@@ -127,7 +127,7 @@ class RouterReading:
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
 
-def questions(ways: Sequence[Way]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
+def questions(ways: Sequence[Route]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
     """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
     probes = probe_commands(ways, count=PINGS)
     ports = [way.port for way in ways if way.port is not None]
@@ -148,11 +148,11 @@ def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-async def read_router(door: Door, ways: Sequence[Way]) -> RouterReading:
+async def read_router(device: ReadOnlySession, ways: Sequence[Route]) -> RouterReading:
     """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
-    asked, probes = questions(ways)
-    async with door.opened() as session:
-        replies = await session.flight(asked)
+    queries, probes = questions(ways)
+    async with device.opened() as session:
+        replies = await session.flight(queries)
         return replace(read(replies, probes), at=datetime.now(UTC))
 
 
@@ -195,14 +195,14 @@ def _echoes(probes: Sequence[Probe], replies: Sequence[Reply]) -> dict[str, tupl
     return found
 
 
-def _echo(target: str, told: Sequence[Row] | None) -> Echo | None:
+def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
     """Read the rows of a ping: each carries the sums so far, so the last one is the result."""
-    if not told:
+    if not answers:
         return None
-    sent, received = (_whole(told[-1].get(name)) for name in ("sent", "received"))
+    sent, received = (_whole(answers[-1].get(name)) for name in ("sent", "received"))
     if not sent or received is None:
         return None
-    return Echo(target, sent, received, _milliseconds(told[-1].get("avg-rtt")) if received else None)
+    return Echo(target, sent, received, _milliseconds(answers[-1].get("avg-rtt")) if received else None)
 
 
 def _milliseconds(text: str | None) -> float | None:
@@ -214,10 +214,10 @@ def _milliseconds(text: str | None) -> float | None:
     return whole * 1000 + thousandths + millionths / 1000
 
 
-def _by_port(told: Sequence[Row]) -> dict[str, tuple[Neighbour, ...]]:
+def _by_port(answers: Sequence[Row]) -> dict[str, tuple[Neighbour, ...]]:
     """Who is there: an entry without a MAC address is only a question that nobody has answered."""
     found: dict[str, tuple[Neighbour, ...]] = {}
-    for row in told:
+    for row in answers:
         dead = any(row.get(flag) in _TRUE for flag in ("disabled", "invalid")) or row.get("complete") in {"false", "no"}
         if dead or not row.get("mac-address") or not _is_address(row.get("address", "")):
             continue

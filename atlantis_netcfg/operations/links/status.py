@@ -11,7 +11,7 @@ from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState, Quality
 from atlantis_netcfg.bearers import wifi as radios
 from atlantis_netcfg.bearers.lte import Registration, judge, routeros
 from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_address
-from atlantis_netcfg.bearers.wifi import Family, WifiWanted, queries
+from atlantis_netcfg.bearers.wifi import Family, WifiExpected, queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import Cpe, LteDriver, PtpMode
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Network
 
     from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.bearers.policy import Way
+    from atlantis_netcfg.bearers.policy import Route
     from atlantis_netcfg.bearers.wifi import WifiReading
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.operations.links.session import Door, Echo, Port, RouterReading
+    from atlantis_netcfg.operations.links.session import Echo, Port, ReadOnlySession, RouterReading
     from atlantis_netcfg.operations.lte.unit import Unit
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Reply, Session
@@ -50,31 +50,31 @@ class RadioLook:
     """Of its own radio, upper case."""
 
 
-async def read_radio(door: Door) -> RadioLook:
+async def read_radio(device: ReadOnlySession) -> RadioLook:
     """Read in one session of three round trips: login, which radio it has, that radio. Raises DeviceFailed."""
-    async with door.opened() as session:
+    async with device.opened() as session:
         replies = await session.flight([Command(path, ((".proplist", _RADIO),)) for path in _MENUS.values()])
         found = _radio([(family, rows(reply)) for family, reply in zip(_MENUS, replies, strict=True)])
         if found is None:
             return RadioLook(None)
         family, row = found
         table, monitor = await session.flight([command(query) for query in queries(family, row["name"])])
-    shown = rows(monitor)
-    reading = read_wifi(family, rows(table), shown[0] if shown else None, row["name"])
+    monitored = rows(monitor)
+    reading = read_wifi(family, rows(table), monitored[0] if monitored else None, row["name"])
     return RadioLook(reading, (row.get("mac-address") or "").upper() or None)
 
 
-def _radio(told: list[tuple[Family, tuple[Row, ...] | None]]) -> tuple[Family, Row] | None:
+def _radio(tables: list[tuple[Family, tuple[Row, ...] | None]]) -> tuple[Family, Row] | None:
     """The board's first radio; virtual ones have no `default-name` and come after it."""
-    radios = [(family, row) for family, menu in told for row in menu or () if "name" in row]
-    return next((one for one in radios if "default-name" in one[1]), radios[0] if radios else None)
+    radios = [(family, row) for family, menu in tables for row in menu or () if "name" in row]
+    return next((radio for radio in radios if "default-name" in radio[1]), radios[0] if radios else None)
 
 
-def wanted_of(end: Host, other: Host, other_mac: str | None) -> WifiWanted:
+def expected_of(end: Host, other: Host, other_mac: str | None) -> WifiExpected:
     """What is declared of one end."""
     assert isinstance(end.device, Cpe)  # noqa: S101 - the ends of a bridge are CPEs
     ptp = end.device.ptp
-    return WifiWanted(
+    return WifiExpected(
         peer=other.name,
         peer_macs=frozenset({other_mac} if other_mac else ()),
         access_point=ptp.mode is PtpMode.ACCESS_POINT,
@@ -97,7 +97,7 @@ class Silent:
 
 
 @dataclass(frozen=True, slots=True)
-class Own:
+class BoxesStatus:
     """What the boxes of one bearer said."""
 
     state: LinkState | None = None
@@ -107,57 +107,59 @@ class Own:
     silent: tuple[Silent, ...] = ()
 
 
-def of_bridge(near: tuple[Host, RadioLook | Silent | None], far: tuple[Host, RadioLook | Silent | None] | None) -> Own:
+def of_bridge(
+    near: tuple[Host, RadioLook | Silent | None], far: tuple[Host, RadioLook | Silent | None] | None
+) -> BoxesStatus:
     """Judge both ends; the readings are the near end's, with what the far end hears beside them.
 
     An end is a look, a silence, or None where it was not to be asked; `far` is None where nobody declares one.
     """
     ends = [end for end in (near, far) if end is not None]
-    macs = {host.name: told.mac for host, told in ends if isinstance(told, RadioLook)}
-    own = Own(silent=tuple(told for _, told in ends if isinstance(told, Silent)))
-    for host, told in ends:
-        if isinstance(told, RadioLook):
-            judged = _of_end(host, told, [other for other, _ in ends if other is not host], macs)
-            own = _joined(own, judged if host is near[0] else _far(judged))
-    return _expected(own, far[1]) if far is not None and isinstance(far[1], Silent) else own
+    macs = {host.name: answer.mac for host, answer in ends if isinstance(answer, RadioLook)}
+    boxes = BoxesStatus(silent=tuple(answer for _, answer in ends if isinstance(answer, Silent)))
+    for host, answer in ends:
+        if isinstance(answer, RadioLook):
+            judged = _of_end(host, answer, [other for other, _ in ends if other is not host], macs)
+            boxes = _joined(boxes, judged if host is near[0] else _far(judged))
+    return _expected(boxes, far[1]) if far is not None and isinstance(far[1], Silent) else boxes
 
 
-def _expected(own: Own, far: Silent) -> Own:
+def _expected(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
     """While the near end hears nobody, that the far one does not answer is no news."""
-    if own.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in own.silent:
-        return own
+    if boxes.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in boxes.silent:
+        return boxes
     message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
     hint = "repair the bridge first; if it stays away after that, look at its power"
     found = Finding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
-    rest = tuple(one for one in own.silent if one is not far)
-    return replace(own, findings=(*own.findings, found), silent=rest)
+    rest = tuple(item for item in boxes.silent if item is not far)
+    return replace(boxes, findings=(*boxes.findings, found), silent=rest)
 
 
-def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> Own:
+def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
     if look.reading is None:
         message = f"{host.name}: its menus show no radio"
         hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi-link.md"
-        return Own(LinkState.DOWN, {}, (Finding(Verdict.FAIL, "no-radio", message, hint),))
+        return BoxesStatus(LinkState.DOWN, {}, (Finding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
-        return Own(radios.link_state(look.reading), radios.quality(look.reading))
-    wanted = wanted_of(host, others[0], macs.get(others[0].name))
-    found = (_said_by(host, finding) for finding in radios.judge(look.reading, wanted))
-    return Own(radios.link_state(look.reading), radios.quality(look.reading, wanted), tuple(found))
+        return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading))
+    expected = expected_of(host, others[0], macs.get(others[0].name))
+    found = (_said_by(host, finding) for finding in radios.judge(look.reading, expected))
+    return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading, expected), tuple(found))
 
 
 def _said_by(host: Host, finding: Finding) -> Finding:
     return replace(finding, message=f"{host.name}: {finding.message}")
 
 
-def _far(own: Own) -> Own:
+def _far(boxes: BoxesStatus) -> BoxesStatus:
     """Of the far end's readings only what it hears."""
-    return replace(own, quality={"far_signal_dbm": own.quality.get("signal_dbm")})
+    return replace(boxes, quality={"far_signal_dbm": boxes.quality.get("signal_dbm")})
 
 
-def _joined(first: Own, second: Own) -> Own:
+def _joined(first: BoxesStatus, second: BoxesStatus) -> BoxesStatus:
     """The worse state of the two holds."""
     states = [state for state in (first.state, second.state) if state is not None]
-    return Own(
+    return BoxesStatus(
         max(states, key=_WORSE.index, default=None),
         first.quality | second.quality,
         (*first.findings, *second.findings),
@@ -171,17 +173,17 @@ _WORSE = (LinkState.UP, LinkState.UNKNOWN, LinkState.SEARCHING, LinkState.DOWN)
 def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[Finding, ...]:
     """What follows from a box that does not answer: little where its link answers, much where nothing does."""
     verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
-    told = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
+    suffix = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
     return tuple(
-        Finding(verdict, "device-unreachable", f"{one.device} cannot be read{told}: {one.message}", one.hint)
-        for one in silent
+        Finding(verdict, "device-unreachable", f"{item.device} cannot be read{suffix}: {item.message}", item.hint)
+        for item in silent
     )
 
 
-def of_terminal(declaration: Declaration, host: Host | None, store: Store, today: date) -> Own:
+def of_terminal(declaration: Declaration, host: Host | None, store: Store, today: date) -> BoxesStatus:
     """Tell what a person has seen of the terminal, and what is wrong with that. Raises StateDamaged."""
     if host is None or not is_terminal(host):
-        return Own()
+        return BoxesStatus()
     found = look(declaration, host, store, today=today)
     evidence = found.evidence
     quality: Quality = {
@@ -189,7 +191,7 @@ def of_terminal(declaration: Declaration, host: Host | None, store: Store, today
         "seen_by": None if evidence is None else evidence.by,
         "seen_on": None if evidence is None else evidence.seen_on.isoformat(),
     }
-    return Own(None, quality, found.findings)
+    return BoxesStatus(None, quality, found.findings)
 
 
 def kept_off(bearer: Bearer, port: str | None, router: RouterReading | None) -> Quality:
@@ -199,7 +201,7 @@ def kept_off(bearer: Bearer, port: str | None, router: RouterReading | None) -> 
     """
     there = None if router is None or router.neighbours is None else router.neighbours.get(port or "", ())
     counted = None if router is None or router.dropped is None else router.dropped.get(f"to-{bearer.name}")
-    seen = None if there is None else str(bearer.gateway) in {one.address for one in there}
+    seen = None if there is None else str(bearer.gateway) in {item.address for item in there}
     return {
         "next_hop_seen": {None: None, True: "yes", False: "no"}[seen],
         "kept_off_packets": None if counted is None else counted[0],
@@ -221,12 +223,12 @@ class UnitLook:
     """Sent to it by a driver that counts requests."""
 
 
-async def read_routeros(door: Door, unit: Unit) -> UnitLook:
+async def read_routeros(device: ReadOnlySession, unit: Unit) -> UnitLook:
     """Read in one session. Raises DeviceFailed.
 
     Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
     """
-    async with door.opened() as session:
+    async with device.opened() as session:
         reading = await modem_reading(session)
     if reading.state is Registration.SIM_PIN_REQUIRED and unit.pin_tried:
         reading = replace(reading, pin_refused=True)
@@ -256,26 +258,26 @@ async def read_by_driver(unit: Unit) -> UnitLook:
     return UnitLook(found.reading, found.findings, found.requests)
 
 
-def of_unit(name: str, told: UnitLook, driver: LteDriver, *, forwards: bool) -> Own:
+def of_unit(name: str, answer: UnitLook, driver: LteDriver, *, forwards: bool) -> BoxesStatus:
     """Put into the words of its bearer. `forwards`: ports of the site's outer addresses are declared to lead inside."""
-    reading = told.reading
+    reading = answer.reading
     if driver is LteDriver.MANUAL:
-        return Own(findings=told.findings)
+        return BoxesStatus(findings=answer.findings)
     hidden = judge_carrier_nat(name, reading.address, forwards=forwards)
     nat = None if reading.address is None else "yes" if hidden else "no"
-    found = (replace(finding, message=f"{name}: {finding.message}") for finding in told.findings)
+    found = (replace(finding, message=f"{name}: {finding.message}") for finding in answer.findings)
     state = judge.link_state(reading)
-    return Own(state, judge.quality(reading) | {"carrier_nat": nat}, (*found, *(hidden if forwards else ())))
+    return BoxesStatus(state, judge.quality(reading) | {"carrier_nat": nat}, (*found, *(hidden if forwards else ())))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
     """Everything that one look has brought of one bearer."""
 
-    way: Way
+    way: Route
     router: RouterReading | Silent | None
     """None: it was not to be asked."""
-    own: Own
+    own: BoxesStatus
     active: bool | None
     month_bytes: int | None = None
     box: str | None = None
@@ -303,7 +305,7 @@ class Seen:
         reading, network = self.reading, self.network
         if reading is None or reading.neighbours is None or network is None:
             return ()
-        there = (one.address for one in reading.neighbours.get(self.way.port or "", ()))
+        there = (item.address for item in reading.neighbours.get(self.way.port or "", ()))
         return tuple(address for address in there if IPv4Address(address) not in network)
 
     @property
@@ -323,7 +325,7 @@ class Seen:
         return self.port is not None and (self.port.running is False or self.port.disabled is True)
 
 
-def told(seen: Seen) -> BearerStatus:
+def bearer_status(seen: Seen) -> BearerStatus:
     """Reduce it to a status."""
     return BearerStatus(
         name=seen.way.name,
@@ -366,11 +368,11 @@ def _findings(seen: Seen) -> Iterator[Finding]:
         yield Finding(Verdict.INCONCLUSIVE, "router-unreachable", message, seen.router.hint)
     yield from _of_port(seen)
     yield from _of_strangers(seen)
-    own = tuple(_believed(seen))
-    yield from own
+    boxes = tuple(_believed(seen))
+    yield from boxes
     yield from unheard(seen.own.silent, answers=False if seen.dark else seen.answers)
     if not seen.dark:
-        yield from _of_canaries(seen, explained=any(one.verdict is Verdict.FAIL for one in own))
+        yield from _of_canaries(seen, explained=any(item.verdict is Verdict.FAIL for item in boxes))
 
 
 def _believed(seen: Seen) -> Iterator[Finding]:
@@ -404,7 +406,7 @@ def _of_strangers(seen: Seen) -> Iterator[Finding]:
     reading = seen.reading
     if seen.box is None or seen.next_hop is None or reading is None or reading.neighbours is None:
         return
-    answers = seen.next_hop in {one.address for one in reading.neighbours.get(seen.way.port or "", ())}
+    answers = seen.next_hop in {item.address for item in reading.neighbours.get(seen.way.port or "", ())}
     for stranger in seen.strangers:
         yield from judge_factory_address(
             seen.box, seen.way.port or "", seen.next_hop, answers=answers, answers_at_factory=stranger
@@ -436,16 +438,16 @@ def _of_canaries(seen: Seen, *, explained: bool) -> Iterator[Finding]:
 def twice(seen: Sequence[Seen]) -> tuple[tuple[str, Finding], ...]:
     """Name boxes that have one address on two ports, most often the factory's, by bearer."""
     ports: dict[str, list[Seen]] = {}
-    for one in seen:
-        for stranger in one.strangers:
-            ports.setdefault(stranger, []).append(one)
+    for item in seen:
+        for stranger in item.strangers:
+            ports.setdefault(stranger, []).append(item)
     return tuple(
-        (one.way.name, _twice(address, many)) for address, many in ports.items() if len(many) > 1 for one in many
+        (item.way.name, _twice(address, many)) for address, many in ports.items() if len(many) > 1 for item in many
     )
 
 
 def _twice(address: str, many: Sequence[Seen]) -> Finding:
-    where = " and ".join(f"{one.way.port} ({one.way.name})" for one in many)
+    where = " and ".join(f"{item.way.port} ({item.way.name})" for item in many)
     message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
     return Finding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 

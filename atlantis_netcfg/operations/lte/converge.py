@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte.rutos_settings import Change
     from atlantis_netcfg.console.ssh import Commands
     from atlantis_netcfg.journal import Recorder
-    from atlantis_netcfg.operations.lte.unit import Look, Unit
+    from atlantis_netcfg.operations.lte.unit import Unit, UnitStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Patience:
 
 
 @dataclass(frozen=True, slots=True)
-class Came:
+class SettingsResult:
     """What has become of the settings."""
 
     found: tuple[Change, ...] = ()
@@ -49,12 +49,12 @@ class Came:
     @property
     def hash(self) -> str:
         """Of what a person sees of the plan."""
-        return hashlib.sha256(json.dumps([(one.line, one.removed) for one in self.found]).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([(item.line, item.removed) for item in self.found]).encode()).hexdigest()
 
     @property
     def diff(self) -> str:
         """What would be set, as a difference."""
-        rows = ((f"- {one.removed}\n" if one.removed else "") + f"+ {one.line}\n" for one in self.found)
+        rows = ((f"- {item.removed}\n" if item.removed else "") + f"+ {item.line}\n" for item in self.found)
         return "".join(rows)
 
 
@@ -67,9 +67,9 @@ def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
     """The unit's configuration, by package and section. Raises SettingRefused, ConsoleLost."""
     end = shell.run(rutos_settings.SHOW)
     if end.code:
-        said = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
+        words = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
         raise rutos_settings.SettingRefused(
-            f"the unit's configuration cannot be read over SSH: {said}",
+            f"the unit's configuration cannot be read over SSH: {words}",
             hint="is `admin_user` one who may log in over SSH, and is this a Teltonika unit?",
         )
     return rutos_settings.parse_show(end.out)
@@ -142,64 +142,68 @@ class Converge:
 
     def _run(self) -> LteResult:
         self._tell(Stage.CONNECTING, f"driver {self._unit.device.driver}")
-        look = self._unit.look()
-        self._tell(Stage.OBSERVED, look.reading.state.value.replace("_", " "))
+        reading = self._unit.look()
+        self._tell(Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
         if not self._unit.may_set:
-            return self._told(look, Came())
-        came = self._set(look)
-        if came.done:
+            return self._told(reading, SettingsResult())
+        settings = self._set(reading)
+        if settings.done:
             try:
-                look = self._settled(look)
-                came = self._taken_back(look, came)
+                reading = self._settled(reading)
+                settings = self._taken_back(reading, settings)
             except DeviceFailed as silent:
-                return self._silent(look, came, silent)
-        if not self._plan_only and look.reading.state is not Registration.SIM_PIN_REQUIRED:
+                return self._silent(reading, settings, silent)
+        if not self._plan_only and reading.reading.state is not Registration.SIM_PIN_REQUIRED:
             self._unit.tried.forget()
-        return self._told(look, came)
+        return self._told(reading, settings)
 
-    def _set(self, look: Look) -> Came:
-        unit, wanted = self._unit, self._unit.settings
+    def _set(self, reading: UnitStatus) -> SettingsResult:
+        unit, desired = self._unit, self._unit.settings
         with unit.shell() as shell:
             sections = sections_of(shell)
-            held = rutos_settings.pin_held(look.reading, wanted, sections, tried=unit.tried.why_not)
-            if held is not None:
-                return Came(held=held, commands=shell.count)
-            came = Came(rutos_settings.changes(look.reading, wanted, sections), commands=shell.count)
-            self._tell(Stage.PLANNED, f"{len(came.found)} settings differ")
-            if self._plan_only or not came.found:
-                return came
-            if self._agreed is not None and self._agreed != came.hash:
+            refusal = rutos_settings.pin_held(reading.reading, desired, sections, tried=unit.tried.why_not)
+            if refusal is not None:
+                return SettingsResult(held=refusal, commands=shell.count)
+            settings = SettingsResult(rutos_settings.changes(reading.reading, desired, sections), commands=shell.count)
+            self._tell(Stage.PLANNED, f"{len(settings.found)} settings differ")
+            if self._plan_only or not settings.found:
+                return settings
+            if self._agreed is not None and self._agreed != settings.hash:
                 raise DeviceFailed(
                     f"{unit.name}: what differs is no longer what was agreed to, so nothing was set",
                     hint="run it again and look at the plan",
                 )
-            self._write(shell, came, sections)
-            return replace(came, done=True, commands=shell.count)
+            self._write(shell, settings, sections)
+            return replace(settings, done=True, commands=shell.count)
 
-    def _write(self, shell: Commands, came: Came, sections: dict[tuple[str, str], dict[str, str]]) -> None:
+    def _write(
+        self, shell: Commands, settings: SettingsResult, sections: dict[tuple[str, str], dict[str, str]]
+    ) -> None:
         """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
-        name, numbers = self._unit.name, tuple(range(1, len(came.found) + 1))
+        name, numbers = self._unit.name, tuple(range(1, len(settings.found) + 1))
         self._journal.save(name, masked(sections))
-        actions = tuple(planned_action(number, one) for number, one in zip(numbers, came.found, strict=True))
-        self._journal.write(Planned(device=name, plan=came.hash, actions=actions))
-        if any(one.option == rutos_settings.PIN for one in came.found):
+        actions = tuple(planned_action(number, one) for number, one in zip(numbers, settings.found, strict=True))
+        self._journal.write(Planned(device=name, plan=settings.hash, actions=actions))
+        if any(entry.option == rutos_settings.PIN for entry in settings.found):
             self._unit.tried.remember()
         self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
         self._tell(Stage.APPLYING, f"{len(numbers)} settings")
-        said = shell.run(rutos_settings.WRITE, given=rutos_settings.batch(came.found)).error.strip()
+        words = shell.run(rutos_settings.WRITE, given=rutos_settings.batch(settings.found)).error.strip()
         # A unit whose network reloads may drop the session: a new one tells what has come of it.
         with suppress(ConsoleLost):
             shell.run(rutos_settings.RELOAD)
         self._tell(Stage.VERIFYING, "reading back in a new session")
         now = self._read_back()
-        kept = [one for one in came.found if now.get((one.package, one.section), {}).get(one.option) == one.value]
-        if len(kept) != len(came.found):
+        kept = [
+            item for item in settings.found if now.get((item.package, item.section), {}).get(item.option) == item.value
+        ]
+        if len(kept) != len(settings.found):
             self._touched = bool(kept)
-            lost = next(one for one in came.found if one not in kept)
+            lost = next(element for element in settings.found if element not in kept)
             raise DeviceFailed(
-                f"{name}: {len(kept)} of {len(came.found)} settings were kept; not kept: {lost.package}.{lost.section}."
-                f"{lost.option}{f' ({said.splitlines()[0]})' if said else ''}",
+                f"{name}: {len(kept)} of {len(settings.found)} settings were kept; not kept: {lost.package}."
+                f"{lost.section}.{lost.option}{f' ({words.splitlines()[0]})' if words else ''}",
                 hint="is the unit's flash full, or its configuration locked? Look at its own page",
             )
         self._journal.write(ActionsConfirmed(device=name, actions=numbers))
@@ -217,11 +221,11 @@ class Converge:
                     raise
                 time.sleep(self._patience.poll_s)
 
-    def _taken_back(self, look: Look, came: Came) -> Came:
+    def _taken_back(self, reading: UnitStatus, settings: SettingsResult) -> SettingsResult:
         """Take a PIN that the SIM has refused back from the unit, which would try it again at its next start."""
-        wrong = next((one for one in came.found if one.option == rutos_settings.PIN), None)
-        if wrong is None or look.reading.state is not Registration.SIM_PIN_REQUIRED:
-            return came
+        wrong = next((item for item in settings.found if item.option == rutos_settings.PIN), None)
+        if wrong is None or reading.reading.state is not Registration.SIM_PIN_REQUIRED:
+            return settings
         with self._unit.shell() as shell:
             shell.run(rutos_settings.WRITE, given=rutos_settings.removal(wrong))
             if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
@@ -229,23 +233,23 @@ class Converge:
                     f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
                     hint="remove the PIN on the unit's own page before it starts again",
                 )
-            return replace(came, taken_back=True, commands=came.commands + shell.count)
+            return replace(settings, taken_back=True, commands=settings.commands + shell.count)
 
-    def _settled(self, before: Look) -> Look:
+    def _settled(self, before: UnitStatus) -> UnitStatus:
         """Look until the unit is in its network with a connection, or waiting is in vain."""
         until = time.monotonic() + self._patience.settle_s
         requests, sent, received = before.requests, before.sent, before.received
         while True:
-            look = self._again()
-            requests, sent, received = requests + look.requests, sent + look.sent, received + look.received
-            quiet = not any(finding.verdict in _WORST for finding in look.findings)
-            final = any(finding.code == _FINAL for finding in look.findings)
-            if quiet or final or look.reading.state in _SETTLED or time.monotonic() > until:
-                return replace(look, requests=requests, sent=sent, received=received)
-            self._tell(Stage.WAITING, look.reading.state.value.replace("_", " "))
+            reading = self._again()
+            requests, sent, received = requests + reading.requests, sent + reading.sent, received + reading.received
+            quiet = not any(finding.verdict in _WORST for finding in reading.findings)
+            final = any(finding.code == _FINAL for finding in reading.findings)
+            if quiet or final or reading.reading.state in _SETTLED or time.monotonic() > until:
+                return replace(reading, requests=requests, sent=sent, received=received)
+            self._tell(Stage.WAITING, reading.reading.state.value.replace("_", " "))
             time.sleep(self._patience.poll_s)
 
-    def _again(self) -> Look:
+    def _again(self) -> UnitStatus:
         """The settings are read back and kept by now: a unit that reloads may be silent for a moment."""
         until = time.monotonic() + self._patience.settle_s
         while True:
@@ -256,56 +260,56 @@ class Converge:
                     raise
                 time.sleep(self._patience.poll_s)
 
-    def _silent(self, before: Look, came: Came, silent: DeviceFailed) -> LteResult:
+    def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceFailed) -> LteResult:
         """The settings are kept, and the unit has not answered since."""
-        message = f"{len(came.found)} settings read back and kept; since then: {silent}"
-        told = self._told(before, came)
-        return replace(told, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
+        message = f"{len(settings.found)} settings read back and kept; since then: {silent}"
+        result = self._told(before, settings)
+        return replace(result, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
 
-    def _told(self, look: Look, came: Came) -> LteResult:
-        worst = next((one for one in look.findings if one.verdict in _WORST), None)
-        others = tuple(words(one) for one in look.findings if one is not worst)
-        status, code, message = self._outcome(look, came)
+    def _told(self, reading: UnitStatus, settings: SettingsResult) -> LteResult:
+        worst = next((finding for finding in reading.findings if finding.verdict in _WORST), None)
+        others = tuple(words(item) for item in reading.findings if item is not worst)
+        status, code, message = self._outcome(reading, settings)
         hint = None
         if worst is not None:
             message, hint = f"{message}; {worst.message}", worst.hint
             code = ExitCode.CHECKS_FAILED if code is ExitCode.DONE else code
-        if came.held is not None:
-            message = f"left as found, nothing was set: {came.held}"
+        if settings.held is not None:
+            message = f"left as found, nothing was set: {settings.held}"
         return LteResult(
             name=self._unit.name,
             status=status,
             exit=code,
             message=message,
             hint=hint,
-            planned=len(came.found),
-            confirmed=len(came.found) - came.taken_back if came.done else 0,
-            diff=came.diff,
+            planned=len(settings.found),
+            confirmed=len(settings.found) - settings.taken_back if settings.done else 0,
+            diff=settings.diff,
             notes=(*others, *self._unset()),
-            plan_hash=came.hash,
-            findings=look.findings,
-            quality=quality(look.reading),
-            requests=look.requests + came.commands,
-            sent=look.sent,
-            received=look.received,
-            serial=look.serial,
+            plan_hash=settings.hash,
+            findings=reading.findings,
+            quality=quality(reading.reading),
+            requests=reading.requests + settings.commands,
+            sent=reading.sent,
+            received=reading.received,
+            serial=reading.serial,
         )
 
-    def _outcome(self, look: Look, came: Came) -> tuple[Status, ExitCode, str]:
-        if came.held is not None:
-            return Status.LEFT_AS_FOUND, ExitCode.FAILED, came.held
-        said = _state(look)
-        if came.done:
-            kept = f"{len(came.found) - came.taken_back} settings read back and kept"
-            back = ", the PIN taken back" if came.taken_back else ""
-            return Status.CHANGED, ExitCode.DONE, f"{kept}{back}; {said}"
-        if came.found:
-            return Status.PLANNED, ExitCode.CHANGES, f"{len(came.found)} settings would be set; {said}"
+    def _outcome(self, reading: UnitStatus, settings: SettingsResult) -> tuple[Status, ExitCode, str]:
+        if settings.held is not None:
+            return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.held
+        words = _state(reading)
+        if settings.done:
+            kept = f"{len(settings.found) - settings.taken_back} settings read back and kept"
+            back = ", the PIN taken back" if settings.taken_back else ""
+            return Status.CHANGED, ExitCode.DONE, f"{kept}{back}; {words}"
+        if settings.found:
+            return Status.PLANNED, ExitCode.CHANGES, f"{len(settings.found)} settings would be set; {words}"
         if self._unit.device.driver is LteDriver.MANUAL:
             return Status.UNCHANGED, ExitCode.NOTHING, "not checked: only a person can look at this 4G unit"
         if self._unit.may_set:
-            return Status.UNCHANGED, ExitCode.DONE, f"as declared, nothing was changed; {said}"
-        return Status.UNCHANGED, ExitCode.DONE, f"checked only; {said}"
+            return Status.UNCHANGED, ExitCode.DONE, f"as declared, nothing was changed; {words}"
+        return Status.UNCHANGED, ExitCode.DONE, f"checked only; {words}"
 
     def _unset(self) -> tuple[str, ...]:
         """What a person should know of how far the driver goes."""
@@ -327,9 +331,9 @@ class Converge:
         self._unit.notify(Event(self._unit.name, stage, message))
 
 
-def _state(look: Look) -> str:
+def _state(look: UnitStatus) -> str:
     """Where the unit is, in a few words."""
     reading = look.reading
-    said = reading.state.value.replace("_", " ")
+    words = reading.state.value.replace("_", " ")
     network = " ".join(word for word in (reading.operator, reading.access_tech, reading.band) if word)
-    return f"{said} ({network})" if network else said
+    return f"{words} ({network})" if network else words

@@ -47,13 +47,13 @@ def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str,
 def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
     """What a rehearsal of these units does not show."""
     drivers = {host.device.driver for host in hosts if isinstance(host.device, LteRouter)}
-    told = {
+    reasons = {
         LteDriver.RUTOS: rutos.NOT_REHEARSED,
         LteDriver.AT: modem.NOT_REHEARSED,
         LteDriver.MODEMMANAGER: ("ModemManager and its modem: nothing of them is emulated, and nothing was looked at",),
         LteDriver.MANUAL: ("a 4G unit without a driver: only a person can look at it",),
     }
-    return tuple(line for driver, lines in told.items() if driver in drivers for line in lines)
+    return tuple(line for driver, lines in reasons.items() if driver in drivers for line in lines)
 
 
 def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> EmulatedUnit:

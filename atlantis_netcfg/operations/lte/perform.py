@@ -24,7 +24,7 @@ from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.lte.converge import Patience
 from atlantis_netcfg.operations.lte.unit import FINE, LteResult
-from atlantis_netcfg.operations.request import Mode, Request, asked_for, declaration_of, refuse_examples
+from atlantis_netcfg.operations.request import Mode, Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Recorder
-    from atlantis_netcfg.operations.request import Channel
+    from atlantis_netcfg.operations.request import EventStream
 
 __all__ = ["perform"]
 
@@ -53,10 +53,10 @@ def perform(
     Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
     only saves or compares, is none of ours: then nothing is asked.
     """
-    with asked_for(request, plan_only=plan_only) as (asked, channel):
+    with open_request(request, plan_only=plan_only) as (performed, channel):
         declaration = declaration_of(inventory, decrypt)
         units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
-        results = _perform(declaration, units, asked, channel) if _ours(asked) else {}
+        results = _perform(declaration, units, performed, channel) if _ours(performed) else {}
     return {"per_host": {name: _of_host(result) for name, result in results.items()}}
 
 
@@ -66,7 +66,7 @@ def _ours(request: Request) -> bool:
 
 
 def _perform(
-    declaration: Declaration, units: Sequence[Host], request: Request, channel: Channel
+    declaration: Declaration, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     if units:
         refuse_examples(declaration, rehearsed=request.rehearsed)
@@ -78,7 +78,7 @@ def _perform(
 
 
 def _site(
-    declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: Channel
+    declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     """The units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
     store = Store(request.state, rehearsed=request.rehearsed)
@@ -101,7 +101,7 @@ def _site(
     return results
 
 
-def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel: Channel) -> LteResult:
+def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel: EventStream) -> LteResult:
     # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
     from atlantis_netcfg.operations.lte.converge import Converge  # noqa: PLC0415
     from atlantis_netcfg.operations.lte.unit import Unit  # noqa: PLC0415
@@ -149,7 +149,7 @@ def _journal(declaration: Declaration, site: str, units: Sequence[Host], request
 
 def _of_host(result: LteResult) -> dict[str, Any]:
     fine = result.exit in FINE
-    told = f"{result.message} ({result.hint})" if result.hint else result.message
-    shown = f"{result.name}:\n{result.diff}" if result.diff else ""
+    message = f"{result.message} ({result.hint})" if result.hint else result.message
+    diff = f"{result.name}:\n{result.diff}" if result.diff else ""
     changed = bool(result.planned) and result.exit in (ExitCode.DONE, ExitCode.CHANGES)
-    return {**result.as_dict(), "ok": fine, "changed": changed, "message": told, "shown": shown}
+    return {**result.as_dict(), "ok": fine, "changed": changed, "message": message, "shown": diff}

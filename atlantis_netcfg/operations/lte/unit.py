@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, record, rutos_client, rutos_read, rutos_settings
-from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
+from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
 from atlantis_netcfg.console.ssh import open_commands
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.verdicts import Verdict
@@ -39,7 +39,7 @@ class NotRehearsed(NetcfgError):
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class UnitStatus:
     """What one look at a unit has given."""
 
     reading: LteReading
@@ -84,10 +84,10 @@ class Unit:
         )
 
     @property
-    def wanted(self) -> LteWanted:
+    def wanted(self) -> LteExpected:
         """What is declared of its SIM, to be judged."""
         sim = self.device.sim
-        return LteWanted(
+        return LteExpected(
             apn=sim.apn,
             roaming=sim.roaming,
             pin_declared=sim.pin is not None,
@@ -95,11 +95,11 @@ class Unit:
             bands=sim.bands,
         )
 
-    def look(self) -> Look:
+    def look(self) -> UnitStatus:
         """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
         if self.rehearsed and self.target is None and self.device.driver is not LteDriver.MANUAL:
             raise NotRehearsed(f"not looked at: there is no emulation for driver {self.device.driver}")
-        readers: dict[LteDriver, Callable[[], Look]] = {
+        readers: dict[LteDriver, Callable[[], UnitStatus]] = {
             LteDriver.RUTOS: self._rutos,
             LteDriver.AT: self._at,
             LteDriver.MODEMMANAGER: self._modemmanager,
@@ -151,14 +151,16 @@ class Unit:
         """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
         return bool(self.tried.why_not)
 
-    def _rutos(self) -> Look:
+    def _rutos(self) -> UnitStatus:
         found = rutos_read.read(self.endpoint)
         self._identify(found.serial)
         reading = found.reading
         if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
             # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
             reading = replace(reading, pin_refused=True)
-        return Look(reading, judge(reading, self.wanted), found.requests, found.sent, found.received, found.serial)
+        return UnitStatus(
+            reading, judge(reading, self.wanted), found.requests, found.sent, found.received, found.serial
+        )
 
     def _identify(self, serial: str | None) -> None:
         """A unit is known by its serial number, where it tells one."""
@@ -171,18 +173,18 @@ class Unit:
                 hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
             )
 
-    def _at(self) -> Look:
+    def _at(self) -> UnitStatus:
         port = self.target.serial if self.target is not None else self.device.serial
         assert port is not None  # noqa: S101 - declaration/rules/lte.py; each emulated modem has one
         found = at.read(port)
-        return Look(found.reading, judge(found.reading, self.wanted), found.commands)
+        return UnitStatus(found.reading, judge(found.reading, self.wanted), found.commands)
 
-    def _modemmanager(self) -> Look:
+    def _modemmanager(self) -> UnitStatus:
         found = modemmanager.read()
-        return Look(found.reading, (*judge(found.reading, self.wanted), *found.findings), found.calls)
+        return UnitStatus(found.reading, (*judge(found.reading, self.wanted), *found.findings), found.calls)
 
-    def _manual(self) -> Look:
-        return Look(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
+    def _manual(self) -> UnitStatus:
+        return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
 
 
 FINE = (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)

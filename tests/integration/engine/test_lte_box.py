@@ -9,12 +9,12 @@ import pytest
 from engine_bench import Bench, on
 
 from atlantis_netcfg.bearers.lte import Registration
-from atlantis_netcfg.bearers.lte.judge import LteWanted, judge
+from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
 from atlantis_netcfg.emulator.routeros.control import obey
-from atlantis_netcfg.operations.links.session import Door
+from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.operations.links.status import modem_reading
 from atlantis_netcfg.render import lte
 from atlantis_netcfg.routeros import Mode, desired
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 HOST = DECLARATION.hosts["coastal-4g"]
-WANTED = LteWanted(apn="internet.example", bands=(3, 7, 20))
+WANTED = LteExpected(apn="internet.example", bands=(3, 7, 20))
 MANAGEMENT = Management(address="10.10.1.1/29", port="ether1", technician="10.10.1.2")
 
 
@@ -77,7 +77,7 @@ def test_cable_and_modem_that_have_swapped_their_names_get_them_back(tmp_path: P
 def test_a_renamed_modem_is_read_as_before(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await bench.converge()).status == "changed"
-        door = Door("box", bench.job().endpoint)
+        door = ReadOnlySession("box", bench.job().endpoint)
         async with door.opened() as session:
             before = await modem_reading(session)
         await bench.router.console(["/interface/lte/set", "=.id=lte1", "=name=starlink"])

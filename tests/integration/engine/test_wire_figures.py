@@ -14,7 +14,7 @@ from engine_bench import PASSWORD, Bench, on, run
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Fault, FaultKind
-from atlantis_netcfg.operations.links.session import Door
+from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros.api import LoginRefused
 from atlantis_netcfg.routeros.apply._change import change as changing
@@ -155,7 +155,7 @@ def test_a_look_at_the_links_tells_failed_sessions_as_well(tmp_path: Path) -> No
     async def act(bench: Bench) -> None:
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
             endpoint = at(proxy, bench.job().endpoint)
-            door = Door("router", replace(endpoint, password=Secret("another one")))
+            door = ReadOnlySession("router", replace(endpoint, password=Secret("another one")))
             with pytest.raises(LoginRefused):
                 async with door.opened():
                     pass

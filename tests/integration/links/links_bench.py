@@ -14,7 +14,7 @@ from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration import Declaration, choose, load
 from atlantis_netcfg.emulator.routeros import Link, RunningSite
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.links.look import Looked, look
+from atlantis_netcfg.operations.links.look import LinksStatus, look
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.lte.emulation import emulated_units
 from atlantis_netcfg.operations.lte.perform import perform as perform_lte
@@ -49,7 +49,7 @@ class Bench:
     targets: dict[str, Target] = field(default_factory=dict)
     """Twins that a test lets stand elsewhere."""
 
-    def look(self, *only: str) -> Looked:
+    def look(self, *only: str) -> LinksStatus:
         """The operation."""
         hosts = choose(self.declaration, self.site, only)
         request = self.request.model_copy(update={"targets": self.request.targets | self.targets})

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.bearers.lte import routeros
-from atlantis_netcfg.bearers.lte.judge import LteWanted
+from atlantis_netcfg.bearers.lte.judge import LteExpected
 from atlantis_netcfg.bearers.lte.judge import judge as judge_lte
 from atlantis_netcfg.bearers.query import decibels, megabits, percent, seconds, whole, yes
-from atlantis_netcfg.bearers.wifi import Family, WifiWanted, judge, link_state, quality, read
+from atlantis_netcfg.bearers.wifi import Family, WifiExpected, judge, link_state, quality, read
 
 WORDS = st.one_of(
     st.text(max_size=20),
@@ -30,7 +30,7 @@ FIELDS = st.sampled_from(
 )
 ROWS = st.dictionaries(FIELDS, WORDS, max_size=8)
 TABLES = st.none() | st.lists(ROWS, max_size=3)
-WANTED = WifiWanted(peer="b", access_point=True, ssid="s", protocol="nv2", frequency_mhz=5500)
+WANTED = WifiExpected(peer="b", access_point=True, ssid="s", protocol="nv2", frequency_mhz=5500)
 
 
 @settings(deadline=None)
@@ -55,7 +55,7 @@ def test_a_modem_may_say_anything(
     log: list[dict[str, str]] | None,
 ) -> None:
     found = routeros.read(monitor, interfaces, profiles, addresses, log)
-    assert all(one.hint for one in judge_lte(found, LteWanted(apn="umts")))
+    assert all(one.hint for one in judge_lte(found, LteExpected(apn="umts")))
     assert all(value is None or value < 0 for value in (found.rsrp_dbm, found.rssi_dbm))
 
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.judge import LteWanted, judge, link_state, quality
+from atlantis_netcfg.bearers.lte.judge import LteExpected, judge, link_state, quality
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_judge_cases.yml").read_text("utf-8"))
 
@@ -17,9 +17,9 @@ def reading(case: dict[str, Any]) -> LteReading:
     return LteReading(source="routeros", **{**given, "state": Registration(given["state"])})
 
 
-def wanted(case: dict[str, Any]) -> LteWanted:
+def wanted(case: dict[str, Any]) -> LteExpected:
     given = dict(case.get("wanted", {}))
-    return LteWanted(**{**given, "bands": tuple(given.get("bands", ()))})
+    return LteExpected(**{**given, "bands": tuple(given.get("bands", ()))})
 
 
 def ident(case: dict[str, Any]) -> str:
@@ -36,7 +36,7 @@ def test_told(case: dict[str, Any]) -> None:
 
 def test_every_state_is_judged() -> None:
     registered = {Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING}
-    told = {state: judge(LteReading(source="at", state=state), LteWanted()) for state in Registration}
+    told = {state: judge(LteReading(source="at", state=state), LteExpected()) for state in Registration}
     assert all(len(found) == 1 for state, found in told.items() if state not in registered)
     assert len({found[0].code for state, found in told.items() if state not in registered}) == 7
     assert len({found[0].hint for state, found in told.items() if state not in registered}) == 7

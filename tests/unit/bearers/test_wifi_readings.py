@@ -7,7 +7,7 @@ import pytest
 import trees
 import yaml
 
-from atlantis_netcfg.bearers.wifi import Family, WifiReading, WifiWanted, judge, link_state, quality, queries, read
+from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, judge, link_state, quality, queries, read
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "wifi_cases.yml").read_text(encoding="utf-8"))
 WANTED: dict[str, Any] = {
@@ -24,11 +24,11 @@ def reading(case: dict[str, Any]) -> WifiReading:
     return read(family, case["registrations"], case["monitor"], "wifi1" if family is Family.WIFI else None)
 
 
-def wanted(case: dict[str, Any]) -> WifiWanted:
+def wanted(case: dict[str, Any]) -> WifiExpected:
     own = dict(case.get("wanted", {}))
     if "peer_macs" in own:
         own["peer_macs"] = frozenset(own["peer_macs"])
-    return WifiWanted(**{**WANTED, **own})
+    return WifiExpected(**{**WANTED, **own})
 
 
 def plain(value: object) -> object:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer, Question
     from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.operations.links.look import Looked as LooksBack
+    from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SHIPPED = load(INVENTORY)

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bootstrap.steps import CLEARED
-from atlantis_netcfg.bootstrap.target import Facts, Wish
+from atlantis_netcfg.bootstrap.target import Facts, Target
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import parse
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 PORTS = tuple(f"ether{number}" for number in range(1, 9))
-WISH = Wish(
+WISH = Target(
     name="coastal-router",
     user="provision",
     password=Secret('a "b" $c'),

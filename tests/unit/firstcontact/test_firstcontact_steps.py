@@ -10,7 +10,7 @@ from found import DEFAULTS, NOW, WISH, adopted, facts
 
 from atlantis_netcfg.bootstrap.classify import foreign, recognise
 from atlantis_netcfg.bootstrap.steps import CLEARED, clear, close_door, prepare
-from atlantis_netcfg.bootstrap.target import Standing
+from atlantis_netcfg.bootstrap.target import DeviceState
 from atlantis_netcfg.core.versions import Version
 
 ALTERNATIVES = "subject-alt-name=IP:10.64.101.1,DNS:coastal-router"
@@ -109,37 +109,37 @@ def test_everybody_but_our_user_is_disabled() -> None:
 @pytest.mark.parametrize(
     ("found", "standing"),
     [
-        (facts(), Standing.FACTORY),
-        (facts(""), Standing.FACTORY),
-        (facts(DEFAULTS + "/system clock\nset time-zone-name=Europe/Lisbon\n"), Standing.FACTORY),
+        (facts(), DeviceState.FACTORY),
+        (facts(""), DeviceState.FACTORY),
+        (facts(DEFAULTS + "/system clock\nset time-zone-name=Europe/Lisbon\n"), DeviceState.FACTORY),
         (
             facts(DEFAULTS + "/interface wifi\nset [ find default-name=wifi1 ] configuration.mode=ap\n"),
-            Standing.FACTORY,
+            DeviceState.FACTORY,
         ),
-        (facts(users=(*facts().users, {"name": "provision", "group": "full"})), Standing.HALF),
-        (facts(DEFAULTS + "/ip service\nset api-ssl certificate=atlantis-api\n"), Standing.FACTORY),
-        (adopted(DEFAULTS), Standing.HALF),
-        (adopted(users=(*adopted().users, {"name": "boss"})), Standing.SOMEONES),
-        (adopted(), Standing.ADOPTED),
+        (facts(users=(*facts().users, {"name": "provision", "group": "full"})), DeviceState.HALF),
+        (facts(DEFAULTS + "/ip service\nset api-ssl certificate=atlantis-api\n"), DeviceState.FACTORY),
+        (adopted(DEFAULTS), DeviceState.HALF),
+        (adopted(users=(*adopted().users, {"name": "boss"})), DeviceState.SOMEONES),
+        (adopted(), DeviceState.ADOPTED),
         (
             adopted("/system identity\nset name=coastal-router\n/ip pool\nadd name=lan ranges=10.1.0.2\n"),
-            Standing.ADOPTED,
+            DeviceState.ADOPTED,
         ),
-        (facts(DEFAULTS + "/system identity\nset name=boat\n"), Standing.SOMEONES),
-        (facts(DEFAULTS + "/ip service\nset telnet disabled=yes\n"), Standing.SOMEONES),
-        (facts(DEFAULTS + "/ip dns\nset servers=10.0.0.1\n"), Standing.SOMEONES),
-        (facts(users=(*facts().users, {"name": "boss"})), Standing.SOMEONES),
-        (facts(certificates=({"name": "webfig"},)), Standing.SOMEONES),
+        (facts(DEFAULTS + "/system identity\nset name=boat\n"), DeviceState.SOMEONES),
+        (facts(DEFAULTS + "/ip service\nset telnet disabled=yes\n"), DeviceState.SOMEONES),
+        (facts(DEFAULTS + "/ip dns\nset servers=10.0.0.1\n"), DeviceState.SOMEONES),
+        (facts(users=(*facts().users, {"name": "boss"})), DeviceState.SOMEONES),
+        (facts(certificates=({"name": "webfig"},)), DeviceState.SOMEONES),
     ],
 )
-def test_whose_it_is(found: object, standing: Standing) -> None:
+def test_whose_it_is(found: object, standing: DeviceState) -> None:
     assert recognise(found, WISH, NOW) is standing  # type: ignore[arg-type]
 
 
 def test_a_declared_certificate_may_be_there_already() -> None:
     found = facts(certificates=({"name": "atlantis-vpn"},))
-    assert recognise(found, WISH, NOW) is Standing.SOMEONES
-    assert recognise(found, replace(WISH, certificates=("atlantis-api", "atlantis-vpn")), NOW) is Standing.FACTORY
+    assert recognise(found, WISH, NOW) is DeviceState.SOMEONES
+    assert recognise(found, replace(WISH, certificates=("atlantis-api", "atlantis-vpn")), NOW) is DeviceState.FACTORY
 
 
 def test_what_is_somebodys_is_named_without_its_values() -> None:

@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState
-from atlantis_netcfg.bearers.policy import Way
+from atlantis_netcfg.bearers.policy import Route
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, RouterReading
-from atlantis_netcfg.operations.links.status import Own, Seen, Silent, ranked, told, twice
+from atlantis_netcfg.operations.links.status import BoxesStatus, Seen, Silent, bearer_status, ranked, twice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,9 +46,9 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
     own = case.get("own", {})
     router = {"silent": SILENT, "unasked": None}.get(case.get("router", ""), reading(case, name, port))
     return Seen(
-        way=Way(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
+        way=Route(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
         router=router,
-        own=Own(
+        own=BoxesStatus(
             state=LinkState(own["state"]) if "state" in own else None,
             findings=tuple(finding(one) for one in own.get("findings", [])),
             silent=(SILENT,) if case.get("box") == "silent" else (),
@@ -62,7 +62,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
 
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_told(name: str) -> None:
-    status = told(seen(CASES[name]))
+    status = bearer_status(seen(CASES[name]))
     shown = {
         "state": status.state.value,
         "findings": [f"{one.verdict.value} {one.code}" for one in status.findings],
@@ -72,8 +72,8 @@ def test_what_is_told(name: str) -> None:
 
 def test_quality_has_the_port_and_the_pings() -> None:
     case = {"echoes": [["a", 3, 2], ["b", 3, 3]]}
-    assert told(seen(case)).quality == {"port": "ether3", "port_link": "up", "rtt_ms": 4.0, "loss_percent": 17}
-    silent = told(seen({"router": "unasked"})).quality
+    assert bearer_status(seen(case)).quality == {"port": "ether3", "port_link": "up", "rtt_ms": 4.0, "loss_percent": 17}
+    silent = bearer_status(seen({"router": "unasked"})).quality
     assert silent == {"port": "ether3", "port_link": None, "rtt_ms": None, "loss_percent": None}
 
 

@@ -10,7 +10,7 @@ from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.wifi import Family, read
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.links import look as looking
-from atlantis_netcfg.operations.links.status import Own, RadioLook, Silent, of_bridge
+from atlantis_netcfg.operations.links.status import BoxesStatus, RadioLook, Silent, of_bridge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -30,7 +30,7 @@ def radio(mine: str, heard: str | None, level: int = -50) -> RadioLook:
     return RadioLook(read(Family.WIRELESS, rows, {"status": word}, "wlan1"), MACS[mine])
 
 
-def codes(own: Own) -> list[str]:
+def codes(own: BoxesStatus) -> list[str]:
     return [f"{one.message.partition(':')[0]} {one.code}" for one in own.findings]
 
 
@@ -79,7 +79,7 @@ def test_a_device_without_a_radio_is_down() -> None:
 
 
 def test_nobody_was_asked() -> None:
-    assert of_bridge((NEAR, None), (FAR, None)) == Own()
+    assert of_bridge((NEAR, None), (FAR, None)) == BoxesStatus()
 
 
 def test_a_name_of_the_allow_list_that_has_moved_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers.policy import Way
+from atlantis_netcfg.bearers.policy import Route
 from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 CASES = yaml.safe_load(Path(__file__).with_name("router_reading_cases.yml").read_text(encoding="utf-8"))
 WAYS = (
-    Way("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
-    Way("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", metered=True),
+    Route("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
+    Route("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", metered=True),
 )
 MENUS = ("resource", "interface", "route", "arp", "filter")
 

@@ -38,7 +38,7 @@ def test_the_end_that_is_reached_over_the_bridge_is_far(declaration: Declaration
 @pytest.mark.parametrize("name", BOTH)
 def test_where_both_are_on_cables_the_site_decides(declaration: Declaration, name: str) -> None:
     site = declaration.hosts[name].site
-    (bridge,) = bridges(declaration, [name], standing=site)
+    (bridge,) = bridges(declaration, [name], near_site=site)
     assert bridge.near.name == name
     assert {bridge.near.name, bridge.far.name} == set(BOTH)
 

@@ -18,7 +18,7 @@ from atlantis_netcfg.operations.computers import Watch, _watch, perform
 from atlantis_netcfg.operations.computers._fetching import fetching, narrowed
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
-from atlantis_netcfg.operations.site_run import RunName, Turn
+from atlantis_netcfg.operations.site_run import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(watch: Watch
 def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     hosts = list(declaration.site_hosts("coastal"))[:3]
-    turn = Turn(declaration, "coastal", hosts, Request(state=tmp_path, rehearsed=True), RunName())
+    turn = SiteRun(declaration, "coastal", hosts, Request(state=tmp_path, rehearsed=True), RunName())
     turn.begin()
     for host, code in zip(hosts, (ExitCode.CHECKS_FAILED, ExitCode.UNKNOWN, ExitCode.NOTHING), strict=True):
         turn.ended(SimpleNamespace(name=host.name, exit=code))

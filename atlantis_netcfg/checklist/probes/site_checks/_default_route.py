@@ -7,7 +7,7 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding, LinkState
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Way, active_bearer, active_bearers
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Route, active_bearer, active_bearers
 from atlantis_netcfg.checklist.probes.site_checks._site import OwnSite, ask, look, run, step
 from atlantis_netcfg.checklist.probes.site_checks.findings import fail, good, listed, read, unknown, warn
 from atlantis_netcfg.checklist.probes.site_checks.parse import look as looked
@@ -60,10 +60,10 @@ class _DefaultRoute:
         return Judged((*found, *own), evidence)
 
     @property
-    def _ways(self) -> tuple[Way, ...]:
+    def _ways(self) -> tuple[Route, ...]:
         assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
         return tuple(
-            Way(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
+            Route(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
         )
 
     def _of_router(self, routes: Sequence[Mapping[str, str]], heard: Mapping[str, Answer]) -> Iterator[Finding]:
