@@ -13,7 +13,7 @@ from atlantis_netcfg.operations.costs import unpaid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Declined", "agreed", "pays", "removes"]
+__all__ = ["Declined", "agreed", "pay", "pays", "removes"]
 
 _PAY, _REMOVE = "pay", "remove"
 
@@ -42,6 +42,14 @@ def _answer(question: str) -> str:
         return ""
     except KeyboardInterrupt as stop:
         raise Declined(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
+
+
+def pay(words: Sequence[str], *, accepted: bool, as_json: bool) -> None:
+    """Show what goes over links that are paid by the byte, and ask unless `accepted`. Raises CostRefused."""
+    if words and not accepted:
+        pays(words, ask=not as_json)
+    elif words and not as_json:
+        print("".join(f"This goes {each}\n" for each in words), end="", flush=True)
 
 
 def pays(words: Sequence[str], *, ask: bool) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
-from atlantis_netcfg.cli._consent import agreed, pays, removes
+from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
 from atlantis_netcfg.cli._outcome import Stopped, as_typed, carried
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
@@ -191,10 +191,7 @@ class Session:
         accepted = request.model_copy(update={"accept_cost": True})
         gate(self.declaration, self.hosts, accepted)
         words = [each.words for each in beforehand(self.declaration, self.hosts, request)]
-        if words and not request.accept_cost:
-            pays(words, ask=not self.as_json)
-        elif not self.as_json:
-            print("".join(f"This goes {each}\n" for each in words), end="", flush=True)
+        pay(words, accepted=request.accept_cost, as_json=self.as_json)
         return accepted if words else request
 
     def _declared(self, mode: Mode) -> tuple[Host, ...]:

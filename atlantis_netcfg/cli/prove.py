@@ -162,7 +162,7 @@ def _request(opened: Session) -> Request:
 
 def _pay(opened: Session, expected: tuple[Preview, ...]) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
-    from atlantis_netcfg.cli._consent import pays
+    from atlantis_netcfg.cli._consent import pay
 
     words = [item.words for item in expected]
     if opened.rehearsed:
@@ -172,8 +172,4 @@ def _pay(opened: Session, expected: tuple[Preview, ...]) -> None:
     for item in expected:
         if item.over_cap:
             raise item.refusal()
-    if not opened.arguments.flag(ACCEPT_COST.name):
-        if words:
-            pays(words, ask=not opened.as_json)
-    elif not opened.as_json:
-        print("".join(f"This goes {each}\n" for each in words), end="", flush=True)
+    pay(words, accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)

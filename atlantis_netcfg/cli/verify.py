@@ -121,14 +121,11 @@ def _verified(opened: Session, verifying: Verifying) -> Verified:
 
 def _pay(opened: Session, verifying: Verifying) -> None:
     """Tell what it costs where that is paid by the byte. Raises CostRefused; a rehearsal costs nothing."""
-    from atlantis_netcfg.cli._consent import pays
+    from atlantis_netcfg.cli._consent import pay
 
     cost = verifying.cost
     if opened.rehearsed or not cost.link.metered:
         return
     if cost.over_cap:
         raise cost.refusal()
-    if not opened.arguments.flag(ACCEPT_COST.name):
-        pays([cost.words], ask=not opened.as_json)
-    elif not opened.as_json:
-        print(f"This goes {cost.words}", flush=True)
+    pay([cost.words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)

@@ -47,6 +47,7 @@ _WORDS = {
     Verdict.INCONCLUSIVE: "not known",
     Verdict.SKIP: "not shown",
 }
+_ASSUMPTIONS = {assumption.id: assumption for assumption in ASSUMPTIONS}
 _COUNTS = {verdict: words.lower() for verdict, words in _WORDS.items()}
 
 
@@ -77,7 +78,6 @@ class Verified:
 
     def as_json(self) -> dict[str, Any]:
         """One object for programs."""
-        rows = {each.id: each for each in ASSUMPTIONS}
         return {
             "device": self.device,
             "rehearsed": self.rehearsed,
@@ -92,9 +92,9 @@ class Verified:
             "assumptions": [
                 {
                     "id": finding.id,
-                    "sentence": rows[finding.id].sentence,
-                    "rests": rows[finding.id].rests,
-                    "shown": rows[finding.id].shown,
+                    "sentence": _ASSUMPTIONS[finding.id].sentence,
+                    "rests": _ASSUMPTIONS[finding.id].rests,
+                    "shown": _ASSUMPTIONS[finding.id].shown,
                     "verdict": finding.verdict.value,
                     "evidence": printable.line(finding.evidence),
                 }
@@ -111,14 +111,13 @@ class Verified:
             f"{self.device}: {where}{printable.line(seen.board)}, RouterOS {printable.line(seen.version)}",
             f"  {len(seen.findings)} assumptions; {counts}",
         ]
-        sentences = {each.id: each for each in ASSUMPTIONS}
         for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.SKIP):
             for finding in (item for item in seen.findings if item.verdict is verdict):
                 lines.append(f"  {_WORDS[verdict]:<14} {finding.id}: {printable.line(finding.evidence)}")
                 if verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}:
                     lines += [
-                        f"  {'':<14} {sentences[finding.id].sentence}",
-                        f"  {'':<14} {sentences[finding.id].rests}",
+                        f"  {'':<14} {_ASSUMPTIONS[finding.id].sentence}",
+                        f"  {'':<14} {_ASSUMPTIONS[finding.id].rests}",
                     ]
         lines.append(f"  {self.round_trips} round trips, {self.bytes / 1000:.1f} kB")
         if self.file is not None:
