@@ -7,8 +7,7 @@ receiver is not obeyed but counted in `forbidden`.
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.gnss.running import RunningGpsd, RunningNmea, RunningNmeaPort
-from atlantis_netcfg.emulator.gnss.spec import Access, GnssSpec, Speech
+from atlantis_netcfg.emulator.gnss.running import Access, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
 
 __all__ = ["NOT_REHEARSED", "Access", "GnssSpec", "RunningGpsd", "RunningNmea", "RunningNmeaPort", "Speech"]
 

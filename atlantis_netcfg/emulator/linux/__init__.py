@@ -7,8 +7,7 @@ says, and at once. Its specification is frozen and healthy by default; a rehears
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.linux._computer import NOT_FOUND, Computer
-from atlantis_netcfg.emulator.linux._lan import lan_computer
+from atlantis_netcfg.emulator.linux._computer import NOT_FOUND, Computer, lan_computer
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
     AssociationSpec,

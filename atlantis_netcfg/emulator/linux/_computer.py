@@ -2,22 +2,168 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 import time
+from datetime import UTC, datetime
+from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.emulator.linux._clock import chronyc, timedatectl
-from atlantis_netcfg.emulator.linux._dds import answers
-from atlantis_netcfg.emulator.linux._files import cat, openssl
-from atlantis_netcfg.emulator.linux._ip import ip
+from atlantis_netcfg.emulator.linux._ip import ip, ping
 from atlantis_netcfg.emulator.linux._iw import iw
-from atlantis_netcfg.emulator.linux._ping import ping
+from atlantis_netcfg.emulator.linux._spec import (
+    AddressSpec,
+    ComputerSpec,
+    EchoSpec,
+    InterfaceSpec,
+    NeighbourSpec,
+    OfferSpec,
+    RouteSpec,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.emulator.linux._spec import ComputerSpec, OfferSpec
+    from atlantis_netcfg.emulator.linux._spec import CertificateSpec, DdsSpec, UdpSpec
 
-__all__ = ["Computer"]
+
+_UNSYNCHRONISED = (
+    "00000000,,0,0.000000000,0.000000000,0.000000000,0.000000000,0.000,0.000,0.000,1.000000000,1.000000000,0.0,"
+    "Not synchronised\n"
+)
+
+
+def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
+    """Answer `timedatectl show`; `now`: seconds since 1970 by its own clock."""
+    if list(argv[1:]) != ["show"]:
+        return 1, "", f"Unknown command verb {argv[1] if len(argv) > 1 else ''}.\n"
+    time = spec.time
+    stamp = datetime.fromtimestamp(now, UTC).astimezone(ZoneInfo(time.zone)).strftime("%a %Y-%m-%d %H:%M:%S %Z")
+    told = {
+        "Timezone": time.zone,
+        "LocalRTC": "no",
+        "CanNTP": "yes",
+        "NTP": "yes" if time.ntp else "no",
+        "NTPSynchronized": "yes" if time.synchronised else "no",
+        "TimeUSec": stamp,
+        "RTCTimeUSec": stamp,
+    }
+    return 0, "".join(f"{name}={value}\n" for name, value in told.items()), ""
+
+
+def chronyc(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
+    """Answer `chronyc -n -c tracking` and `sources`."""
+    time = spec.time
+    if not time.chrony:
+        return 1, "", "506 Cannot talk to daemon\n"
+    command = argv[-1]
+    if command == "sources":
+        mark, reach = ("*", 377) if time.synchronised else ("?", 0)
+        return 0, f"^,{mark},{time.server},{time.stratum - 1},6,{reach},12,0.000120,0.000120,0.002000000\n", ""
+    if command != "tracking":
+        return 1, "", "Unrecognized command\n"
+    if not time.synchronised:
+        return 0, _UNSYNCHRONISED, ""
+    number = "".join(f"{int(part):02X}" for part in time.server.split("."))
+    known = "0.000012345,0.000010000,0.000020000,-11.234,0.001,0.020,0.012000000,0.001000000,64.2"
+    return 0, f"{number},{time.server},{time.stratum},{now - 40:.9f},{known},Normal\n", ""
+
+
+_WRITER = b"\x00\x01\x00\xc2"
+
+
+def answers(number: int, spec: DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
+    """The messages of the participant with this number to the GUID prefix that has announced itself."""
+    own = b"\x01\x10" + struct.pack(">HII", spec.domain, 0xA71A, number)
+    head = b"RTPS\x02\x01\x01\x10" + own
+    to_the_asker = struct.pack("<BBH", 0x0E, 1, 12) + asked_by
+    beat = struct.pack("<BBH", 0x07, 1, 28) + b"\0\0\x04\xc7\0\0\x03\xc2" + struct.pack("<iIiIi", 0, 1, 0, 0, 1)
+    announced = _announced(own, spec, 7410 + 250 * spec.domain + 2 * number)
+    return (head + to_the_asker + announced, head + to_the_asker + beat)
+
+
+def _announced(own: bytes, spec: DdsSpec, port: int) -> bytes:
+    there = [struct.pack("<iI12x", 1, port) + socket.inet_aton(address) for address in spec.addresses]
+    told = [
+        (0x50, own + b"\x00\x00\x01\xc1"),
+        (0x0F, struct.pack("<I", spec.domain)),
+        (0x02, struct.pack("<iI", 120, 0)),
+        *((0x32, one) for one in there),
+        (0x58, struct.pack("<I", 0xFC3F)),
+    ]
+    listed = b"".join(struct.pack("<HH", name, len(value)) + value for name, value in told)
+    payload = b"\x00\x03\0\0" + listed + struct.pack("<HH", 1, 0)
+    body = struct.pack("<HH", 0, 16) + b"\x00\x01\x00\xc7" + _WRITER + struct.pack("<iI", 0, 1) + payload
+    return struct.pack("<BBH", 0x15, 0x05, len(body)) + body
+
+
+UDP_TABLE = "/proc/net/udp"
+
+
+def cat(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+    """Print files, one after the other."""
+    out, err = "", ""
+    for path in argv[1:]:
+        if path == UDP_TABLE:
+            out += _sockets(spec.udp)
+        elif path in spec.denied:
+            err += f"cat: {path}: Permission denied\n"
+        elif path in spec.files:
+            out += spec.files[path]
+        else:
+            err += f"cat: {path}: No such file or directory\n"
+    return (1 if err else 0), out, err
+
+
+def _sockets(sockets: Sequence[UdpSpec]) -> str:
+    """As `net/ipv4/udp.c` prints them, on a computer whose lowest byte comes first."""
+    head = (
+        "   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt"
+        "   uid  timeout inode ref pointer drops"
+    )
+    lines = [
+        f"{number:5d}: {_reversed(one.address)}:{one.port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 "
+        f"{one.uid:5d}        0 {20000 + number} 2 0000000000000000 0"
+        for number, one in enumerate(sockets, start=1000)
+    ]
+    return "".join(f"{line:<127}\n" for line in (head, *lines))
+
+
+def _reversed(address: str) -> str:
+    return IPv4Address(address).packed[::-1].hex().upper()
+
+
+def openssl(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+    """Print every certificate in a file (`storeutl -noout -text -certs PATH`); words and code of OpenSSL 3.0."""
+    path, command = argv[-1], argv[1] if len(argv) > 1 else ""
+    if command != "storeutl":
+        return 1, "", f"Invalid command '{command}'; type \"help\" for a list.\n"
+    if path in spec.denied or path not in spec.certificates:
+        reason = "Permission denied" if path in spec.denied else "No such file or directory"
+        return 1, "", f"Couldn't open file or uri {path}\n0:error:80000002:system library:file_open:{reason}\n"
+    found = spec.certificates[path]
+    told = "".join(f"{number}: Certificate\n{_text(one)}" for number, one in enumerate(found))
+    # It knows no key of tls-crypt, says so, and ends with 8 although it has printed the rest.
+    return 8, f"{told}Total found: {len(found)}\n", "0:error:1608010C:STORE routines::unsupported\n"
+
+
+def _text(one: CertificateSpec) -> str:
+    return (
+        "Certificate:\n    Data:\n        Version: 3 (0x2)\n        Serial Number: 4096 (0x1000)\n"
+        "        Signature Algorithm: ecdsa-with-SHA256\n"
+        f"        Issuer: CN={one.issuer}\n"
+        "        Validity\n"
+        f"            Not Before: {_stamp(one.not_before)}\n"
+        f"            Not After : {_stamp(one.not_after)}\n"
+        f"        Subject: CN={one.subject}\n"
+        "        Subject Public Key Info:\n            Public Key Algorithm: id-ecPublicKey\n"
+    )
+
+
+def _stamp(moment: datetime) -> str:
+    return f"{moment:%b} {moment.day:2d} {moment:%H:%M:%S %Y} GMT"
+
 
 Printed = tuple[int, str, str]
 NOT_FOUND = 127
@@ -83,3 +229,41 @@ _PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], Printed]] = {
     "ping": lambda computer, argv: ping(computer.spec, argv),
     "timedatectl": lambda computer, argv: timedatectl(computer.spec, argv, computer.now),
 }
+
+_CARD = "02:00:5E:00:FA:01"
+"""Of no real device."""
+
+
+def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
+    name: str,
+    *,
+    address: str,
+    mac: str | None,
+    router: tuple[str, str],
+    others: Mapping[str, str],
+    tunnel: str | None = None,
+    server: str | None = None,
+    interface: str = "eth0",
+) -> ComputerSpec:
+    """`address` with its prefix length; `router` and `others`: address and MAC; `tunnel`: own address in the VPN.
+
+    `mac`: None where nobody has declared it; `server`: address of the VPN's server in the tunnel. Everybody answers
+    pings, and the router alone offers addresses.
+    """
+    there = {router[0]: router[1], **others}
+    interfaces = [InterfaceSpec(name=interface, mac=mac or _CARD, addresses=(AddressSpec(address=address),))]
+    echoes = dict.fromkeys(there, EchoSpec())
+    if tunnel is not None:
+        interfaces.append(InterfaceSpec(name="tun0", addresses=(AddressSpec(address=tunnel),)))
+    if server is not None:
+        echoes[server] = EchoSpec(rtt_ms=62.0)
+    first = IPv4Interface(address).network.network_address + 100
+    return ComputerSpec(
+        name=name,
+        interfaces=tuple(interfaces),
+        routes=(RouteSpec(via=router[0], dev=interface),),
+        neighbours=tuple(NeighbourSpec(address=ip, dev=interface, mac=card) for ip, card in there.items()),
+        echoes=echoes,
+        files={"/etc/resolv.conf": f"nameserver {router[0]}\n"},
+        dhcp={interface: (OfferSpec(server=router[0], mac=router[1], address=str(first), router=router[0]),)},
+    )

@@ -6,8 +6,7 @@ flies nothing and obeys nothing: every datagram that is sent to it is counted in
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.mavlink.running import RunningAutopilot
-from atlantis_netcfg.emulator.mavlink.spec import AutopilotSpec
+from atlantis_netcfg.emulator.mavlink.running import AutopilotSpec, RunningAutopilot
 
 __all__ = ["NOT_REHEARSED", "AutopilotSpec", "RunningAutopilot"]
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.environment._shown import move
+from atlantis_netcfg.emulator.routeros.environment._spec import move
 from atlantis_netcfg.emulator.routeros.lte._modem import refit
 from atlantis_netcfg.emulator.routeros.site import describe
 from atlantis_netcfg.emulator.routeros.wire.faults import Fault

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.environment._shown import connected
+from atlantis_netcfg.emulator.routeros.environment._spec import connected
 from atlantis_netcfg.emulator.routeros.history import History
-from atlantis_netcfg.emulator.routeros.lte._state import SimState
+from atlantis_netcfg.emulator.routeros.lte._modem import SimState
 from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.store import Store
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
     from atlantis_netcfg.emulator.routeros.commands._call import Call
-    from atlantis_netcfg.emulator.routeros.radio._state import RadioState
+    from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 __all__ = ["GREETINGS", "NETWATCH_GROUP", "Core", "File", "Gateway", "Listener", "Record", "Watch", "Watched"]

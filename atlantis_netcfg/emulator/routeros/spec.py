@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from atlantis_netcfg.emulator.routeros.environment._spec import Around
 from atlantis_netcfg.emulator.routeros.lte._spec import ModemSpec
-from atlantis_netcfg.emulator.routeros.radio._spec import RadioPair
+from atlantis_netcfg.emulator.routeros.radio._settings import RadioPair
 from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
 from atlantis_netcfg.emulator.routeros.wire.link import Link
 

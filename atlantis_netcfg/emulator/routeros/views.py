@@ -10,9 +10,9 @@ from atlantis_netcfg.emulator.routeros.access import public_key
 from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.derived import dynamic_rows, properties
 from atlantis_netcfg.emulator.routeros.devicemode import INACTIVE, allowed
-from atlantis_netcfg.emulator.routeros.environment._shown import alert, lease, ntp, tunnel_addresses
+from atlantis_netcfg.emulator.routeros.environment._spec import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
-from atlantis_netcfg.emulator.routeros.lte._made import made
+from atlantis_netcfg.emulator.routeros.lte._modem import made
 from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.path import route_to
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, spell

@@ -19,7 +19,15 @@ __all__ = ["NOT_REHEARSED", "RunningRutos", "Rutos", "RutosNetwork", "RutosSim",
 __getattr__ = homes(
     __name__,
     {
-        "_spec": ("NOT_REHEARSED", "RutosNetwork", "RutosSim", "RutosSpec"),
-        "_unit": ("RunningRutos", "Rutos"),
+        "_spec": (
+            "NOT_REHEARSED",
+            "RutosNetwork",
+            "RutosSim",
+            "RutosSpec",
+        ),
+        "_unit": (
+            "RunningRutos",
+            "Rutos",
+        ),
     },
 )

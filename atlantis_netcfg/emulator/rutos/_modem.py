@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.rutos._spec import RutosSpec
-    from atlantis_netcfg.emulator.rutos._uci import Uci
+    from atlantis_netcfg.emulator.rutos._web import Uci
 
 __all__ = ["Modem"]
 

@@ -9,7 +9,7 @@ from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import Around, Called, Load, Validity
-from atlantis_netcfg.emulator.routeros.environment._shown import move
+from atlantis_netcfg.emulator.routeros.environment._spec import move
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, SiteSpec, TwinSpec, User
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.commands.radio import registrations
 from atlantis_netcfg.emulator.routeros.derived import type_of
 from atlantis_netcfg.emulator.routeros.devicemode import FEATURES, allowed
-from atlantis_netcfg.emulator.routeros.environment._shown import heard_names, mac_of
+from atlantis_netcfg.emulator.routeros.environment._spec import heard_names, mac_of
 from atlantis_netcfg.emulator.routeros.software import package_file
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import id_text, interval

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.environment._shown import load_of
+from atlantis_netcfg.emulator.routeros.environment._spec import load_of
 from atlantis_netcfg.emulator.routeros.values import id_text
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.radio._budget import NOISE_DBM
+from atlantis_netcfg.emulator.routeros.radio._link import NOISE_DBM
 from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
-from atlantis_netcfg.emulator.routeros.radio._state import RadioState
+from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
 if TYPE_CHECKING:
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.commands._call import Call
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.radio._settings import Settings
-    from atlantis_netcfg.emulator.routeros.radio._state import Peer
+    from atlantis_netcfg.emulator.routeros.radio._settings import Peer, Settings
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 __all__ = ["amounting", "monitor", "registrations"]

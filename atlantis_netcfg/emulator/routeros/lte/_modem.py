@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.emulator.routeros.values import id_text
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.lte._spec import ModemSpec, SimSpec
     from atlantis_netcfg.emulator.routeros.store import Item
 
-__all__ = ["APN", "LTE", "Phase", "Settings", "phase_of", "refit", "settings_of", "settle"]
 
 LTE, APN = "/interface/lte", "/interface/lte/apn"
 
@@ -175,3 +176,59 @@ def _connect(core: Core, mine: Settings, *, up: bool) -> None:
     core.sim.connected_since = core.now() if up else None
     core.store.revision += 1
     core.note("interface,info", f"{mine.name} link {'up' if up else 'down'}")
+
+
+def made(core: Core, path: str) -> list[dict[str, str]]:
+    """The address and the default route that the device makes by itself while the modem is connected."""
+    mine = settings_of(core) if path in {"/ip/address", "/ip/route"} else None
+    modem = core.spec.modem
+    if mine is None or modem is None or modem.cell is None or phase_of(core, mine) is not Phase.CONNECTED:
+        return []
+    number = id_text(core.store.dynamic_id(path, "lte", mine.item.id))
+    flags = {"dynamic": "true", "disabled": "false"}
+    if path == "/ip/address":
+        own = {"address": f"{modem.cell.address}/32", "network": modem.cell.address, "interface": mine.name}
+        return [{".id": number, **own, "actual-interface": mine.name, "invalid": "false", "slave": "false", **flags}]
+    if not mine.default_route:
+        return []
+    way = {"dst-address": "0.0.0.0/0", "routing-table": "main", "gateway": mine.name, "distance": mine.distance}
+    return [{".id": number, **way, "scope": "30", "target-scope": "10", "active": "true", "inactive": "false", **flags}]
+
+
+@dataclass(slots=True)
+class SimState:
+    """The card keeps `tries_left` without power; everything else begins anew with the modem."""
+
+    tries_left: int
+    pins_entered: int = 0
+    """How often a PIN has reached the card since the twin was made: what a test counts."""
+    unlocked: bool = False
+    refused: bool = False
+    """The latest PIN was wrong."""
+    tried: str | None = None
+    """The PIN that the modem has entered since it was started, or since another one was set."""
+    connected_since: float | None = None
+    told: str = ""
+    """The last line of the log about the card, so that each is written once."""
+
+    def enter(self, given: str, right: str) -> None:
+        """Let the modem enter a PIN: the card counts wrong ones, and a right one resets the count."""
+        self.tried = given
+        if self.unlocked or self.tries_left == 0:
+            return
+        self.pins_entered += 1
+        self.unlocked = given == right
+        self.refused = not self.unlocked
+        self.tries_left = 3 if self.unlocked else self.tries_left - 1
+
+    def swap(self, tries_left: int) -> None:
+        """Another card is put in, or the same one with its count as it is."""
+        self.tries_left = tries_left
+        self.told = ""
+        self.restart()
+
+    def restart(self) -> None:
+        """The modem starts anew: the card is locked again if it has a PIN."""
+        self.unlocked = self.refused = False
+        self.tried = None
+        self.connected_since = None

@@ -9,22 +9,126 @@ cable of its own while its radio is off, as a box is that has only been adopted.
 from __future__ import annotations
 
 import asyncio
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.radio._agreement import why_not, why_silent
-from atlantis_netcfg.emulator.routeros.radio._budget import signal_dbm
-from atlantis_netcfg.emulator.routeros.radio._law import within
+from atlantis_netcfg.emulator.routeros.radio._law import span, within
 from atlantis_netcfg.emulator.routeros.radio._read import radio_item, settings_of
-from atlantis_netcfg.emulator.routeros.radio._state import Peer, RadioState
+from atlantis_netcfg.emulator.routeros.radio._settings import Driver, Peer, RadioState, Settings, ghz_of, standards_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.radio._settings import Settings
-    from atlantis_netcfg.emulator.routeros.radio._spec import Air, RadioPair
+    from atlantis_netcfg.emulator.routeros.radio._settings import Air, RadioPair
     from atlantis_netcfg.emulator.routeros.router import Router
 
-__all__ = ["RadioLink"]
+
+NOISE_DBM = -110
+"""What `noise-floor` shows of a quiet 20 MHz channel (sample of the manual, Wireless Interface)."""
+_LIGHT_M_S = 299_792_458.0
+
+
+def free_space_loss_db(distance_m: float, frequency_mhz: float) -> float:
+    """Return the loss between two isotropic antennas, never below none."""
+    return max(0.0, 20 * math.log10(4 * math.pi * distance_m * frequency_mhz * 1e6 / _LIGHT_M_S))
+
+
+def signal_dbm(sender: Settings, receiver: Settings, frequency_mhz: int, air: Air) -> float:
+    """Return what `receiver` hears of `sender`."""
+    rule = within(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
+    eirp = sender.power_dbm + sender.gain_dbi
+    if rule is not None:
+        eirp = min(eirp, rule.eirp_dbm)
+    return eirp - free_space_loss_db(air.distance_m, frequency_mhz) - air.loss_db + receiver.gain_dbi
+
+
+def why_not(one: Settings, other: Settings, air: Air) -> str:
+    """Return why the two are not connected; empty: they agree."""
+    return next(_reasons(one, other, air), "")
+
+
+def _reasons(one: Settings, other: Settings, air: Air) -> Iterator[str]:
+    if not (one.enabled and other.enabled):
+        yield "a radio is disabled"
+    if one.is_ap == other.is_ap:
+        yield "both ends are access points" if one.is_ap else "no end is an access point"
+        return
+    ap, station = (one, other) if one.is_ap else (other, one)
+    yield from _roles(ap, station)
+    if silent := why_silent(ap, air):
+        yield silent
+    yield from _channel(ap, station)
+    if station.ssid not in ("", ap.ssid):
+        yield "the network names differ"
+    if _key(ap, ap.speaks) != _key(station, ap.speaks) and not _same_secret(ap, station):
+        yield "the keys differ"
+    yield from _lists(ap, station)
+    yield from _distance(ap, station, air)
+
+
+def _roles(ap: Settings, station: Settings) -> Iterator[str]:
+    if ap.driver is not station.driver:
+        yield "station-bridge does not work between the two drivers"
+    if station.mode != "station-bridge" or not ap.bridges_stations:
+        yield "the station does not bridge"
+    if ap.speaks not in station.understands:
+        yield "the protocols differ"
+
+
+def why_silent(ap: Settings, air: Air) -> str:
+    """Return why an access point does not speak on its channel; empty: it does."""
+    low, high = span(ap.channel_mhz, ap.width or "20mhz")
+    if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != ghz_of(ap.band):
+        return "the radio does not have this channel"
+    if within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless) is None:
+        return "the country does not allow this channel"
+    return "a radar is on this channel" if ap.channel_mhz in air.radar_mhz else ""
+
+
+def _channel(ap: Settings, station: Settings) -> Iterator[str]:
+    bands = standards_of(ap.band, ap.driver) & standards_of(station.band, station.driver)
+    if ghz_of(ap.band) != ghz_of(station.band) or not bands:
+        yield "the bands differ"
+    if ap.width != station.width:
+        yield "the channel widths differ"
+    rule = within(
+        station.country, ap.channel_mhz, ap.width or "20mhz", outdoor=station.outdoor, lawless=station.lawless
+    )
+    if rule is None:
+        yield "the station's country does not allow this channel"
+    if station.scans is not None and not any(low <= ap.channel_mhz <= high for low, high in station.scans):
+        yield "the station does not look on this channel"
+
+
+def _key(radio: Settings, protocol: str) -> tuple[object, ...]:
+    """With nv2 the security profile is not used, but `nv2-security` (Manual, Nv2)."""
+    return (radio.nv2_key,) if protocol == "nv2" else (radio.authentication, radio.passphrase)
+
+
+def _same_secret(ap: Settings, station: Settings) -> bool:
+    """One way of authentication in common is enough, with the same passphrase."""
+    if ap.speaks == "nv2":
+        return False
+    return bool(ap.authentication & station.authentication) and ap.passphrase == station.passphrase
+
+
+def _lists(ap: Settings, station: Settings) -> Iterator[str]:
+    for here, there in ((ap, station), (station, ap)):
+        if there.mac not in here.admits and here.refuses & {there.mac, "*"}:
+            yield "a list turns the other end away"
+
+
+def _distance(ap: Settings, station: Settings, air: Air) -> Iterator[str]:
+    limits = [each.reach_km for each in (ap, station) if each.reach_km is not None]
+    counts = ap.speaks == "nv2" or ap.driver is Driver.WIFI
+    if counts and limits and air.distance_m > min(limits) * 1000:
+        yield "ranging timeout: the ends are set to a shorter distance"
+    weakest = min(signal_dbm(ap, station, ap.channel_mhz, air), signal_dbm(station, ap, ap.channel_mhz, air))
+    if weakest < air.sensitivity_dbm:
+        yield "the ends are too far apart"
+
 
 _WEATHER = range(5590, 5661)
 """Control channels of 20 MHz that reach into 5600 to 5650 MHz."""

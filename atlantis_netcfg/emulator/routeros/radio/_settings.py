@@ -1,11 +1,12 @@
-"""What one radio is set to, in words that both driver families share."""
+"""What a radio is set to, in words that both driver families share, and the state of its air."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Self
 
-__all__ = ["NEWEST", "Driver", "Settings", "ghz_of", "standards_of"]
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class Driver(Enum):
@@ -107,3 +108,68 @@ def standards_of(band: str, driver: Driver) -> frozenset[str]:
         return frozenset(name.removeprefix("only").split("/"))
     older = ("g", *NEWEST[1:]) if ghz_of(band) == 2 else NEWEST  # noqa: PLR2004 (GHz)
     return frozenset(older[: older.index(name) + 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """The other end of a link that is up."""
+
+    settings: Settings
+    signal_dbm: float
+    """What we hear of it."""
+    theirs_dbm: float
+    """What it hears of us."""
+    channel_mhz: int
+    since: float
+    """On the clock of the twin."""
+    distance_km: int
+
+
+@dataclass(frozen=True, slots=True)
+class RadioState:
+    """One radio; `status` is a word of `/interface/wireless/monitor` (Manual, Wireless Interface)."""
+
+    status: str
+    peer: Peer | None = None
+
+
+class Air(BaseModel):
+    """What lies between two radios, and how long they take; times in seconds."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    distance_m: float = Field(default=150.0, gt=0)
+    loss_db: float = Field(default=0.0, ge=0)
+    """Lost besides free space: a mast in the way, an antenna that points elsewhere."""
+    sensitivity_dbm: float = -85.0
+    """Below, a radio hears nothing: between the data sheets' figures for 6 and 24 Mbit/s. Assumption: radio-restart"""
+    association_s: float = Field(default=3.0, ge=0)
+    """From the moment at which the access point can be heard until the station is registered."""
+    dfs_wait_s: float = Field(default=60.0, ge=0)
+    """An access point listens for radar before it speaks on a DFS channel (ETSI EN 301 893)."""
+    weather_wait_s: float = Field(default=600.0, ge=0)
+    """The same where weather radars are, 5600 to 5650 MHz."""
+    radar_mhz: tuple[int, ...] = ()
+    """Channels on which a radar is always heard: an access point never speaks there."""
+    lowest_mhz: int = 2300
+    highest_mhz: int = 6100
+    """What the antennas are made for."""
+
+
+class RadioPair(BaseModel):
+    """Two twins of a site; the way from the technician to `far` leads through `near`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    near: str
+    far: str
+    near_radio: str = "wlan1"
+    """Factory name."""
+    far_radio: str = "wlan1"
+    air: Air = Air()
+
+    @model_validator(mode="after")
+    def _two(self) -> Self:
+        if self.near == self.far:
+            raise ValueError(f"{self.near} cannot be both ends of a radio link")
+        return self

@@ -38,7 +38,7 @@ from atlantis_netcfg.emulator.linux import (
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import Around, Load, Validity
-from atlantis_netcfg.emulator.routeros.environment._shown import move
+from atlantis_netcfg.emulator.routeros.environment._spec import move
 from atlantis_netcfg.emulator.routeros.spec import Management, RouterSpec, User
 from atlantis_netcfg.render import router
 
