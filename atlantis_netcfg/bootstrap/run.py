@@ -234,20 +234,20 @@ _RETRY_S = 0.5
 class ConsoleExecutor:
     """Types; never decides."""
 
-    wish: Target
+    target: Target
     journal: Recorder
     notify: Subscriber
 
     def do(self, steps: Sequence[Step], console: Console, *, in_safe_mode: bool = False) -> None:
         """Type every line of every step. `held`: safe mode is held already. Raises CutOff, ConsoleRefused."""
         for step in steps:
-            self.journal.write(ContactStep(device=self.wish.name, step=step.key, commands=len(step.lines)))
-            self.notify(Event(self.wish.name, Stage.APPLYING, step.title))
+            self.journal.write(ContactStep(device=self.target.name, step=step.key, commands=len(step.lines)))
+            self.notify(Event(self.target.name, Stage.APPLYING, step.title))
             try:
                 self._type(step, console, guarded=step.guarded and not in_safe_mode)
             except ConsoleLost as lost:
-                raise cut_off(self.wish, step, lost) from lost
-            self.journal.write(ContactStepDone(device=self.wish.name, step=step.key))
+                raise cut_off(self.target, step, lost) from lost
+            self.journal.write(ContactStepDone(device=self.target.name, step=step.key))
 
     def _type(self, step: Step, console: Console, *, guarded: bool) -> None:
         size = GUARDED_LINES if guarded else len(step.lines)
@@ -286,8 +286,8 @@ _STICKER = (
 class FirstContact:
     """First contact with one device. Every step is journalled before it is typed, and may be repeated."""
 
-    wish: Target
-    doorway: ConsoleRoutes
+    target: Target
+    routes: ConsoleRoutes
     pins: Pins
     journal: Recorder
     notify: Subscriber
@@ -302,11 +302,11 @@ class FirstContact:
 
     @property
     def _typist(self) -> ConsoleExecutor:
-        return ConsoleExecutor(self.wish, self.journal, self.notify)
+        return ConsoleExecutor(self.target, self.journal, self.notify)
 
     def plan(self) -> Adopted:
         """Look, judge, and tell the steps; nothing is changed or pinned."""
-        with repeatable(self.wish), self._console(None) as (console, _):
+        with repeatable(self.target), self._console(None) as (console, _):
             facts, state = self._judge(console)
         if state is DeviceState.ADOPTED:
             return Adopted(Status.ALREADY, state, facts=facts)
@@ -317,7 +317,7 @@ class FirstContact:
 
         Raises DeviceFailed with the device as it was, or as far as a repeated run goes on from; CutOff.
         """
-        with repeatable(self.wish):
+        with repeatable(self.target):
             return self._adopt(agree)
 
     def _adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
@@ -327,22 +327,22 @@ class FirstContact:
             if found is DeviceState.ADOPTED:
                 return self._already(console, facts)
             if not route.serial and not self._agreed:
-                self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.doorway.host_key}")
+                self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
             planned = Adopted(Status.PLANNED, found, self._titles(facts), facts=facts)
             agree(planned)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
-            self.journal.save(self.wish.name, state)
+            self.journal.save(self.target.name, state)
             self._known()
             self._prepare(console)
             pin = self._pin(console)
-            by_factory = console.user != self.wish.user
+            by_factory = console.user != self.target.user
         notes: list[str] = []
         if by_factory:
             self._let_in(route)
         final = route if route.serial else self._move(route, pin, notes)
         with self._console(final) as (console, _):
             self._clear(console, final, pin)
-            self._typist.do(close_door(look(console), self.wish), console)
+            self._typist.do(close_door(look(console), self.target), console)
             facts = self._settled(look(console))
         if final.serial:
             self._from_afar(pin, notes)
@@ -353,12 +353,12 @@ class FirstContact:
     def _judge(self, console: Console) -> tuple[Facts, DeviceState]:
         facts = look(console)
         self._observed(facts)
-        state = recognise(facts, self.wish, self.now())
+        state = recognise(facts, self.target, self.now())
         if state is not DeviceState.ADOPTED:
-            if refused := objections(facts, self.wish):
+            if refused := objections(facts, self.target):
                 raise PreflightRefused(refused)
             if state is DeviceState.SOMEONES and not self.take_over:
-                raise not_fresh(self.wish, facts)
+                raise not_fresh(self.target, facts)
         return facts, state
 
     def _observed(self, facts: Facts) -> None:
@@ -368,14 +368,14 @@ class FirstContact:
         )
         self.journal.write(
             DeviceObserved(
-                device=self.wish.name, version=str(facts.version), identity=identity.get("name") or "", state=""
+                device=self.target.name, version=str(facts.version), identity=identity.get("name") or "", state=""
             )
         )
 
     def _titles(self, facts: Facts) -> tuple[str, ...]:
-        steps = [step.title for step in prepare(facts, self.wish, self.now())]
+        steps = [step.title for step in prepare(facts, self.target, self.now())]
         steps += [step.title for step in clear(facts)]
-        return (*steps, *(step.title for step in close_door(facts, self.wish)))
+        return (*steps, *(step.title for step in close_door(facts, self.target)))
 
     # --- consoles --------------------------------------------------------------------------------------------------
 
@@ -385,7 +385,7 @@ class FirstContact:
         if route is None:
             console, route = self._entered()
         else:
-            console = route.open(self.wish.user, self.wish.password)
+            console = route.open(self.target.user, self.target.password)
         try:
             yield console, route
         finally:
@@ -393,13 +393,13 @@ class FirstContact:
 
     def _entered(self) -> tuple[Console, ConsoleRoute]:
         """Where the technician says; a device that was met before may be at its management address by now."""
-        first, final = self.doorway.first, self.doorway.final
-        self._agreed = self.doorway.host_key is not None
-        met = self.pins.get(self.wish.name) is not None
+        first, final = self.routes.first, self.routes.final
+        self._agreed = self.routes.host_key is not None
+        met = self.pins.get(self.target.name) is not None
         if met and not first.serial:
             with suppress(ConsoleUnreachable, LoginFailed):
                 return self._at_home(final), final
-        self._tell(Stage.CONNECTING, f"to {first.shown}")
+        self._tell(Stage.CONNECTING, f"to {first.label}")
         try:
             return self._tried(first, ours_first=met), first
         except ConsoleUnreachable:
@@ -411,37 +411,37 @@ class FirstContact:
 
     def _at_home(self, final: ConsoleRoute) -> Console:
         """The management address; a host key that is not known yet is believed where TLS has proved the device."""
-        pin = self.pins.get(self.wish.name)
-        if self.doorway.host_key is None and pin is not None:
+        pin = self.pins.get(self.target.name)
+        if self.routes.host_key is None and pin is not None:
             final.prove(pin)
-        return final.open(self.wish.user, self.wish.password)
+        return final.open(self.target.user, self.target.password)
 
     def _tried(self, route: ConsoleRoute, *, ours_first: bool) -> Console:
         """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
         agreed = route.serial or self._agreed
         if ours_first and agreed:
             with suppress(LoginFailed):
-                return route.open(self.wish.user, self.wish.password)
+                return route.open(self.target.user, self.target.password)
         for password in self.factory_passwords():
             with suppress(LoginFailed):
                 return route.open(FACTORY_USER, password)
         if not agreed:
             raise LoginFailed(
-                f"{route.shown}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
-                f"password of {self.wish.user} was not tried",
+                f"{route.label}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
+                f"password of {self.target.user} was not tried",
                 hint=f"if it was adopted on another computer: {TRUST}, then type the same again\n{_STICKER}",
             )
         try:
-            return route.open(self.wish.user, self.wish.password)
+            return route.open(self.target.user, self.target.password)
         except LoginFailed as failed:
             raise LoginFailed(
-                f"{route.shown}: the device let in neither {FACTORY_USER} nor {self.wish.user}",
+                f"{route.label}: the device let in neither {FACTORY_USER} nor {self.target.user}",
                 hint=_STICKER,
             ) from failed
 
     def _let_in(self, route: ConsoleRoute) -> None:
         """Our user has to be seen to log in before the factory's is disabled."""
-        self._tell(Stage.VERIFYING, f"user {self.wish.user} logs in")
+        self._tell(Stage.VERIFYING, f"user {self.target.user} logs in")
         with self._console(route):
             return
 
@@ -451,7 +451,7 @@ class FirstContact:
         """Wait until no cut session holds safe mode any more, look again, then add what is missing."""
         with safe(console):
             pass
-        self._typist.do(prepare(look(console), self.wish, self.now()), console)
+        self._typist.do(prepare(look(console), self.target, self.now()), console)
 
     def _clear(self, console: Console, route: ConsoleRoute, pin: str) -> None:
         """Remove the default configuration; a new session proves the way before safe mode lets it go for good."""
@@ -467,16 +467,16 @@ class FirstContact:
 
     def _still_there(self, route: ConsoleRoute, pin: str) -> None:
         if not route.serial:
-            self._tell(Stage.VERIFYING, f"api-ssl at {route.shown}, in a new session")
+            self._tell(Stage.VERIFYING, f"api-ssl at {route.label}, in a new session")
             route.prove(pin)
 
     # --- trust -----------------------------------------------------------------------------------------------------
 
     def _known(self) -> None:
         """Record the host key: from here on the device is ours."""
-        key = self.doorway.host_key
-        if key is not None and self.pins.host_key(self.wish.name) != key:
-            self.pins.change_host_key(self.wish.name, key)
+        key = self.routes.host_key
+        if key is not None and self.pins.host_key(self.target.name) != key:
+            self.pins.change_host_key(self.target.name, key)
             self._tell(Stage.CONNECTING, f"its SSH host key is pinned: {key}")
 
     def _pin(self, console: Console) -> str:
@@ -484,17 +484,17 @@ class FirstContact:
         pin = fingerprint(console, CERTIFICATE)
         if not pin:
             raise Unfinished(
-                f"{self.wish.name}: the device has not signed its certificate",
+                f"{self.target.name}: the device has not signed its certificate",
                 hint="run the same command again",
             )
-        if self.pins.get(self.wish.name) != pin:
-            self.pins.change(self.wish.name, pin)
+        if self.pins.get(self.target.name) != pin:
+            self.pins.change(self.target.name, pin)
             self._tell(Stage.CONFIRMED, f"its certificate is pinned: SHA-256 {pin}")
-        self.journal.write(Pinned(device=self.wish.name, certificate=pin, host_key=self.doorway.host_key))
+        self.journal.write(Pinned(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
         return pin
 
     def _already(self, console: Console, facts: Facts) -> Adopted:
-        if self.pins.get(self.wish.name) is None or self.pins.host_key(self.wish.name) is None:
+        if self.pins.get(self.target.name) is None or self.pins.host_key(self.target.name) is None:
             self._known()
             self._pin(console)
         return Adopted(Status.ALREADY, DeviceState.ADOPTED, facts=facts)
@@ -503,14 +503,14 @@ class FirstContact:
 
     def _move(self, route: ConsoleRoute, pin: str, notes: list[str]) -> ConsoleRoute:
         """Go on over the management port as soon as somebody is plugged in there."""
-        final = self.doorway.final
+        final = self.routes.final
         if route is final:
             return final
         self._prove_here(route, pin, notes)
         self._tell(
             Stage.WAITING,
-            f"now plug the laptop into {self.wish.port}, with address {self.wish.laptop}: "
-            f"{self.wish.host} is where the router is from now on",
+            f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: "
+            f"{self.target.host} is where the router is from now on",
         )
         deadline = time.monotonic() + self.wait_s
         while True:
@@ -518,7 +518,7 @@ class FirstContact:
                 final.prove(pin)
             except NetcfgError as error:
                 if time.monotonic() > deadline:
-                    raise still_to_move(self.wish, error) from error
+                    raise still_to_move(self.target, error) from error
                 time.sleep(_PAUSE_S)
             else:
                 return final
@@ -527,27 +527,27 @@ class FirstContact:
         try:
             route.prove(pin)
         except NetcfgError as error:
-            notes.append(f"api-ssl could not be tried at {route.shown}: {error}")
+            notes.append(f"api-ssl could not be tried at {route.label}: {error}")
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
         """After a serial line: the network may be within reach all the same."""
-        final = self.doorway.final
+        final = self.routes.final
         try:
             final.prove(pin)
             final.meet()
         except NetcfgError:
             notes.append(
-                f"not verified, because the laptop is on the serial line: that {self.wish.host} answers on "
-                f"{self.wish.port}; plug into {self.wish.port} with address {self.wish.laptop}, and "
+                f"not verified, because the laptop is on the serial line: that {self.target.host} answers on "
+                f"{self.target.port}; plug into {self.target.port} with address {self.target.laptop}, and "
                 "`provision site=…` verifies it"
             )
         self._known()
 
     def _settled(self, facts: Facts) -> Facts:
-        if recognise(facts, self.wish, self.now()) is not DeviceState.ADOPTED:
+        if recognise(facts, self.target, self.now()) is not DeviceState.ADOPTED:
             left = ", ".join(self._titles(facts)) or "nothing that is known"
             raise Unfinished(
-                f"{self.wish.name}: every command was accepted, yet something is still to be done: {left}",
+                f"{self.target.name}: every command was accepted, yet something is still to be done: {left}",
                 hint="run the same command again; if it says the same, look at the device with Winbox",
             )
         return facts
@@ -555,4 +555,4 @@ class FirstContact:
     # --- words -----------------------------------------------------------------------------------------------------
 
     def _tell(self, stage: Stage, message: str) -> None:
-        self.notify(Event(self.wish.name, stage, message))
+        self.notify(Event(self.target.name, stage, message))

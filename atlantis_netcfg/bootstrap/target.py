@@ -114,7 +114,7 @@ class Facts:
 class ConsoleRoute(Protocol):
     """A way to a device's console."""
 
-    shown: str
+    label: str
     """As a person would say it: an address, or a serial line."""
     serial: bool
 

@@ -88,12 +88,12 @@ class PlaybookRunner:
         """
         self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
         control = PlayControl()
-        with _Listener(notify, ended) as heard, control.current(), shared(self._declaration):
-            sent = request.model_copy(update={"events_fd": heard.writer})
+        with _Listener(notify, ended) as listener, control.current(), shared(self._declaration):
+            sent = request.model_copy(update={"events_fd": listener.writer})
             reason, output = self._ansible.play(names, sent, control)
             if reason:
                 control.cut_off(reason)
-        outcome, refusal = heard.outcome, heard.refusal
+        outcome, refusal = listener.outcome, listener.refusal
         outcome.stopped_by = control.stopped_by
         hosts = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
         missing = [name for name in hosts if name not in outcome.devices]

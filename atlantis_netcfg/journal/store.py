@@ -163,9 +163,9 @@ def unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
 def _needed(run: Run, later: Iterator[Run]) -> bool:
     """Whether its outcome is open, or it has the latest confirmed state of a device. Few of `later` are read."""
     still_open, states = set(run.unsettled), set(run.confirmed_devices)
-    while (still_open or states) and (one := next(later, None)) is not None:
-        still_open -= one.settles(run)
-        states -= one.confirmed_devices
+    while (still_open or states) and (newer := next(later, None)) is not None:
+        still_open -= newer.settles(run)
+        states -= newer.confirmed_devices
     return bool(still_open or states)
 
 

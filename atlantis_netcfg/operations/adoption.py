@@ -65,8 +65,8 @@ class HostKey:
 class SshRoute:
     """An address; `locate` tells where a service port of it really is (a twin's is on loopback)."""
 
-    shown: str
-    wish: Target
+    label: str
+    target: Target
     key: HostKey
     locate: Callable[[int], tuple[str, int]]
     serial: bool = False
@@ -92,8 +92,8 @@ class SshRoute:
             raise ConsoleUnreachable(str(nobody), hint=nobody.hint) from nobody
 
     async def _log_in(self, pin: str) -> None:
-        host, port = self.locate(self.wish.api_port)
-        endpoint = Endpoint(host, port, self.wish.user, self.wish.password, pin, connect_timeout_s=_KNOCK_S)
+        host, port = self.locate(self.target.api_port)
+        endpoint = Endpoint(host, port, self.target.user, self.target.password, pin, connect_timeout_s=_KNOCK_S)
         session = await Session.open(endpoint)
         await session.close()
 
@@ -106,9 +106,9 @@ class SshRoute:
                     raise ConnectionResetError("closed at once")
         except OSError as error:
             raise ConsoleUnreachable(
-                f"{self.shown}: nobody answers on the SSH port ({error.strerror or error})",
+                f"{self.label}: nobody answers on the SSH port ({error.strerror or error})",
                 hint="is the laptop plugged into the right port of the device, with an address of that network "
-                f"(for {self.shown}: another address that begins with {self.shown.rpartition('.')[0]}.)?",
+                f"(for {self.label}: another address that begins with {self.label.rpartition('.')[0]}.)?",
             ) from error
         return address, port
 
@@ -117,16 +117,16 @@ class SshRoute:
 class SerialRoute:
     """A serial line; it proves nothing about api-ssl."""
 
-    shown: str
+    label: str
     serial: bool = True
 
     def open(self, user: str, password: Secret) -> Console:
         """Log in."""
-        return open_serial(self.shown, user, password, timeout_s=_CABLE_S)
+        return open_serial(self.label, user, password, timeout_s=_CABLE_S)
 
     def prove(self, pin: str) -> None:
         """Refuse: there is no TLS on a serial line."""
-        raise ConsoleUnreachable(f"certificate {pin[:16]}… cannot be tried over {self.shown}")
+        raise ConsoleUnreachable(f"certificate {pin[:16]}… cannot be tried over {self.label}")
 
     def meet(self) -> None:
         """Nothing: a serial line has no host key, and RouterOS does not print its own."""
@@ -197,11 +197,11 @@ class Adoption:
     take_over: bool = False
     replaced: bool = False
     wait_s: float = 600.0
-    wish: Target = field(init=False)
+    target: Target = field(init=False)
 
     def __post_init__(self) -> None:
         refuse_examples(self.declaration, rehearsed=self.rehearsed)
-        self.wish = target_of(self.declaration, self.host)
+        self.target = target_of(self.declaration, self.host)
 
     def plan(self) -> AdoptionResult:
         """Look at the device and tell what would be done; nothing is changed or recorded. Raises NetcfgError."""
@@ -232,15 +232,15 @@ class Adoption:
         if found.status is Status.ALREADY:
             result = self._unchanged(found, journal.run)
         else:
-            message = f"adopted: {len(found.steps)} steps, read back; {self.wish.host} is on {self.wish.port}"
+            message = f"adopted: {len(found.steps)} steps, read back; {self.target.host} is on {self.target.port}"
             result = self._result(found, ExitCode.DONE, message, journal.run)
         return unrecorded(result, self._end(journal, result.status, result.exit, result.message))
 
     def _contact(self, journal: Recorder) -> FirstContact:
         pins = Store(self.state, rehearsed=self.rehearsed).pins
         return FirstContact(
-            wish=self.wish,
-            doorway=self._ways(None if self.replaced else self._access.host_key or pins.host_key(self.host.name)),
+            target=self.target,
+            routes=self._ways(None if self.replaced else self._access.host_key or pins.host_key(self.host.name)),
             pins=pins,
             journal=journal,
             notify=self.notify,
@@ -255,16 +255,16 @@ class Adoption:
 
     def _ways(self, pinned: str | None) -> ConsoleAccess:
         key = HostKey(pinned)
-        final = self._ssh(self.wish.host, key)
+        final = self._ssh(self.target.host, key)
         first: ConsoleRoute = final
         if self.via.startswith(SERIAL):
             first = SerialRoute(self.via.removeprefix(SERIAL))
-        elif self.address != self.wish.host:
+        elif self.address != self.target.host:
             first = self._ssh(self.address, key)
         return ConsoleAccess(first, final, key)
 
     def _ssh(self, address: str, key: HostKey) -> SshRoute:
-        return SshRoute(address, self.wish, key, lambda port: self.locate(address, port))
+        return SshRoute(address, self.target, key, lambda port: self.locate(address, port))
 
     def _result(self, found: Adopted, code: ExitCode, message: str, run: str) -> AdoptionResult:
         notes = (*(complete(note, site=self.host.site) for note in found.notes), *self._missing(found), *self._stale())

@@ -281,7 +281,7 @@ class Meter:
             hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared} is back",
         )
 
-    def told(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
+    def report(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
         """Write down what it came to; return what the result shall say of it: `cost`, where it was paid by the byte.
 
         What cannot be written is said in the result: what has happened must not be lost over it.
@@ -394,9 +394,9 @@ class Costs:
         meter = self._meter(job.name)
         return replace(job, toll=meter, counted=meter.ports)
 
-    def told(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
+    def report(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
         """What a device's result says besides, once it has ended; before its site's journal is closed."""
-        bill_data = self._meter(result.name).told(result, journal, store)
+        bill_data = self._meter(result.name).report(result, journal, store)
         del self._meters[result.name]
         return bill_data
 

@@ -168,7 +168,7 @@ def rehearse_adoption(adoption: Adoption) -> Iterator[SpawnedSite]:
         def locate(address: str, port: int) -> tuple[str, int]:
             """The declared address, or any other, which stands for the factory's."""
             ready = dict(twins.do(name, "info"))
-            doors = ready if address == adoption.wish.host else ready["first_contact"]
+            doors = ready if address == adoption.target.host else ready["first_contact"]
             return ready["host"], int(doors["ports"].get(str(port), 0))
 
         adoption.locate = locate

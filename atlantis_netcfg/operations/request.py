@@ -48,7 +48,7 @@ PLAIN_ANSIBLE = "ansible-playbook"
 """What the journal calls a run that was not asked for by `provision`."""
 
 
-_SAID = {"true": True, "yes": True, "false": False, "no": False}
+_BOOLEANS = {"true": True, "yes": True, "false": False, "no": False}
 
 
 def consent(variables: Mapping[str, object]) -> dict[str, bool]:
@@ -56,12 +56,12 @@ def consent(variables: Mapping[str, object]) -> dict[str, bool]:
     agreed = {}
     for name in (ACCEPT_COST, REMOVE_FOREIGN):
         text = str(variables.get(name, "false"))
-        if text.lower() not in _SAID:
+        if text.lower() not in _BOOLEANS:
             raise UsageError(
                 f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or leave it out"
             )
         if name in variables:
-            agreed[name.removeprefix("atlantis_")] = _SAID[text.lower()]
+            agreed[name.removeprefix("atlantis_")] = _BOOLEANS[text.lower()]
     return agreed
 
 
@@ -118,7 +118,7 @@ class StandIns(_Data):
     """Address below which the last part of each declared repository's address is served."""
 
 
-def _own(state: Path) -> Path:
+def _private_state(state: Path) -> Path:
     if state.exists():
         hold_own(state, "name a folder of the user that runs this: `atlantis_request.state`, or ATLANTIS_STATE")
     return state
@@ -127,7 +127,7 @@ def _own(state: Path) -> Path:
 class Request(_Data):
     """Everything that the declaration does not say about a run."""
 
-    state: Annotated[Path, AfterValidator(_own)] = Field(default_factory=state_dir)
+    state: Annotated[Path, AfterValidator(_private_state)] = Field(default_factory=state_dir)
     """Folder of journals, backups and pins."""
     mode: Mode = Mode.APPLY
     rehearsed: bool = False

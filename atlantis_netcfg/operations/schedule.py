@@ -68,13 +68,13 @@ def bridges(
 ) -> tuple[Bridge, ...]:
     """Return the bridges of which an end is among the hosts `names`; both ends, wherever the other one is declared.
 
-    `via`: host name to the bearer in use, where it differs from the declared one. `standing`: the site at which the
+    `via`: host name to the bearer in use, where it differs from the declared one. `near_site`: the site at which the
     technician is, which decides where both ends are declared to be reached by cable. Raises UsageError if nothing does.
     """
     found = []
-    for one, other in _ends(declaration, names):
-        near = _near(declaration, (one, other), via or {}, near_site)
-        found.append(Bridge(near, other if near is one else one))
+    for first, second in _ends(declaration, names):
+        near = _near(declaration, (first, second), via or {}, near_site)
+        found.append(Bridge(near, second if near is first else first))
     return tuple(found)
 
 
@@ -96,10 +96,12 @@ def _near(declaration: Declaration, ends: tuple[Host, Host], via: Mapping[str, s
     here = [end for end in direct if end.site == near_site]
     if len(here) == 1:
         return here[0]
-    one, other = (end.name for end in ends)
+    first, second = (end.name for end in ends)
     if not direct:
-        raise UsageError(f"{one} and {other} are both to be reached over the bridge that they make", hint=_hint(ends))
-    raise UsageError(f"{one} and {other} are ends of one bridge, and either may be the near one", hint=_hint(ends))
+        raise UsageError(
+            f"{first} and {second} are both to be reached over the bridge that they make", hint=_hint(ends)
+        )
+    raise UsageError(f"{first} and {second} are ends of one bridge, and either may be the near one", hint=_hint(ends))
 
 
 def _hint(ends: tuple[Host, Host]) -> str:

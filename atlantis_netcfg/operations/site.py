@@ -73,11 +73,11 @@ def _perform(
     turns = {site: SiteRun(declaration, site, hosts, request, called) for site in sorted({item.site for item in hosts})}
     results: dict[str, Mapping[str, Any]] = {}
     bridged = [member.bridge.ends for member in members if member.bridge is not None]
-    others = {one.name: other.name for ends in bridged for one, other in (ends, ends[::-1])}
+    others = {end.name: other_end.name for ends in bridged for end, other_end in (ends, ends[::-1])}
 
     def ended(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
-        paid = costs.told(result, turns[site].journal, store)
+        paid = costs.report(result, turns[site].journal, store)
         recorded = unrecorded(_logged(result, request), turns[site].ended(result))
         notes = list(dict.fromkeys((*paid["notes"], *recorded.notes)))
         results[recorded.name] = {**recorded.as_dict(), **paid, "notes": notes, "other_end": others.get(recorded.name)}
@@ -145,10 +145,10 @@ def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str])
     """
     for_hosts = {name: _of_host(name, result) for name, result in results.items()}
     for name, result in results.items():
-        other = str(result["other_end"])
-        if other in names and name not in names:
-            here, there = for_hosts[other], for_hosts[name]
-            for_hosts[other] = {
+        other_end = str(result["other_end"])
+        if other_end in names and name not in names:
+            here, there = for_hosts[other_end], for_hosts[name]
+            for_hosts[other_end] = {
                 **here,
                 "ok": here["ok"] and there["ok"],
                 "changed": (here["changed"] or there["changed"]) and here["ok"] and there["ok"],

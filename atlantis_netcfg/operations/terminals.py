@@ -56,8 +56,8 @@ class TerminalResult:
         """What stands in the report beside its name."""
         if self.evidence is None:
             return f"{self.verdict}: declared without evidence, has no interface of its own"
-        one = self.evidence
-        return f"{self.verdict}: declared, firmware {one.firmware}, seen by {one.by} on {one.seen_on.isoformat()}"
+        by, on = self.evidence.by, self.evidence.seen_on.isoformat()
+        return f"{self.verdict}: declared, firmware {self.evidence.firmware}, seen by {by} on {on}"
 
     def as_dict(self) -> Mapping[str, Any]:
         """As JSON-able data, with every key of a device's result."""
@@ -135,16 +135,16 @@ def _words(finding: Finding) -> str:
 
 
 def _evidence(device: SatelliteTerminal) -> Evidence | None:
-    one = device.evidence
-    if one is None:
+    evidence = device.evidence
+    if evidence is None:
         return None
     return Evidence(
-        firmware=one.firmware,
-        allow_list=one.allow_list,
-        by=one.by,
-        seen_on=date.fromisoformat(one.seen_on),
-        backup_file=one.backup_file,
-        backup_sha256=one.backup_sha256,
+        firmware=evidence.firmware,
+        allow_list=evidence.allow_list,
+        by=evidence.by,
+        seen_on=date.fromisoformat(evidence.seen_on),
+        backup_file=evidence.backup_file,
+        backup_sha256=evidence.backup_sha256,
     )
 
 

@@ -70,7 +70,7 @@ def other_ends(names: Sequence[str], declaration: Declaration, request: Request)
     except NetcfgError:  # then nothing was begun on any of them
         return {}
     bridged = [member.bridge.ends for member in members if member.bridge is not None]
-    return {one.name: other.name for ends in bridged for one, other in (ends, ends[::-1])}
+    return {end.name: other.name for ends in bridged for end, other in (ends, ends[::-1])}
 
 
 def _result(  # noqa: PLR0913, PLR0917 - as above

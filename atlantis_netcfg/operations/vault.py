@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Vault"]
 
-_ASKED = frozenset({"prompt", "prompt_ask_vault_pass"})
+_PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 """In place of a file: Ansible's words for an identity whose password is typed."""
 
 
@@ -58,12 +58,12 @@ class Vault:
         for item in filter(None, [*constants.DEFAULT_VAULT_IDENTITY_LIST, constants.DEFAULT_VAULT_PASSWORD_FILE]):
             label, _, file = item.rpartition("@")
             label = label or "default"
-            found.append((label, self._asked(label) if file in _ASKED else _of_file(label, file)))
+            found.append((label, self._prompt(label) if file in _PROMPTS else _of_file(label, file)))
         if self._insist or not found:
-            found.append(("default", self._asked("default")))
+            found.append(("default", self._prompt("default")))
         return found
 
-    def _asked(self, label: str) -> object:
+    def _prompt(self, label: str) -> object:
         from ansible.parsing.vault import VaultSecret  # noqa: PLC0415 - as above
 
         if self._ask is None:

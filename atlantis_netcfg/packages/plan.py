@@ -128,11 +128,11 @@ def _of_the_set(given: Sequence[Npk]) -> list[str]:
 
 
 def _for_the_device(installed: Installed, given: Sequence[Npk], version: Version) -> list[str]:
-    own = _CHR.get(installed.architecture, installed.architecture)
+    known = _CHR.get(installed.architecture, installed.architecture)
     reasons = [
         f"{package.path.name} is for {package.architecture}, the device is {installed.architecture}"
         for package in given
-        if package.architecture != own
+        if package.architecture != known
     ]
     if version < installed.version:
         reasons.append(f"the device has {installed.version}, and this command does not go back to {version}")

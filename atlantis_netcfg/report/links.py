@@ -59,11 +59,11 @@ class LinksReport:
             "site": self.site,
             "rehearsed": self.rehearsed,
             "exit": int(self.exit),
-            "bearers": {name: dict(one) for name, one in self.bearers.items()},
+            "bearers": {name: dict(entry) for name, entry in self.bearers.items()},
             "unreachable": [dict(item) for item in self.unreachable],
             "not_asked": dict(self.not_asked),
             "round_trips": dict(self.round_trips),
-            "costs": {name: dict(one) for name, one in self.costs.items()},
+            "costs": {name: dict(entry) for name, entry in self.costs.items()},
             "notes": list(self.notes),
             "not_rehearsed": list(self.not_rehearsed),
             "errors": [],
@@ -71,18 +71,18 @@ class LinksReport:
 
     def as_text(self) -> str:
         """What a person reads."""
-        return "\n".join(self._told())
+        return "\n".join(self._lines())
 
-    def _told(self) -> Iterator[str]:
+    def _lines(self) -> Iterator[str]:
         what = "emulated devices, nothing real was asked" if self.rehearsed else "nothing was changed"
         yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
-        for number, (name, one) in enumerate(self.bearers.items(), start=1):
+        for number, (name, bearer) in enumerate(self.bearers.items(), start=1):
             yield ""
-            yield from _block(number, name, one)
+            yield from _block(number, name, bearer)
         yield ""
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
         cost_of = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
-        yield from (f"{cost_of} {name}: {one['words']}" for name, one in self.costs.items())
+        yield from (f"{cost_of} {name}: {bearer['words']}" for name, bearer in self.costs.items())
         yield from (f"note: {' '.join(note.split())}" for note in self.notes)
         yield from (f"not rehearsed: {item}" for item in self.not_rehearsed)
         yield self._closing()
@@ -90,7 +90,7 @@ class LinksReport:
     def _closing(self) -> str:
         """Which link carries the traffic, and whether that is the preferred one."""
         preferred = next(iter(self.bearers), "")
-        active = [name for name, one in self.bearers.items() if one["active"]]
+        active = [name for name, entry in self.bearers.items() if entry["active"]]
         if not self.asked:
             return f"Nobody was asked, so nothing is known of {self.site}"
         if any(bearer["active"] is None for bearer in self.bearers.values()):
@@ -106,17 +106,17 @@ class LinksReport:
         return f"{words}: it is NOT the preferred link, which is {preferred}{paid}"
 
 
-def _block(number: int, name: str, one: Mapping[str, Any]) -> Iterator[str]:
-    kind, box = _KINDS.get(one["kind"], one["kind"]), f", {one['box']}" if one["box"] else ""
+def _block(number: int, name: str, bearer: Mapping[str, Any]) -> Iterator[str]:
+    kind, box = _KINDS.get(bearer["kind"], bearer["kind"]), f", {bearer['box']}" if bearer["box"] else ""
     yield f"{number}. {name}: {kind}{box}"
-    yield from _lines("state", ", ".join(_state(one)))
-    for title, words in _quality(one["kind"], one["quality"]):
+    yield from _lines("state", ", ".join(_state(bearer)))
+    for title, words in _quality(bearer["kind"], bearer["quality"]):
         yield from _lines(title, words)
-    if one["probe_bytes"]:
-        paid = f" ({_size(one['probe_bytes'])}, which is paid for)" if one["metered"] else ""
-        yield from _lines("probe", f"{_probe(one['quality'])}{paid}")
-    yield from _lines("this month", _month(one))
-    for finding in one["findings"]:
+    if bearer["probe_bytes"]:
+        paid = f" ({_size(bearer['probe_bytes'])}, which is paid for)" if bearer["metered"] else ""
+        yield from _lines("probe", f"{_probe(bearer['quality'])}{paid}")
+    yield from _lines("this month", _month(bearer))
+    for finding in bearer["findings"]:
         yield from _lines(finding["verdict"], finding["message"])
         if finding["hint"]:
             yield from _lines("", finding["hint"])
@@ -128,14 +128,14 @@ def _lines(title: str, words: str) -> Iterator[str]:
         yield f"   {'' if number else title:<{_MARGIN}}{part}"
 
 
-def _state(one: Mapping[str, Any]) -> Iterator[str]:
-    if one["state"] == "unknown" and one["kind"] == "satellite":
+def _state(bearer: Mapping[str, Any]) -> Iterator[str]:
+    if bearer["state"] == "unknown" and bearer["kind"] == "satellite":
         yield "not probed, because its airtime is for traffic"
     else:
-        yield _STATES[one["state"]]
-    if one["active"]:
+        yield _STATES[bearer["state"]]
+    if bearer["active"]:
         yield "carries traffic now"
-    if one["metered"]:
+    if bearer["metered"]:
         yield "paid by the byte"
 
 
@@ -147,12 +147,12 @@ def _probe(quality: Mapping[str, Any]) -> str:
     return f"canaries answer{time}" + (f", {loss} % lost" if loss else "")
 
 
-def _month(one: Mapping[str, Any]) -> str:
-    if one["month_bytes"] is None:
+def _month(bearer: Mapping[str, Any]) -> str:
+    if bearer["month_bytes"] is None:
         return "not counted yet"
-    gaps = len(one["month_gaps"])
+    gaps = len(bearer["month_gaps"])
     more = f"; at least, there are {gaps} gaps" if gaps > 1 else "; at least, there is a gap" if gaps else ""
-    return f"{_size(one['month_bytes'])}, counted since {one['month_since']}{more}"
+    return f"{_size(bearer['month_bytes'])}, counted since {bearer['month_since']}{more}"
 
 
 def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

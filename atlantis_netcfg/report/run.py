@@ -182,10 +182,10 @@ def _changes(result: Mapping[str, Any]) -> str:
     return f"{number} changes" if rows in (0, number) else f"{number} changes of {rows} rows"
 
 
-def _left(one: Pass) -> str:
-    if one.result["exit"] != ExitCode.DONE:
-        return str(one.result["message"])
-    return f"{one.left} changes LEFT" if one.left else "0 changes"
+def _left(unit: Pass) -> str:
+    if unit.result["exit"] != ExitCode.DONE:
+        return str(unit.result["message"])
+    return f"{unit.left} changes LEFT" if unit.left else "0 changes"
 
 
 def _cost(result: Mapping[str, Any]) -> str:

@@ -123,10 +123,10 @@ def _cme(final: str) -> int | None:
     """The number of `+CME ERROR: 10`, or of the same in words."""
     if not final.startswith("+CME ERROR"):
         return None
-    said = final.partition(":")[2].strip()
-    if (number := _whole(said)) is not None:
+    cause = final.partition(":")[2].strip()
+    if (number := _whole(cause)) is not None:
         return number
-    return next((code for words, code in _CME_WORDS if words in said.lower()), None)
+    return next((code for words, code in _CME_WORDS if words in cause.lower()), None)
 
 
 def _network(answers: Mapping[str, Answer]) -> tuple[Registration, str | None]:

@@ -222,8 +222,8 @@ def _network(state: int, reported: object) -> tuple[Registration, str | None]:
 
 
 def _roaming(network: Mapping[str, Any]) -> bool | None:
-    told = network.get("RegistrationState")
-    return _STATES.get(told) is Registration.REGISTERED_ROAMING if isinstance(told, int) else None
+    reported = network.get("RegistrationState")
+    return _STATES.get(reported) is Registration.REGISTERED_ROAMING if isinstance(reported, int) else None
 
 
 def _signal(signal: Mapping[str, Any]) -> dict[str, float]:

@@ -157,8 +157,8 @@ def modem_of(rows: object) -> Mapping[str, Any] | None:
 def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | None = None) -> LteReading:
     """Put one record into ours. `interfaces`: the rows of the interfaces' status, for the address."""
     between, refused, left = sim(modem)
-    said = text(modem, "registration")
-    state = between or registration(said)
+    reported = text(modem, "registration")
+    state = between or registration(reported)
     slot = number(modem, "slot")
     registered = state in _REGISTERED
     return LteReading(
@@ -179,16 +179,16 @@ def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | N
         apn=apn,
         pin_refused=refused,
         pin_tries_left=left,
-        last_error=None if registered else _error(modem, said),
+        last_error=None if registered else _error(modem, reported),
     )
 
 
 def connected(modem: Mapping[str, Any]) -> bool | None:
     """Whether the unit says that its data connection is up: `state` is the connection, `simstate` the card."""
-    said = (text(modem, "connection") or "").lower()
-    if said.startswith(("disconnected", "not connected")):
+    reported = (text(modem, "connection") or "").lower()
+    if reported.startswith(("disconnected", "not connected")):
         return False
-    return True if said.startswith("connected") else None
+    return True if reported.startswith("connected") else None
 
 
 def serial_of(status: object) -> str | None:
@@ -203,9 +203,9 @@ def serial_of(status: object) -> str | None:
 
 def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
     """What stands in the way, in the unit's words."""
-    for said in (text(modem, "pin"), text(modem, "card"), registration):
-        if said is not None and said.lower() not in ("inserted", "ok", "ready"):
-            return said
+    for reported in (text(modem, "pin"), text(modem, "card"), registration):
+        if reported is not None and reported.lower() not in ("inserted", "ok", "ready"):
+            return reported
     return None
 
 

@@ -29,7 +29,7 @@ ECHO_BYTES = 84
 """One echo request as an IP packet with RouterOS' 56 bytes of data; its answer is as long."""
 _ROUND_BYTES = {Probe.ICMP: 2 * ECHO_BYTES, Probe.TCP: 180, Probe.TIME: 2 * 76}
 """A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
-HELD = (Probe.TCP, Probe.TIME)
+TEMPORARY_ROWS = (Probe.TCP, Probe.TIME)
 """What can only be tried with rows on the router for a moment."""
 _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
 """Bytes of one reading of the counters above TLS, question and answer: rules of each target, routes of each link.
@@ -101,9 +101,9 @@ def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_fi
     """
     reached = [task for task in planned if task.expected is Expected.REACHED]
     read = _READ + _READ_TARGET * len(reached) + _READ_LINK * links
-    turns = {task.probe for task in reached if task.probe not in (Probe.NONE, *HELD)}
+    turns = {task.probe for task in reached if task.probe not in (Probe.NONE, *TEMPORARY_ROWS)}
     refused = sum(task.expected is Expected.REFUSED and task.probe is Probe.ICMP for task in planned)
-    temporary = any(task.probe in HELD for task in planned)
+    temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
     opened = refused if open_filter else 0
     always = _LOGIN + _TERMINAL + (2 + 2 * refused + opened + temporary) * (read + _PING) + (opened + temporary) * _ROWS
     by_turns = rounds * ((1 + (turns != {Probe.ICMP})) * bool(turns) + opened + temporary) * (read + _PING)
@@ -285,10 +285,10 @@ async def resolve(
     if work:
         await asyncio.wait(work.values(), timeout=timeout_s)
     found: dict[str, frozenset[str] | None] = {}
-    for name, one in work.items():
-        done = one.done() and not one.cancelled()
-        one.cancel()
-        found[name] = one.result() if done else None
+    for name, work_item in work.items():
+        done = work_item.done() and not work_item.cancelled()
+        work_item.cancel()
+        found[name] = work_item.result() if done else None
     return found
 
 

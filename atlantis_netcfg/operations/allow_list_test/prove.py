@@ -25,7 +25,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
-    HELD,
+    TEMPORARY_ROWS,
     answered,
     expected_bytes,
     factory_ping,
@@ -107,7 +107,7 @@ def _menu(command: Command) -> str:
 async def _close(session: Session, rows: Sequence[Command], added: Sequence[Reply]) -> None:
     """Remove the rows, see that none is left, and only then let safe mode go; otherwise everything is unrolled."""
     there = zip(rows, added, strict=False)
-    removals = [Command(f"{_menu(row)}/remove", ((".id", one.ret),)) for row, one in there if one.ret is not None]
+    removals = [Command(f"{_menu(row)}/remove", ((".id", reply.ret),)) for row, reply in there if reply.ret is not None]
     await session.flight(removals)
     if await _gone(session, rows):
         await session.flight([Command("/safe-mode/release")])
@@ -332,7 +332,7 @@ class Proving:
         """How long it lasts at most, about."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
-        temporary = any(task.probe in HELD for task in planned)
+        temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
         return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + temporary)
 
     async def run(self, session: Session) -> Proof:
@@ -346,7 +346,7 @@ class Proving:
         for task in planned:
             if task.probe is Probe.NONE:
                 self._attempts.append(_attempt(task, Outcome.NOT_TRIED, note=task.why_not))
-        alone = [task for task in planned if task.probe not in (Probe.NONE, *HELD)]
+        alone = [task for task in planned if task.probe not in (Probe.NONE, *TEMPORARY_ROWS)]
         reached = [task for task in alone if task.expected is Expected.REACHED]
         self._attempts += await self._reach(session, reached, before)
         for task in planned:
@@ -354,7 +354,7 @@ class Proving:
                 self._attempts.append(await self._refuse(session, task))
                 if self.open_filter:
                     self._attempts.append(await self._beyond(session, task))
-        temporary = [task for task in planned if task.probe in HELD]
+        temporary = [task for task in planned if task.probe in TEMPORARY_ROWS]
         if temporary:
             self._attempts += await self._ask(session, temporary, active=active)
         after = await self._read(session)
@@ -395,7 +395,7 @@ class Proving:
         self._say("who answers on the terminal's port")
         there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
         commands = [there, *(factory_ping(address, port) for address in FACTORY_ADDRESSES)]
-        own, *factory = await session.flight(commands)
+        gateway, *factory = await session.flight(commands)
         if refused := next((reply.trap for reply in factory if reply.trap is not None), None):
             message = f"the router would not ask who is on {port}: {refused.message}"
             return (Finding(Verdict.INCONCLUSIVE, "box-not-asked", message),)
@@ -404,7 +404,7 @@ class Proving:
             self.terminal,
             self.port,
             str(self.bearer.gateway),
-            answers=answered(own),
+            answers=answered(gateway),
             answers_at_factory=strangers[0] if strangers else None,
         )
 

@@ -78,7 +78,7 @@ class LinkQueries:
         for host in hosts:
             reason = self._why_not(host) if host.name in names else "left out by `only=`"
             if reason is None:
-                work.append(self._one(host, ways))
+                work.append(self._read_host(host, ways))
             else:
                 self.not_asked[host.name] = reason
         await asyncio.gather(*work)
@@ -100,7 +100,7 @@ class LinkQueries:
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
-    async def _one(self, host: Host, ways: Sequence[Route]) -> None:
+    async def _read_host(self, host: Host, ways: Sequence[Route]) -> None:
         self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
         try:
             self.answers[host.name] = await self._reading(host, ways)
@@ -276,7 +276,7 @@ class LinksStatus:
             ],
             not_asked=self.not_asked,
             round_trips=self.round_trips,
-            costs={name: {**one.as_dict(), "words": one.words} for name, one in self.bills.items()},
+            costs={name: {**bill.as_dict(), "words": bill.words} for name, bill in self.bills.items()},
             notes=self.notes,
             not_rehearsed=not_rehearsed,
         )
@@ -372,7 +372,7 @@ class _Site:
             Seen(
                 way=way,
                 router=self._answer(self.router),
-                own=self._own(way, bearer),
+                boxes_status=self._boxes_status(way, bearer),
                 active=None if active is None else way.name in active,
                 month_bytes=month[way.name].bytes,
                 box=bearer.device,
@@ -407,12 +407,14 @@ class _Site:
         reading = self._reading
         return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
 
-    def _own(self, way: Route, bearer: Bearer) -> BoxesStatus:
+    def _boxes_status(self, way: Route, bearer: Bearer) -> BoxesStatus:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind is BearerKind.SATELLITE:
-            own = self._terminal(box)
-            findings = (*own.findings, *self.moved.get(bearer.name, ()))
-            return replace(own, quality=kept_off(bearer, way.port, self._reading) | own.quality, findings=findings)
+            status = self._terminal(box)
+            findings = (*status.findings, *self.moved.get(bearer.name, ()))
+            return replace(
+                status, quality=kept_off(bearer, way.port, self._reading) | status.quality, findings=findings
+            )
         if box is not None and isinstance(box.device, Cpe):
             far = self.declaration.hosts.get(box.device.ptp.peer)
             return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))

@@ -232,7 +232,7 @@ async def read_routeros(device: ReadOnlySession, unit: Unit) -> UnitLook:
         reading = await modem_reading(session)
     if reading.state is Registration.SIM_PIN_REQUIRED and unit.pin_tried:
         reading = replace(reading, pin_refused=True)
-    return UnitLook(reading, judge.judge(reading, unit.wanted))
+    return UnitLook(reading, judge.judge(reading, unit.expected))
 
 
 async def modem_reading(session: Session) -> LteReading:
@@ -277,7 +277,7 @@ class Seen:
     way: Route
     router: RouterReading | Silent | None
     """None: it was not to be asked."""
-    own: BoxesStatus
+    boxes_status: BoxesStatus
     active: bool | None
     month_bytes: int | None = None
     box: str | None = None
@@ -343,9 +343,9 @@ def _state(seen: Seen) -> LinkState:
     if seen.dark:
         return LinkState.DOWN
     if seen.answers is not None:
-        waiting = seen.own.state is LinkState.SEARCHING
+        waiting = seen.boxes_status.state is LinkState.SEARCHING
         return LinkState.UP if seen.answers else LinkState.SEARCHING if waiting else LinkState.DOWN
-    return seen.own.state or LinkState.UNKNOWN
+    return seen.boxes_status.state or LinkState.UNKNOWN
 
 
 def _quality(seen: Seen) -> Quality:
@@ -359,7 +359,7 @@ def _quality(seen: Seen) -> Quality:
         "rtt_ms": round(min(times), 1) if times else None,
         "loss_percent": round(100 * lost / sent) if sent else None,
     }
-    return found | seen.own.quality
+    return found | seen.boxes_status.quality
 
 
 def _findings(seen: Seen) -> Iterator[Finding]:
@@ -370,14 +370,14 @@ def _findings(seen: Seen) -> Iterator[Finding]:
     yield from _of_strangers(seen)
     boxes = tuple(_believed(seen))
     yield from boxes
-    yield from unheard(seen.own.silent, answers=False if seen.dark else seen.answers)
+    yield from unheard(seen.boxes_status.silent, answers=False if seen.dark else seen.answers)
     if not seen.dark:
         yield from _of_canaries(seen, explained=any(item.verdict is Verdict.FAIL for item in boxes))
 
 
 def _believed(seen: Seen) -> Iterator[Finding]:
     """A unit that shows no address has one all the same if canaries answer over it."""
-    for finding in seen.own.findings:
+    for finding in seen.boxes_status.findings:
         if finding.code != "no-address" or not seen.answers:
             yield finding
 
@@ -418,7 +418,7 @@ def _of_canaries(seen: Seen, *, explained: bool) -> Iterator[Finding]:
     silent = [echo.target for echo in seen.echoes if not echo.received]
     if seen.answers is False and not explained:
         message = f"no canary answers over this link ({', '.join(silent)})"
-        waits = seen.own.state is LinkState.UP
+        waits = seen.boxes_status.state is LinkState.UP
         hint = (
             "its own box is connected: look beyond it, at the far router or the provider"
             if waits

@@ -41,7 +41,7 @@ class SettingsResult:
 
     found: tuple[Change, ...] = ()
     done: bool = False
-    held: str | None = None
+    refusal: str | None = None
     commands: int = 0
     taken_back: bool = False
     """The PIN was refused, and the unit does not hold it any more."""
@@ -85,16 +85,16 @@ def masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:
     )
 
 
-def planned_action(number: int, one: Change) -> PlannedAction:
+def planned_action(number: int, change: Change) -> PlannedAction:
     """One setting as the journal holds it."""
-    value = "********" if one.secret else one.value
+    value = "********" if change.secret else change.value
     return PlannedAction(
         number=number,
         layer=LAYER,
-        menu=f"{one.package}.{one.section}",
+        menu=f"{change.package}.{change.section}",
         verb="set",
-        subject=one.option,
-        values=((one.option, value),),
+        subject=change.option,
+        values=((change.option, value),),
     )
 
 
@@ -145,7 +145,7 @@ class Converge:
         reading = self._unit.look()
         self._tell(Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
         if not self._unit.may_set:
-            return self._told(reading, SettingsResult())
+            return self._result(reading, SettingsResult())
         settings = self._set(reading)
         if settings.done:
             try:
@@ -155,7 +155,7 @@ class Converge:
                 return self._silent(reading, settings, silent)
         if not self._plan_only and reading.reading.state is not Registration.SIM_PIN_REQUIRED:
             self._unit.tried.forget()
-        return self._told(reading, settings)
+        return self._result(reading, settings)
 
     def _set(self, reading: UnitStatus) -> SettingsResult:
         unit, desired = self._unit, self._unit.settings
@@ -163,7 +163,7 @@ class Converge:
             sections = sections_of(shell)
             refusal = rutos_settings.pin_held(reading.reading, desired, sections, tried=unit.tried.why_not)
             if refusal is not None:
-                return SettingsResult(held=refusal, commands=shell.count)
+                return SettingsResult(refusal=refusal, commands=shell.count)
             settings = SettingsResult(rutos_settings.changes(reading.reading, desired, sections), commands=shell.count)
             self._tell(Stage.PLANNED, f"{len(settings.found)} settings differ")
             if self._plan_only or not settings.found:
@@ -182,7 +182,7 @@ class Converge:
         """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
         name, numbers = self._unit.name, tuple(range(1, len(settings.found) + 1))
         self._journal.save(name, masked(sections))
-        actions = tuple(planned_action(number, one) for number, one in zip(numbers, settings.found, strict=True))
+        actions = tuple(planned_action(number, change) for number, change in zip(numbers, settings.found, strict=True))
         self._journal.write(Planned(device=name, plan=settings.hash, actions=actions))
         if any(entry.option == rutos_settings.PIN for entry in settings.found):
             self._unit.tried.remember()
@@ -263,10 +263,10 @@ class Converge:
     def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceFailed) -> LteResult:
         """The settings are kept, and the unit has not answered since."""
         message = f"{len(settings.found)} settings read back and kept; since then: {silent}"
-        result = self._told(before, settings)
+        result = self._result(before, settings)
         return replace(result, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
 
-    def _told(self, reading: UnitStatus, settings: SettingsResult) -> LteResult:
+    def _result(self, reading: UnitStatus, settings: SettingsResult) -> LteResult:
         worst = next((finding for finding in reading.findings if finding.verdict in _WORST), None)
         others = tuple(words(item) for item in reading.findings if item is not worst)
         status, code, message = self._outcome(reading, settings)
@@ -274,8 +274,8 @@ class Converge:
         if worst is not None:
             message, hint = f"{message}; {worst.message}", worst.hint
             code = ExitCode.CHECKS_FAILED if code is ExitCode.DONE else code
-        if settings.held is not None:
-            message = f"left as found, nothing was set: {settings.held}"
+        if settings.refusal is not None:
+            message = f"left as found, nothing was set: {settings.refusal}"
         return LteResult(
             name=self._unit.name,
             status=status,
@@ -296,8 +296,8 @@ class Converge:
         )
 
     def _outcome(self, reading: UnitStatus, settings: SettingsResult) -> tuple[Status, ExitCode, str]:
-        if settings.held is not None:
-            return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.held
+        if settings.refusal is not None:
+            return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.refusal
         words = _state(reading)
         if settings.done:
             kept = f"{len(settings.found) - settings.taken_back} settings read back and kept"

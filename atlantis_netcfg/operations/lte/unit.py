@@ -84,7 +84,7 @@ class Unit:
         )
 
     @property
-    def wanted(self) -> LteExpected:
+    def expected(self) -> LteExpected:
         """What is declared of its SIM, to be judged."""
         sim = self.device.sim
         return LteExpected(
@@ -159,7 +159,7 @@ class Unit:
             # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
             reading = replace(reading, pin_refused=True)
         return UnitStatus(
-            reading, judge(reading, self.wanted), found.requests, found.sent, found.received, found.serial
+            reading, judge(reading, self.expected), found.requests, found.sent, found.received, found.serial
         )
 
     def _identify(self, serial: str | None) -> None:
@@ -177,11 +177,11 @@ class Unit:
         port = self.target.serial if self.target is not None else self.device.serial
         assert port is not None  # noqa: S101 - declaration/rules/lte.py; each emulated modem has one
         found = at.read(port)
-        return UnitStatus(found.reading, judge(found.reading, self.wanted), found.commands)
+        return UnitStatus(found.reading, judge(found.reading, self.expected), found.commands)
 
     def _modemmanager(self) -> UnitStatus:
         found = modemmanager.read()
-        return UnitStatus(found.reading, (*judge(found.reading, self.wanted), *found.findings), found.calls)
+        return UnitStatus(found.reading, (*judge(found.reading, self.expected), *found.findings), found.calls)
 
     def _manual(self) -> UnitStatus:
         return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))

@@ -48,7 +48,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
     return Seen(
         way=Route(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
         router=router,
-        own=BoxesStatus(
+        boxes_status=BoxesStatus(
             state=LinkState(own["state"]) if "state" in own else None,
             findings=tuple(finding(one) for one in own.get("findings", [])),
             silent=(SILENT,) if case.get("box") == "silent" else (),

@@ -318,7 +318,7 @@ def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declarati
     costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
     meter = costs._meter(ROUTER)
     meter.judge(routes(), SMALL, spends=True, planned=False)
-    told = costs.told(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
+    told = costs.report(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
     cost = told["cost"]
     assert cost["bill"]["payload_bytes"] == 50_000 * 112 // 100 + 2 * 600
     assert cost["bill"]["price"] == "0.4576"
@@ -348,18 +348,18 @@ def test_a_run_over_the_cable_is_not_billed_and_still_counts_for_the_month(
     declaration: Declaration, tmp_path: Path
 ) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, None)), Journal(), Store(tmp_path)
-    told = costs.told(ended(counts=(counts(1, 1), counts(2, 2))), journal, store)
+    told = costs.report(ended(counts=(counts(1, 1), counts(2, 2))), journal, store)
     assert dict(told) == {"notes": []}
     assert journal.records == []
     later = NOON.replace(hour=13)
-    costs.told(ended(counts=(counts(1, 1), counts(500, 2, later))), journal, store)
+    costs.report(ended(counts=(counts(1, 1), counts(500, 2, later))), journal, store)
     assert store.usage("coastal").month("satellite", later).bytes == 498
 
 
 def test_what_the_router_did_not_count_is_not_called_nothing(declaration: Declaration, tmp_path: Path) -> None:
     for looks in ((), (counts(9000, 9000), counts(10, 10))):
         costs = Costs(declaration, request(tmp_path, accept_cost=True))
-        cost = costs.told(ended(counts=looks), Journal(), Store(tmp_path))["cost"]
+        cost = costs.report(ended(counts=looks), Journal(), Store(tmp_path))["cost"]
         assert cost["router"] is None
         assert cost["bill_words"].endswith("; not counted by the router")
 
@@ -369,7 +369,7 @@ def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration:
     path.parent.mkdir(parents=True)
     path.write_text("torn")
     costs = Costs(declaration, request(tmp_path, accept_cost=True))
-    told = costs.told(ended(counts=(counts(1, 1), counts(2, 2)), notes=("kept",)), Journal(), Store(tmp_path))
+    told = costs.report(ended(counts=(counts(1, 1), counts(2, 2)), notes=("kept",)), Journal(), Store(tmp_path))
     assert told["notes"][0] == "kept"
     assert told["notes"][1].startswith("the bytes of this month cannot be read")
     assert told["cost"]["router"]["bytes"] == 2
