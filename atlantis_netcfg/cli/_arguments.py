@@ -15,21 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = [
-    "ACCEPT_COST",
-    "ASK_VAULT_PASS",
-    "INVENTORY",
-    "JSON",
-    "ONLY",
-    "VERBOSE",
-    "VIA",
-    "Arguments",
-    "Command",
-    "CommandModule",
-    "Flag",
-    "Word",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Word:

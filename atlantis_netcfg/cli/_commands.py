@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import CommandModule
 
-__all__ = ["COMMANDS", "DEFAULT", "choose", "load"]
 
 DEFAULT = "run"
 """The command of a line that begins with a word: `provision site=coastal` is `provision run site=coastal`."""

@@ -13,7 +13,6 @@ from atlantis_netcfg.operations.costs import unpaid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Declined", "agreed", "pay", "pays", "removes"]
 
 _PAY, _REMOVE = "pay", "remove"
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments, Command
 
-__all__ = ["Stopped", "as_typed", "carried", "crashed", "failed", "interrupted", "signal_of", "tell"]
 
 _CARRIED = ("inventory", "authority")
 _ADVISED = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)

@@ -11,8 +11,6 @@ from atlantis_netcfg.core.suggest import nearest
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["SeveralErrors", "parse"]
-
 
 class SeveralErrors(UsageError):
     """More than one mistake on one command line; `errors` holds them in the order typed."""

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.vault import Vault
 
-__all__ = ["EngineError", "Outcome", "PlaybookRunner"]
-
 
 class EngineError(NetcfgError):
     """An error that the engine has already put into words, with the exit code that it chose."""

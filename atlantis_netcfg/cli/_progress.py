@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.events import Event, Subscriber
 
-__all__ = ["progress"]
 
 _ENDS = (Stage.DONE, Stage.CONFIRMED, Stage.UNROLLED, Stage.FAILED)
 _ROOM = 16

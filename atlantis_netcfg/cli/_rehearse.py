@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.report.run import RunReport
 
-__all__ = ["rehearse"]
-
 
 def rehearse(opened: Session, twins: Rehearsal) -> RunReport:
     """Apply over the bearer that is declared, then converge again over each bearer with its delay and rate."""

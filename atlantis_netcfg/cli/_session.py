@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.operations.vault import Vault
 
-__all__ = ["Session", "session"]
-
 
 @dataclass(slots=True)
 class Session:

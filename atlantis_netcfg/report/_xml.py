@@ -7,8 +7,6 @@ import xml.etree.ElementTree as ET
 
 from atlantis_netcfg.core.printable import visible
 
-__all__ = ["add", "clean", "count", "skip", "tell", "total", "written"]
-
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 cannot hold, not even escaped (its production Char); a comment on a device may hold it."""
 
