@@ -1,4 +1,4 @@
-"""Whose is this device: nobody's yet, ours, half ours, or somebody else's."""
+"""Read a device through its console, and classify it: factory-fresh, adopted, half adopted, or configured by others."""
 
 from __future__ import annotations
 

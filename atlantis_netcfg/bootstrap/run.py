@@ -1,4 +1,4 @@
-"""The executor: opens consoles, types the planned steps, proves the new way before the old one goes."""
+"""Run first contact: check the device, type the planned steps, prove the new way in before the old one goes."""
 
 from __future__ import annotations
 

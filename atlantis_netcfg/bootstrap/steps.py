@@ -1,4 +1,4 @@
-"""The steps of first contact as a pure function of what was found: done ones are not planned again."""
+"""Plan the steps of first contact: a pure function of what was read; finished steps are not planned again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What first contact is to leave behind, and what it finds."""
+"""Types of first contact: the target state, the facts read, the routes to the console, the result."""
 
 from __future__ import annotations
 

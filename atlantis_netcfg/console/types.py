@@ -1,4 +1,4 @@
-"""What the callers see of a console."""
+"""The console's interface, its errors, and the connection below it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that survive a kill or a power cut at any moment, private to their owner."""
+"""Write files that survive a kill or a power cut, private to their owner; the errors of the state folder."""
 
 from __future__ import annotations
 

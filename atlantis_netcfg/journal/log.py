@@ -1,4 +1,4 @@
-"""Reading a journal back: typed records, and what a kill or a power cut has torn."""
+"""Write and read the journal of a run: one record a line, on disk before the next step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Certificates and SSH host keys that a person has agreed to: a device that shows others is not spoken to."""
+"""Pinned certificates and SSH host keys: a device that shows another one is not trusted."""
 
 from __future__ import annotations
 

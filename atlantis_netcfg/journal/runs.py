@@ -1,4 +1,4 @@
-"""A run as its journal tells it."""
+"""One run, as its journal describes it."""
 
 from __future__ import annotations
 

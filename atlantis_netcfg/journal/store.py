@@ -1,4 +1,4 @@
-"""The state directory: runs, locks and pins of real sites, and apart from them those of rehearsals."""
+"""The state folder: runs, site locks and pins, kept apart for real sites and for rehearsals."""
 
 from __future__ import annotations
 

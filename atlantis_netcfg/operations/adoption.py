@@ -1,4 +1,4 @@
-"""First contact with one declared router, from the declaration to the journal; the steps are `firstcontact`'s."""
+"""Adopt one declared router: from the declaration over its console to the journal (the steps are in `bootstrap`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session to a device runs over: the declared bearer, or the cable on the management port; and its patience."""
+"""Which bearer carries the session to a device, and the timeouts that follow from it."""
 
 from __future__ import annotations
 

@@ -305,7 +305,7 @@ class Meter:
             f"{self.host.name} is declared to be reached over {self.declared}, but its traffic goes over {self.active}"
         )
         dear = ", which is paid by the byte" if self.link.metered else ""
-        order = [way.name for way in ways_of(self.declaration, self.host)]
+        order = [route.name for route in ways_of(self.declaration, self.host)]
         down = order.index(self.declared) < order.index(self.active)
         yield f"{sentence} now{dear}" + (f": {self.declared} is down" if down else "")
 

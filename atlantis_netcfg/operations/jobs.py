@@ -1,4 +1,4 @@
-"""From a declared host to the engine's job: rendered text, endpoint, bearer, and where to record."""
+"""Build the engine's job for a declared host: rendered text, endpoint, bearer, journal."""
 
 from __future__ import annotations
 

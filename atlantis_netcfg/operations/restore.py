@@ -1,4 +1,4 @@
-"""A confirmed state of one device, to be put on another one in its place: where it is found, and what it lacks."""
+"""Restore a confirmed state of one device onto its replacement: where the state is found, and what it lacks."""
 
 from __future__ import annotations
 

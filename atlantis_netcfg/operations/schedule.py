@@ -1,4 +1,4 @@
-"""What one run consists of: single devices, bridges of two ends, and what has to be done before what."""
+"""What one run consists of: single devices, bridges with their two ends, and their order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Performs a request for the hosts of a play: one journal and one lock a site, one job a device."""
+"""Perform a request for the RouterOS hosts of a play: one journal and one lock a site, one job a device."""
 
 from __future__ import annotations
 
@@ -70,32 +70,34 @@ def _perform(
     gate(declaration, hosts, request)
     store, costs = Store(request.state, rehearsed=request.rehearsed), Costs(declaration, request)
     called = RunName()
-    turns = {site: SiteRun(declaration, site, hosts, request, called) for site in sorted({item.site for item in hosts})}
+    site_runs = {
+        site: SiteRun(declaration, site, hosts, request, called) for site in sorted({item.site for item in hosts})
+    }
     results: dict[str, Mapping[str, Any]] = {}
     bridged = [member.bridge.ends for member in members if member.bridge is not None]
     others = {end.name: other_end.name for ends in bridged for end, other_end in (ends, ends[::-1])}
 
     def ended(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
-        paid = costs.report(result, turns[site].journal, store)
-        recorded = unrecorded(_logged(result, request), turns[site].ended(result))
+        paid = costs.report(result, site_runs[site].journal, store)
+        recorded = unrecorded(_logged(result, request), site_runs[site].ended(result))
         notes = list(dict.fromkeys((*paid["notes"], *recorded.notes)))
         results[recorded.name] = {**recorded.as_dict(), **paid, "notes": notes, "other_end": others.get(recorded.name)}
         channel.outcome(
             {recorded.name: results[recorded.name]},
-            {} if request.mode.reads_only else {site: {"routers": turns[site].run}},
+            {} if request.mode.reads_only else {site: {"routers": site_runs[site].run}},
         )
 
     with ExitStack() as stack:
-        for turn in turns.values():
-            stack.callback(turn.close)
-        waiting = _waiting(costs, members, turns, channel)
+        for site_run in site_runs.values():
+            stack.callback(site_run.close)
+        waiting = _waiting(costs, members, site_runs, channel)
         run_until_settled(fleet.stream(waiting, ended, mode=request.mode.value))
     return results
 
 
 def _waiting(
-    costs: Costs, members: Sequence[RunUnit], turns: Mapping[str, SiteRun], channel: EventStream
+    costs: Costs, members: Sequence[RunUnit], site_runs: Mapping[str, SiteRun], channel: EventStream
 ) -> list[fleet.Waiting]:
     """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that.
 
@@ -103,14 +105,14 @@ def _waiting(
     """
 
     def begun(site: str) -> SiteRun:
-        turns[site].begin()
-        channel.outcome({}, {site: {"routers": turns[site].run}} if turns[site].run else {})
-        return turns[site]
+        site_runs[site].begin()
+        channel.outcome({}, {site: {"routers": site_runs[site].run}} if site_runs[site].run else {})
+        return site_runs[site]
 
     def job_of(host: Host) -> DeviceJob:
-        turn = begun(host.site)
-        job = device_job(costs.declaration, host, costs.request, turn.journal, channel.event)
-        return costs.beside(replace(job, confirmed=turn.confirmed.get(host.name)))
+        site_run = begun(host.site)
+        job = device_job(costs.declaration, host, costs.request, site_run.journal, channel.event)
+        return costs.beside(replace(job, confirmed=site_run.confirmed.get(host.name)))
 
     def make(member: RunUnit) -> DeviceJob | Pair:
         if member.bridge is None:

@@ -1,4 +1,4 @@
-"""A site's turn in a run: its lock and its journal, from the first of its devices to the last."""
+"""One site in a run: its lock and its journal, from its first device to its last."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who answers at a device's address: seen without a name or a password, and kept once a person has agreed to it."""
+"""Read the certificate or host key at a device's address without a login, and pin it once a person agrees."""
 
 from __future__ import annotations
 

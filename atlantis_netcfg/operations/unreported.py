@@ -1,4 +1,4 @@
-"""Hosts of a run of which no result has come: what is known of them, from the journal that was written beforehand."""
+"""Hosts of a run without a result: what the journal, written beforehand, says of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A modem on a serial port that nothing owns: asked with reads only, never set."""
+"""Read a modem on a serial port over AT commands; the port is left alone while another program has it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A modem in this computer that ModemManager owns: its properties are read over D-Bus, and nothing is set."""
+"""Read a modem that ModemManager owns, over D-Bus; nothing is set."""
 
 from __future__ import annotations
 

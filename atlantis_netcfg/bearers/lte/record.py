@@ -1,4 +1,4 @@
-"""The one record that every driver of a 4G unit gives, whatever words its device uses."""
+"""The record that every 4G driver returns, and the reading of a unit without a driver."""
 
 from __future__ import annotations
 

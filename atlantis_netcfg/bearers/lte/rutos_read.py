@@ -1,4 +1,4 @@
-"""Read a RutOS unit: a handful of requests over one connection, none of which changes anything."""
+"""Read a RutOS unit over HTTPS: a few requests, none changes anything; and what its fields mean."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is tried, and how: pure, from the declaration."""
+"""Plan the test of the allow-list: what is tried and how, and what is read from the router for it."""
 
 from __future__ import annotations
 

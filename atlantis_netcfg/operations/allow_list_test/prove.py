@@ -1,4 +1,4 @@
-"""One proof, from the first reading of the counters to the last."""
+"""Run the test of the allow-list, from the first reading of the counters to the result."""
 
 from __future__ import annotations
 

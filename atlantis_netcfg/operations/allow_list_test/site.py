@@ -1,4 +1,4 @@
-"""The satellite of a declared site, and the session to its router."""
+"""The satellite link of a declared site: find it, price the test, open the session to its router."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whom a look at the links of a site asks, and how; whoever is not asked is named, with the reason."""
+"""Read the state of all links of a site at once: whom to ask, how, and the result."""
 
 from __future__ import annotations
 
@@ -71,14 +71,14 @@ class LinkQueries:
     doors: dict[str, ReadOnlySession] = field(default_factory=dict)
     """Host name to what was spent on it; RouterOS devices only."""
 
-    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], ways: Sequence[Route]) -> None:
+    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], routes: Sequence[Route]) -> None:
         """Ask every host that is `chosen` and can be asked, all at the same time."""
         names = {host.name for host in chosen}
         work = []
         for host in hosts:
             reason = self._why_not(host) if host.name in names else "left out by `only=`"
             if reason is None:
-                work.append(self._read_host(host, ways))
+                work.append(self._read_host(host, routes))
             else:
                 self.not_asked[host.name] = reason
         await asyncio.gather(*work)
@@ -100,10 +100,10 @@ class LinkQueries:
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
-    async def _read_host(self, host: Host, ways: Sequence[Route]) -> None:
+    async def _read_host(self, host: Host, routes: Sequence[Route]) -> None:
         self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
         try:
-            self.answers[host.name] = await self._reading(host, ways)
+            self.answers[host.name] = await self._reading(host, routes)
         except NetcfgError as error:
             self.answers[host.name] = Silent(
                 host.name, str(error), error.hint and complete(error.hint, site=host.site, device=host.name)
@@ -112,9 +112,9 @@ class LinkQueries:
         else:
             self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))
 
-    def _reading(self, host: Host, ways: Sequence[Route]) -> Awaitable[Any]:
+    def _reading(self, host: Host, routes: Sequence[Route]) -> Awaitable[Any]:
         if isinstance(host.device, Router):
-            return read_router(self._door(host), ways)
+            return read_router(self._door(host), routes)
         if isinstance(host.device, Cpe):
             return read_radio(self._door(host))
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `boxes` yields no other kind that can be asked
@@ -185,37 +185,37 @@ def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
                 yield host
 
 
-def ping_bytes(ways: Sequence[Route]) -> Mapping[str, int]:
+def ping_bytes(routes: Sequence[Route]) -> Mapping[str, int]:
     """Bearer to what its pings come to on the wire if all are answered."""
     costs: dict[str, int] = {}
-    for probe in probe_commands(ways, count=PINGS):
+    for probe in probe_commands(routes, count=PINGS):
         costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
     return costs
 
 
 def months(
-    usage: Usage, device: str, reading: RouterReading | None, ways: Sequence[Route], now: datetime
+    usage: Usage, device: str, reading: RouterReading | None, routes: Sequence[Route], now: datetime
 ) -> dict[str, MonthBytes]:
     """Keep the counters of this look, and say what is known of the month. Raises JournalFailed, StateDamaged."""
-    for name, counters in _counters(device, reading, ways, now):
+    for name, counters in _counters(device, reading, routes, now):
         usage.record(name, counters)
-    return {way.name: usage.month(way.name, now) for way in ways}
+    return {route.name: usage.month(route.name, now) for route in routes}
 
 
 def _counters(
-    device: str, reading: RouterReading | None, ways: Sequence[Route], now: datetime
+    device: str, reading: RouterReading | None, routes: Sequence[Route], now: datetime
 ) -> Iterator[tuple[str, Counters]]:
     if reading is None or reading.ports is None:
         return
-    for way in ways:
-        port = reading.ports.get(way.port or "")
-        if port is None or way.port is None or port.rx_bytes is None or port.tx_bytes is None:
+    for route in routes:
+        port = reading.ports.get(route.port or "")
+        if port is None or route.port is None or port.rx_bytes is None or port.tx_bytes is None:
             continue
         yield (
-            way.name,
+            route.name,
             Counters(
                 device=device,
-                interface=way.port,
+                interface=route.port,
                 rx_bytes=port.rx_bytes,
                 tx_bytes=port.tx_bytes,
                 at=reading.at or now,
@@ -224,17 +224,17 @@ def _counters(
         )
 
 
-def bills(turn: LinkQueries, active: tuple[str, ...] | None, seconds: float) -> dict[str, Bill]:
+def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) -> dict[str, Bill]:
     """Price the sessions with RouterOS devices that went over metered links, by bearer.
 
     Whoever works over a link of the site really goes where its default route leads; an emulated device is behind the
     link that is declared, whatever its routes say.
     """
-    links = links_of(turn.declaration, turn.router.site)
+    links = links_of(queries.declaration, queries.router.site)
     spent: dict[str, int] = {}
-    for name, session in turn.doors.items():
-        link = turn.carrier(turn.declaration.hosts[name]).name
-        if link != LAN.name and active is not None and len(active) == 1 and not turn.request.rehearsed:
+    for name, session in queries.doors.items():
+        link = queries.carrier(queries.declaration.hosts[name]).name
+        if link != LAN.name and active is not None and len(active) == 1 and not queries.request.rehearsed:
             link = active[0]
         if links[link].metered and session.spent:
             spent[link] = spent.get(link, 0) + on_the_wire(session.bytes, session.connections)
@@ -318,12 +318,12 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     )
     if router is None:
         raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
-    ways = ways_of(declaration, router)
+    routes = ways_of(declaration, router)
     began = datetime.now(UTC)
-    turn = LinkQueries(declaration, router, request, notify, patience_s)
-    await turn.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), ways)
+    queries = LinkQueries(declaration, router, request, notify, patience_s)
+    await queries.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), routes)
     moved = {} if request.rehearsed else await _names(declaration, site)
-    return _Site(declaration, router, ways, turn, request, began, datetime.now(UTC), moved).put_together()
+    return _Site(declaration, router, routes, queries, request, began, datetime.now(UTC), moved).put_together()
 
 
 async def _names(declaration: Declaration, site: str) -> dict[str, tuple[Finding, ...]]:
@@ -343,7 +343,9 @@ def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Hos
 
 def _statuses(seen: Sequence[Seen]) -> list[BearerStatus]:
     shared = twice(seen)
-    return [_with(bearer_status(item), [finding for name, finding in shared if name == item.way.name]) for item in seen]
+    return [
+        _with(bearer_status(item), [finding for name, finding in shared if name == item.route.name]) for item in seen
+    ]
 
 
 def _with(status: BearerStatus, more: list[Finding]) -> BearerStatus:
@@ -370,23 +372,23 @@ class _Site:
         active = self._active()
         seen = [
             Seen(
-                way=way,
+                route=route,
                 router=self._answer(self.router),
-                boxes_status=self._boxes_status(way, bearer),
-                active=None if active is None else way.name in active,
-                month_bytes=month[way.name].bytes,
+                boxes_status=self._boxes_status(route, bearer),
+                active=None if active is None else route.name in active,
+                month_bytes=month[route.name].bytes,
                 box=bearer.device,
                 next_hop=str(bearer.gateway),
                 network=bearer.network,
                 powered=self._powered(bearer),
             )
-            for way, bearer in zip(self.ways, site.bearers, strict=True)
+            for route, bearer in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
             bearers=ranked(_statuses(seen), site.failover.fail_back_s),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
-            probe_bytes={item.way.name: ping_bytes(self.ways)[item.way.name] for item in seen if item.echoes},
+            probe_bytes={item.route.name: ping_bytes(self.ways)[item.route.name] for item in seen if item.echoes},
             unreachable=self.turn.silent,
             not_asked=dict(self.turn.not_asked),
             round_trips={name: session.round_trips for name, session in self.turn.doors.items()},
@@ -407,13 +409,13 @@ class _Site:
         reading = self._reading
         return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
 
-    def _boxes_status(self, way: Route, bearer: Bearer) -> BoxesStatus:
+    def _boxes_status(self, route: Route, bearer: Bearer) -> BoxesStatus:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind is BearerKind.SATELLITE:
             status = self._terminal(box)
             findings = (*status.findings, *self.moved.get(bearer.name, ()))
             return replace(
-                status, quality=kept_off(bearer, way.port, self._reading) | status.quality, findings=findings
+                status, quality=kept_off(bearer, route.port, self._reading) | status.quality, findings=findings
             )
         if box is not None and isinstance(box.device, Cpe):
             far = self.declaration.hosts.get(box.device.ptp.peer)
@@ -463,4 +465,4 @@ class _Site:
             return months(usage, self.router.name, self._reading, self.ways, self.now)
         except NetcfgError as error:
             self.notes.append(f"the bytes of this month are not known: {error}")
-            return dict.fromkeys((way.name for way in self.ways), MonthBytes())
+            return dict.fromkeys((route.name for route in self.ways), MonthBytes())

@@ -1,4 +1,4 @@
-"""The way to one device that is only read: its endpoint, and what the reading has cost."""
+"""A read-only session to one device, and what the router says of the links."""
 
 from __future__ import annotations
 
@@ -127,10 +127,10 @@ class RouterReading:
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
 
-def questions(ways: Sequence[Route]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
+def questions(routes: Sequence[Route]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
     """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
-    probes = probe_commands(ways, count=PINGS)
-    ports = [way.port for way in ways if way.port is not None]
+    probes = probe_commands(routes, count=PINGS)
+    ports = [route.port for route in routes if route.port is not None]
     menus = (
         Command("/system/resource/print", ((".proplist", "uptime"),)),
         Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("default-name", ports)),
@@ -148,9 +148,9 @@ def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-async def read_router(device: ReadOnlySession, ways: Sequence[Route]) -> RouterReading:
+async def read_router(device: ReadOnlySession, routes: Sequence[Route]) -> RouterReading:
     """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
-    queries, probes = questions(ways)
+    queries, probes = questions(routes)
     async with device.opened() as session:
         replies = await session.flight(queries)
         return replace(read(replies, probes), at=datetime.now(UTC))

@@ -1,4 +1,4 @@
-"""What a bearer's own boxes say of it, and of a bridge what both of its ends say."""
+"""Judge a link: what the boxes at its ends and the router say of it."""
 
 from __future__ import annotations
 
@@ -274,7 +274,7 @@ def of_unit(name: str, answer: UnitLook, driver: LteDriver, *, forwards: bool) -
 class Seen:
     """Everything that one look has brought of one bearer."""
 
-    way: Route
+    route: Route
     router: RouterReading | Silent | None
     """None: it was not to be asked."""
     boxes_status: BoxesStatus
@@ -297,7 +297,7 @@ class Seen:
     def port(self) -> Port | None:
         """The interface that the bearer is on."""
         reading = self.reading
-        return None if reading is None or self.way.port is None else (reading.ports or {}).get(self.way.port)
+        return None if reading is None or self.route.port is None else (reading.ports or {}).get(self.route.port)
 
     @property
     def strangers(self) -> tuple[str, ...]:
@@ -305,14 +305,14 @@ class Seen:
         reading, network = self.reading, self.network
         if reading is None or reading.neighbours is None or network is None:
             return ()
-        there = (item.address for item in reading.neighbours.get(self.way.port or "", ()))
+        there = (item.address for item in reading.neighbours.get(self.route.port or "", ()))
         return tuple(address for address in there if IPv4Address(address) not in network)
 
     @property
     def echoes(self) -> tuple[Echo, ...]:
         """How its canaries answered."""
         reading = self.reading
-        return () if reading is None else (reading.echoes or {}).get(self.way.name, ())
+        return () if reading is None else (reading.echoes or {}).get(self.route.name, ())
 
     @property
     def answers(self) -> bool | None:
@@ -328,11 +328,11 @@ class Seen:
 def bearer_status(seen: Seen) -> BearerStatus:
     """Reduce it to a status."""
     return BearerStatus(
-        name=seen.way.name,
-        kind=seen.way.kind,
+        name=seen.route.name,
+        kind=seen.route.kind,
         state=_state(seen),
         active=seen.active,
-        metered=seen.way.metered,
+        metered=seen.route.metered,
         quality=_quality(seen),
         month_bytes=seen.month_bytes,
         findings=tuple(_findings(seen)),
@@ -354,7 +354,7 @@ def _quality(seen: Seen) -> Quality:
     times = [echo.rtt_ms for echo in echoes if echo.rtt_ms is not None]
     lost = sent - sum(echo.received for echo in echoes)
     found: Quality = {
-        "port": seen.way.port,
+        "port": seen.route.port,
         "port_link": None if port is None or port.running is None else "up" if not seen.dark else "down",
         "rtt_ms": round(min(times), 1) if times else None,
         "loss_percent": round(100 * lost / sent) if sent else None,
@@ -383,7 +383,7 @@ def _believed(seen: Seen) -> Iterator[Finding]:
 
 
 def _of_port(seen: Seen) -> Iterator[Finding]:
-    name, port = seen.way.port, seen.port
+    name, port = seen.route.port, seen.port
     reading = seen.reading
     if reading is not None and reading.ports is not None and port is None:
         hint = "compare `ports` in the router's host_vars with the box"
@@ -406,10 +406,10 @@ def _of_strangers(seen: Seen) -> Iterator[Finding]:
     reading = seen.reading
     if seen.box is None or seen.next_hop is None or reading is None or reading.neighbours is None:
         return
-    answers = seen.next_hop in {item.address for item in reading.neighbours.get(seen.way.port or "", ())}
+    answers = seen.next_hop in {item.address for item in reading.neighbours.get(seen.route.port or "", ())}
     for stranger in seen.strangers:
         yield from judge_factory_address(
-            seen.box, seen.way.port or "", seen.next_hop, answers=answers, answers_at_factory=stranger
+            seen.box, seen.route.port or "", seen.next_hop, answers=answers, answers_at_factory=stranger
         )
 
 
@@ -442,12 +442,12 @@ def twice(seen: Sequence[Seen]) -> tuple[tuple[str, Finding], ...]:
         for stranger in item.strangers:
             ports.setdefault(stranger, []).append(item)
     return tuple(
-        (item.way.name, _twice(address, many)) for address, many in ports.items() if len(many) > 1 for item in many
+        (item.route.name, _twice(address, many)) for address, many in ports.items() if len(many) > 1 for item in many
     )
 
 
 def _twice(address: str, many: Sequence[Seen]) -> Finding:
-    where = " and ".join(f"{item.way.port} ({item.way.name})" for item in many)
+    where = " and ".join(f"{item.route.port} ({item.route.name})" for item in many)
     message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
     return Finding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 

@@ -1,4 +1,4 @@
-"""Bring one 4G unit to what is declared of its SIM, or only check it; what is told as done was read back."""
+"""Set one 4G unit to what is declared of its SIM, or only check it; a change counts once it was read back."""
 
 from __future__ import annotations
 

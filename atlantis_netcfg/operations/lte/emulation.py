@@ -1,4 +1,4 @@
-"""The emulated 4G units of a rehearsal, each as its driver meets it; ModemManager and people are not emulated."""
+"""Emulated 4G units for a rehearsal; ModemManager and units without a driver are not emulated."""
 
 from __future__ import annotations
 

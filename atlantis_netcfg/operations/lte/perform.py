@@ -1,4 +1,4 @@
-"""Performs a request for the 4G units of a play: one journal and one lock a site, one unit after another."""
+"""Perform a request for the 4G units of a play: one journal and one lock a site, one unit after another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A declared 4G unit that is no RouterOS device, and one look at it by its driver."""
+"""A declared 4G unit that does not run RouterOS, its state as its driver reads it, and its result in a run."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
     own = case.get("own", {})
     router = {"silent": SILENT, "unasked": None}.get(case.get("router", ""), reading(case, name, port))
     return Seen(
-        way=Route(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
+        route=Route(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
         router=router,
         boxes_status=BoxesStatus(
             state=LinkState(own["state"]) if "state" in own else None,
