@@ -18,7 +18,7 @@ from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import FEW_FOREIGN
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.apply._claim import CLAIMS, SIGNS, claim, claimed, claimed_by, is_claiming, signs
-from atlantis_netcfg.routeros.apply._deadman import arm
+from atlantis_netcfg.routeros.apply._deadman import DeadMan, arm
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._shield import Held, Hold, held_by
@@ -122,10 +122,13 @@ async def _arm(work: Work) -> None:
     after_s, script = work.choice.dead_man_s, work.script
     if after_s is None or script is None:
         return
+    now = asyncio.get_running_loop().time()
+    # From here on the job may be there, whatever becomes of this session.
+    work.dead_man = DeadMan("", now, after_s)
     try:
-        now = asyncio.get_running_loop().time()
         work.dead_man = await arm(work.channel, script, work.signer.text, after_s, now)
     except WillNotRun as problem:
+        work.dead_man = None
         if work.protection is not Protection.CONSOLE:
             raise
         work.choice = Choice(Protection.CONSOLE, None, f"no dead-man job: {problem}")

@@ -32,6 +32,7 @@ class DeadMan:
     """An armed job."""
 
     id: str
+    """Empty: it was sent, and not read back."""
     armed: float
     """On the loop's clock, before the job was sent."""
     after_s: float

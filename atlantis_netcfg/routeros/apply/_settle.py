@@ -24,7 +24,7 @@ from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
-from atlantis_netcfg.routeros.scheduler_jobs import disarm
+from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, disarm, jobs_of
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
@@ -81,14 +81,27 @@ async def let_go(work: Work) -> bool:
 
 async def _stood_down(work: Work) -> bool:
     """Take the dead-man job away where nothing was written; False if it may still run: in vain."""
-    if work.dead_man is None or work.session is None:
-        return work.dead_man is None
-    try:
-        await disarm(work.session, work.dead_man.id)
-    except NetcfgError:
-        return False
-    work.dead_man = None
-    return True
+    if work.dead_man is None:
+        return True
+    for session in (work.session, None):
+        try:
+            work.session = session or await work.contact.reach(work.job.patience.reach_s, "after a loss")
+            await _disarm_ours(work, work.dead_man.id)
+        except SessionLost:
+            continue
+        except NetcfgError:
+            return False
+        work.dead_man = None
+        return True
+    return False
+
+
+async def _disarm_ours(work: Work, job: str) -> None:
+    """Take the job away; one that was sent and not read back is looked for, and may not be there."""
+    armed = jobs_of((await work.channel.command(ARMED)).checked().rows) if not job else ()
+    ours = [each.id for each in armed if each.name == DEAD_MAN and each.owner == work.signer.text]
+    for each in [job] if job else ours:
+        await disarm(work.channel, each)
 
 
 async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:

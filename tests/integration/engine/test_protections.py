@@ -302,3 +302,27 @@ def test_looking_for_what_is_armed_costs_no_round_trip(tmp_path: Path) -> None:
     new = on(Bench(tmp_path / "new"), act)
     assert {each.status for each in (*old, *new)} == {Status.UNCHANGED}
     assert len({each.round_trips for each in (*old, *new)}) == 1
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize(("path", "nth"), [("/system/scheduler/add", 1), ("/system/scheduler/print", 2)])
+def test_a_job_that_was_sent_and_not_read_back_does_not_stay(tmp_path: Path, path: str, nth: int, when: str) -> None:
+    async def act(bench: Bench) -> tuple[DeviceResult, tuple[int, bool]]:
+        bench.router.arm(Fault.model_validate({"do": FaultKind.DROP, "match": path, "sentence": nth, "when": when}))
+        return await bench.converge(), await left_behind(bench)
+
+    result, left = on(Bench(tmp_path, spec={"version": "7.16"}), act)
+    assert (result.status, result.left_open) == (Status.LEFT_AS_FOUND, False)
+    assert left[0] == 0
+
+
+def test_a_job_that_nobody_can_take_away_is_told(tmp_path: Path) -> None:
+    """It runs in vain, and takes itself away: nothing was changed that it could take back."""
+
+    async def act(bench: Bench) -> DeviceResult:
+        bench.router.arm(Fault(do=FaultKind.GAP, match="/system/scheduler/add", seconds=5000.0, when="after"))
+        return await bench.converge(patience=Patience(reach_s=10.0))
+
+    result = on(Bench(tmp_path, spec={"version": "7.16"}), act)
+    assert (result.status, result.left_open) == (Status.LEFT_AS_FOUND, True)
+    assert "the dead-man job takes everything back within 10 minutes" in str(result.hint)
