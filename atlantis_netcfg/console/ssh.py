@@ -324,6 +324,12 @@ def open_commands(  # noqa: PLR0913 - all of it is one address
     Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
     LoginFailed.
     """
+    return Commands(_client(address, port, user, password, pin, timeout_s), f"{address} port {port}")
+
+
+def _client(  # noqa: PLR0913, PLR0917 - as above
+    address: str, port: int, user: str, password: Secret, pin: str | None, timeout_s: float
+) -> paramiko.SSHClient:
     client = paramiko.SSHClient()
     client.set_missing_host_key_policy(PinnedKey(pin))
     sock: TcpSocket | None = None
@@ -347,7 +353,7 @@ def open_commands(  # noqa: PLR0913 - all of it is one address
         if sock is not None:
             sock.close()
         raise
-    return Commands(client, f"{address} port {port}")
+    return client
 
 
 def host_key_of(address: str, port: int, timeout_s: float = CONNECT_S) -> str:
@@ -380,42 +386,23 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
     Raises as `open_ssh`; ConsoleLost when the copy broke off or has another length: then the file on the device is
     not whole.
     """
-    client = paramiko.SSHClient()
-    client.set_missing_host_key_policy(PinnedKey(pin))
     size = source.stat().st_size
-    sock: TcpSocket | None = None
+    client = _client(address, port, user, password, pin, timeout_s)
     try:
-        with connected(address, port), ended_after(client.close, 2 * timeout_s):
-            sock = TcpSocket.connect_to(address, port, timeout_s)
-            client.connect(
-                address,
-                port,
-                user,
-                password.reveal(),
-                sock=sock,
-                timeout=timeout_s,
-                banner_timeout=timeout_s,
-                auth_timeout=timeout_s,
-                allow_agent=False,
-                look_for_keys=False,
-            )
-        try:
-            with (
-                ended_after(client.close, _SLOWEST_S + size / _SLOWEST_BYTES),
-                client.open_sftp() as sftp,
-                source.open("rb") as file,
-            ):
-                channel = sftp.get_channel()
-                if channel is not None:
-                    channel.settimeout(timeout_s)
-                sftp.putfo(file, name, size, progress, confirm=True)
-        except (OSError, EOFError, paramiko.SSHException) as error:
-            raise ConsoleLost(
-                f"{address} port {port}: {name} was not copied whole ({type(error).__name__})",
-                in_flight=True,
-                hint="is there room on the device? Run the same command again: the copy starts anew",
-            ) from error
+        with (
+            ended_after(client.close, _SLOWEST_S + size / _SLOWEST_BYTES),
+            client.open_sftp() as sftp,
+            source.open("rb") as file,
+        ):
+            channel = sftp.get_channel()
+            if channel is not None:
+                channel.settimeout(timeout_s)
+            sftp.putfo(file, name, size, progress, confirm=True)
+    except (OSError, EOFError, paramiko.SSHException) as error:
+        raise ConsoleLost(
+            f"{address} port {port}: {name} was not copied whole ({type(error).__name__})",
+            in_flight=True,
+            hint="is there room on the device? Run the same command again: the copy starts anew",
+        ) from error
     finally:
         client.close()
-        if sock is not None:
-            sock.close()
