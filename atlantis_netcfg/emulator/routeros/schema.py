@@ -4,6 +4,17 @@ From 7.16 to 7.24 every published tree is there. A version between two of them i
 twin is at worst stricter than the device; a version beyond the newest is held to that (`versions.NEWEST_KNOWN`).
 Versions below 7.16 have the tree of 7.16 less what is known to be newer (`BOUNDARIES`); what else RouterOS 6 lacks,
 or had and lost, no published tree tells.
+
+What is known of versions below 7.16 (`BOUNDARIES`), and what is not:
+
+* 7.9 to 7.16: the first published tree that shows a name (`tikoci/restraml`, one or more for every minor version), for
+  the menus that the emulator models, for whole menus, and for what our engine sends; below 7.15 one tree for each minor
+  version was published, so that the patch is uncertain.
+* 6.49 and 7.0 to 7.8: no tree was published. Rows marked `MANUAL` and `EXPORT` say what is known to be newer than
+  RouterOS 6; everything else is taken to be as in 7.16, which it surely is not.
+
+What no tree can know (`ADDED`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
+packages. Sources: Manual, CLI reference (`/interface/ethernet`, `poe`, `/system/routerboard`); Manual, Packages.
 """
 
 from __future__ import annotations

@@ -1,7 +1,10 @@
 """`print` as people read it: values under each other, a table, `detail`, `terse` (Manual, Console: General commands).
 
 Layouts follow public transcripts (networktocode/ntc-templates, ytti/oxidized): version 7 names the flags and columns
-that occur and puts remarks above their row, version 6 names all flags and puts remarks behind the number.
+that occur and puts remarks above their row, version 6 names all flags and puts remarks behind the number. Columns are
+those of the transcripts where there is one; a menu without a line here shows its first arguments.
+
+Assumption: console-columns
 """
 
 from __future__ import annotations
